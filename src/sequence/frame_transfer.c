@@ -590,7 +590,7 @@ static bool ease(candidates *c, error *e)
                            .spacing = c->h,
                            .omega = schedule_continued.omega,
                            .fast_step = schedule_continued.longest_step,
-                           .gain = schedule_continued.gain[SCHEDULE_STAGES - 1]};
+                           .gain = schedule_continued.gain};
     bool ok = p && r;
     ok = ok && particles_set_patches(p, c->f->patches, n, e);
     for (size_t i = 0; ok && i < n; i++) {

@@ -18,6 +18,19 @@ static const double TIGHTENED = 0.9;
 /* A level with fewer sweeps than this skips no particle. */
 enum { SKIPPING_SWEEPS = 100 };
 
+static schedule_position position(const solver *s)
+{
+    return (schedule_position){s->state.level,
+                               s->state.plan.count,
+                               s->state.stage,
+                               s->state.sweeps_in_round,
+                               s->state.p->count,
+                               s->state.has_many_defects,
+                               s->state.p->patch != NULL,
+                               relax_has_divergent_normals(s->scratch.relax),
+                               relax_has_mostly_divergent_normals(s->scratch.relax)};
+}
+
 /* ---- rounds */
 
 /* The sweeps from here on are a new round. */
@@ -48,12 +61,17 @@ static void continue_round(solver *s, const char *began)
 void solver_note_round(solver *s, const char *ended, double energy, double gain)
 {
     const size_t n = s->record.round_count;
+    const schedule *given = s->state.regime->schedule;
+    const schedule_position at = position(s);
     s->record.round = mem_resize(s->record.round, (n + 1) * sizeof *s->record.round);
     s->record.round[n] = (solver_round){.regime = s->state.regime->name,
                                         .began = s->state.round_began,
                                         .ended = ended,
                                         .defect_fraction = s->state.round_defect_fraction,
                                         .extra_sweeps = s->state.has_many_defects,
+                                        .level = at.level + 1,
+                                        .stage = at.stage + 1,
+                                        .least_sweeps = schedule_least_sweeps(given, &at),
                                         .sweeps = (int)(s->record.sweep_count - s->record.swept),
                                         .sigma = s->state.sigma,
                                         .count = solver_point_count(s),
@@ -73,7 +91,7 @@ static void enter_stage(solver *s, int stage)
 {
     assert(stage >= 0 && stage < SCHEDULE_STAGES);
     s->state.stage = stage;
-    s->state.gain = s->state.regime->schedule->gain[stage];
+    s->state.gain = schedule_gain(s->state.regime->schedule, stage);
     particles_reset_damping(s->state.p);
 }
 
@@ -134,20 +152,6 @@ void solver_free(solver *s)
 
 /* ---- a sweep */
 
-static schedule_position position(const solver *s)
-{
-    return (schedule_position){s->state.level,
-                               s->state.plan.count,
-                               s->state.stage,
-                               s->state.sweeps_in_round,
-                               s->state.p->count,
-                               s->setup.params.sizing != NULL,
-                               s->state.has_many_defects,
-                               s->state.p->patch != NULL,
-                               relax_has_divergent_normals(s->scratch.relax),
-                               relax_has_mostly_divergent_normals(s->scratch.relax)};
-}
-
 /* Updates of particles done, over all that are expected: those of this level and of the finer ones. */
 static void estimate_fraction(solver *s, const schedule_evidence *seen)
 {
@@ -163,7 +167,6 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
                                         .levels = s->state.plan.count,
                                         .stage = SCHEDULE_STAGES - 1,
                                         .count = s->state.plan.particles[level],
-                                        .is_sized = at.is_sized,
                                         .has_patches = at.has_patches};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
@@ -569,7 +572,7 @@ bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error
     for (size_t i = 0; i < s->state.p->count; i++)
         if (s->state.p->place[i] == PARTICLES_PINNED) solver_mark_displaced(s, i);
     s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
-    s->state.gain = s->state.regime->schedule->gain[s->state.stage];
+    s->state.gain = schedule_gain(s->state.regime->schedule, s->state.stage);
     s->state.continuations = 0;
     return true;
 }

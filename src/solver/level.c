@@ -20,7 +20,7 @@ static void enter_level(solver *s, size_t count, double support)
         quotas ? quotas[s->state.level].spacing : packing_spacing(s->setup.scan->area, (double)count / share);
     s->state.sigma = support * s->state.spacing;
     s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
-    s->state.gain = s->state.regime->schedule->gain[s->state.stage];
+    s->state.gain = schedule_gain(s->state.regime->schedule, s->state.stage);
     s->state.has_many_defects = false;
     s->state.had_extra_sweeps = false;
 }
@@ -56,13 +56,10 @@ static bool place(solver *s, error *e)
     return arrange(s, e);
 }
 
-/* Drops the coarsest level if it does not resolve the surface: the next finer one takes its place. At the start more particles have
- * divergent neighbour normals than after convergence, since neighbour lists reach farther. */
-static bool drop_coarsest(solver *s, bool at_start, bool *again, error *e)
+/* Drops the coarsest level if it does not resolve the surface: the next finer one takes its place. */
+static bool drop_coarsest(solver *s, bool *again, error *e)
 {
-    const schedule *given = s->state.regime->schedule;
-    *again = relax_divergent_share(s->scratch.relax, s->state.p) >
-             (at_start ? given->divergent_share_start : given->divergent_share);
+    *again = relax_divergent_share(s->scratch.relax, s->state.p) > s->state.regime->schedule->divergent_share;
     if (!*again) return true;
     level_plan_drop_coarsest(&s->state.plan);
     return solver_place(s, s->state.sigma / s->state.spacing, e);
@@ -77,7 +74,7 @@ bool solver_place(solver *s, double support, error *e)
     particles_reset_damping(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
-    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, true, &again, e);
+    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, &again, e);
 }
 
 static size_t count_on_boundary(const solver *s)
@@ -104,7 +101,7 @@ static void release_mesh(solver *s)
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
-    if (s->state.stage == 0) return drop_coarsest(s, false, again, e);
+    if (s->state.stage == 0) return drop_coarsest(s, again, e);
     if (s->state.plan.quotas) return true; /* quotas determine the counts */
     /* the number of edges is meaningless if the level does not resolve the surface */
     s->state.counts_corrected |= relax_has_mostly_divergent_normals(s->scratch.relax);
@@ -124,16 +121,16 @@ bool solver_replan(solver *s, bool *again, error *e)
  * of the current level are too few for a random start. */
 static bool relax_new_parts(solver *s, error *e)
 {
-    for (int sweep = 0; sweep < s->state.regime->schedule->new_part_sweeps; sweep++) {
-        const schedule_position at = {
-            .levels = s->state.plan.count, .sweeps = sweep, .count = s->state.p->count};
+    schedule_position at = {.levels = s->state.plan.count, .count = s->state.p->count};
+    const int sweeps = schedule_level_sweeps(s->state.regime->schedule, &at);
+    for (at.sweeps = 0; at.sweeps < sweeps; at.sweeps++) {
         const relax_params params = {.field = s->setup.field,
                                      .sigma = s->state.sigma,
                                      .spacing = s->state.spacing,
                                      .omega = schedule_omega(s->state.regime->schedule, &at),
                                      .fast_step = schedule_longest_step(s->state.regime->schedule, &at),
                                      .shaken = schedule_is_shaken(s->state.regime->schedule, &at),
-                                     .gain = s->state.regime->schedule->gain[0]};
+                                     .gain = schedule_gain(s->state.regime->schedule, 0)};
         relax_sums sums;
         if (s->state.lists_stale && !solver_build_lists(s, e)) return false;
         relax_sweep(s->scratch.relax, s->state.p, &params, &sums);

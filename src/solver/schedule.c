@@ -11,67 +11,61 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                       \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,    \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,   \
-    .defects_sweeps = {2, 3.5}, .defects_count = 5e3, .defects_share = {{0.05, 0.25}, {0.02, 0.25}}, \
-    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,   \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.7,                   \
-    .divergent_share_start = 0.9, .new_part_sweeps = 60
+#define COMMON                                                                                           \
+    .gain = 1e-8, .patience_early = 100, .patience_more = 50, .coarsest_gain = 1e-5, .omega_shake = 2.6, \
+    .omega_least = 1.2, .longest_step = 0.05, .shake_sweeps = 15, .one_sweep_count = 2.15e5,             \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3,                     \
+    .defects_sweeps = {2, 3.5}, .defects_least = {0.05, 0.02}, .defects_most = 0.25, .stage_step = 0.03, \
+    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,       \
+    .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
-/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. */
-#define PAPER                                                                                  \
-    COMMON, .omega = 2.6, .longest_step = INFINITY, .rest_lambda = 14 /* section 7, step 2 */, \
-            .level_step = 5e-3, .level_sweeps = 30, .limited_wait = 4
+/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
+#define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
 
-const schedule schedule_paper = {PAPER, .patience = {80, 150, 400}};
+const schedule schedule_paper = {PAPER, .patience = 400};
 
 /* The start is a packing: the longer patience of schedule_paper gives the same hex_fraction after twice the sweeps. */
-const schedule schedule_packed = {PAPER, .patience = {80, 150, 100}};
+const schedule schedule_packed = {PAPER, .patience = 100};
 
-/* Over-relaxation: with 3.0 a refined level loses its order. With a sizing field 2.7 makes particles oscillate by 0.1 h for thirty sweeps.
- * The longest step is ten times the rms step of a shaken level: longer ones belong to particles that do not converge, at edges and thin
- * parts. Twice the sweeps on all levels bring edge_cv at 100 000 points from .041 to .039 and take half as much time again. A sweep costs
- * less than new lists, so that lists may be older than by the paper's method. */
-const schedule schedule_multilevel = {
-    COMMON,
-    .patience = {80, 150, 400},
-    .is_paced = true,
-    .omega = 2.2,
-    .omega_shake = 2.7,
-    .omega_shake_sized = 2.4,
-    .omega_least = 1.2,
-    .longest_step = 0.05,
-    .shake_sweeps = 15,
-    .stage_step = {0.03, 0.01, 0.001},
-    .stage_sweeps_most = 400,
-    .finest_rest = 3.5,
-    .limited_wait = 12,
-};
+/* Over-relaxation: with 3.0 a refined level loses its order. The longest step is ten times the rms step of a shaken level: longer ones
+ * belong to particles that do not converge, at edges and thin parts. Twice the sweeps on all levels bring edge_cv at 100 000 points from
+ * .041 to .039 and take half as much time again. */
+const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2,
+                                      .finest_rest = 3.5};
 
 /* Points keep their positions as far as the new surface allows: short steps from the first sweep on. */
-const schedule schedule_continued = {
-    COMMON,
-    .patience = {80, 150, 400},
-    .omega = 1.2,
-    .longest_step = 0.05,
-    .stage_step = {0.03, 0.01, 0.001},
-    .stage_sweeps_most = 400,
-    .finest_rest = 1,
-    .limited_wait = 12,
-};
+const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1};
+
+/* Ratios of a stage to the next one. */
+static const double GAIN_RATIO = 100, STEP_RATIO = 3;
 
 static bool is_early(const schedule_position *at)
 {
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
+double schedule_gain(const schedule *s, int stage)
+{
+    return s->gain * pow(GAIN_RATIO, SCHEDULE_STAGES - 1 - stage);
+}
+
+/* The rms step over h with which a stage ends. */
+static double stage_step(const schedule *s, const schedule_position *at)
+{
+    return s->stage_step / pow(STEP_RATIO, at->stage);
+}
+
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
-    double sweeps = s->sweeps * pow(s->sweeps_count / (double)at->count, s->sweeps_fall);
+    double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
     sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
     return (int)(at->has_many_defects ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
+}
+
+int schedule_least_sweeps(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
 }
 
 /* Whether the level may take more sweeps for its defects. Where most normals diverge, only the last level may. */
@@ -89,8 +83,7 @@ bool schedule_judges_defects(const schedule *s, const schedule_position *at)
 
 bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction)
 {
-    const double *share = s->defects_share[at->has_patches];
-    return defect_fraction > share[0] && defect_fraction < share[1];
+    return defect_fraction > s->defects_least[at->has_patches] && defect_fraction < s->defects_most;
 }
 
 /* The sweeps of the round over the sweeps during which it is shaken. */
@@ -103,8 +96,7 @@ double schedule_omega(const schedule *s, const schedule_position *at)
 {
     if (!s->is_paced || is_early(at)) return s->omega;
     const double t = paced_time(s, at);
-    double shake = at->is_sized ? s->omega_shake_sized : s->omega_shake;
-    if (t < 1) return shake + (s->omega - shake) * t * t;
+    if (t < 1) return s->omega_shake + (s->omega - s->omega_shake) * t * t;
     return fmax(s->omega / t, s->omega_least);
 }
 
@@ -115,6 +107,7 @@ bool schedule_is_shaken(const schedule *s, const schedule_position *at)
 
 double schedule_longest_step(const schedule *s, const schedule_position *at)
 {
+    if (s->rest_lambda > 0) return INFINITY;
     if (!s->is_paced) return s->longest_step;
     const double t = paced_time(s, at);
     return t < 1 ? INFINITY : s->longest_step / (t * t);
@@ -125,11 +118,11 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
     bool last_stage = schedule_is_last_stage(at);
-    if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return SCHEDULE_GOES_ON;
+    if (at->sweeps < schedule_least_sweeps(s, at)) return SCHEDULE_GOES_ON;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
-    if (seen->rms_step < s->stage_step[at->stage]) return SCHEDULE_CONVERGED;
-    return at->level > 0 || at->sweeps >= s->stage_sweeps_most ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
+    if (seen->rms_step < stage_step(s, at)) return SCHEDULE_CONVERGED;
+    return at->level > 0 || at->sweeps >= s->patience ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 
 /* By the paper's steady state. A refined level starts near it and is judged by its steps; a level that is refined again may end
@@ -138,8 +131,8 @@ schedule_end schedule_round_end(const schedule *s, const schedule_position *at, 
 {
     if (!(s->rest_lambda > 0)) return end_by_steps(s, at, seen);
     if (at->level > 0 && !schedule_is_last_level(at)) {
-        if (seen->rms_step < s->level_step) return SCHEDULE_CONVERGED;
-        return at->sweeps >= s->level_sweeps ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
+        if (seen->rms_step < stage_step(s, at)) return SCHEDULE_CONVERGED;
+        return at->sweeps >= schedule_level_sweeps(s, at) ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
     }
     bool ends = seen->rms_step < seen->step_tolerance;
     if (at->level == 0 && seen->has_lambda)
@@ -150,9 +143,10 @@ schedule_end schedule_round_end(const schedule *s, const schedule_position *at, 
 bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain)
 {
     bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * s->coarsest_gain;
-    int owed = s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
-    int over = at->sweeps - (owed > s->patience[at->stage] ? owed : s->patience[at->stage]);
-    return over >= 0 && over % (fails ? s->patience_last : s->patience_more) == 0;
+    const int owed = schedule_least_sweeps(s, at);
+    const int patience = schedule_is_last_stage(at) ? s->patience : s->patience_early,
+              over = at->sweeps - (owed > patience ? owed : patience);
+    return over >= 0 && over % (fails ? s->patience : s->patience_more) == 0;
 }
 
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)

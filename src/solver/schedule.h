@@ -12,41 +12,40 @@
 enum { SCHEDULE_STAGES = 3 };
 
 typedef struct schedule {
-    /* Per stage: the gain, the smallest relative decrease of its energy for which a particle moves. The first stage only equalises the density,
-     * so that sigma is adapted before much work is done with a wrong sigma. */
-    double gain[SCHEDULE_STAGES];
-    /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After `patience` sweeps
-     * of a round (per stage), and at least the least sweeps of its level, the gain is multiplied by 10, and again after every `patience_more` sweeps.
-     * Steps to a gain above coarsest_gain take `patience_last` sweeps. A solve with such a gain has not converged. */
-    int patience[SCHEDULE_STAGES], patience_more, patience_last;
+    /* Gain: the smallest decrease of a particle's energy, as a fraction of it, for which the particle moves in the last stage. Each earlier
+     * stage has a hundred times the gain of the next one: it only evens out the density, so that sigma is adapted before work is done
+     * under a wrong one. */
+    double gain;
+    /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After
+     * `patience` sweeps of a round (patience_early in earlier stages), and not before the least sweeps of its level, the gain is
+     * multiplied by 10, and again after every `patience_more`. Beyond coarsest_gain, with which a solve is not converged, this takes
+     * `patience` sweeps each. A stage of a coarsest level that is judged by steps has no more than `patience` sweeps. */
+    int patience_early, patience, patience_more;
     double coarsest_gain;
 
-    /* Over-relaxation: the factor on the Newton step with the first term of the Hessian (10), which is about twice the true Hessian. is_paced: it is
-     * omega_shake (omega_shake_sized with a sizing field) at the start of a level, falls to omega over the least sweeps, and then falls with the
-     * inverse number of sweeps to omega_least. Otherwise it is omega. */
+    /* Over-relaxation: the factor on Newton's step with the first term of the Hessian (10), which is about twice the true one. If is_paced,
+     * a level starts with omega_shake, falls to omega over its least sweeps, and then falls with the inverse number of sweeps to
+     * omega_least. Otherwise, and in earlier stages, the factor is omega. */
     bool is_paced;
-    double omega, omega_shake, omega_shake_sized, omega_least;
-    /* Maximum length of a fast step over h. is_paced: unlimited during the least sweeps of a level, and during the first shake_sweeps of an earlier
-     * stage; then it falls from longest_step with the inverse square of the number of sweeps. */
+    double omega, omega_shake, omega_least;
+    /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during shake_sweeps of an earlier
+     * stage; then the limit falls from longest_step with the inverse square of the sweeps. */
     double longest_step;
     int shake_sweeps;
 
-    /* Least sweeps of a level of n particles: sweeps (sweeps_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
-    double sweeps, sweeps_count, sweeps_fall, sweeps_least, sweeps_most;
-    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles is compared with the
-     * bounds defects_share[p], p = 1 for surfaces with patches (meshes sampled on their triangles, interfaces of labels), else 0. Between the lower
-     * and the upper bound the level takes more sweeps, once: defects_sweeps[1] times as many on the last level, defects_sweeps[0] times on others. Above
-     * the upper bound the surface is not resolved, and more sweeps do not help. */
-    double defects_count, defects_sweeps[2], defects_share[2][2];
+    /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
+    double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
+    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles is
+     * compared with defects_least ([0] of level sets, [1] of surfaces with patches) and defects_most. Between them the level takes
+     * defects_sweeps times as many sweeps ([1] on the last level, [0] on others), once. Above defects_most the surface is not resolved, and more sweeps do not help. */
+    double defects_count, defects_sweeps[2], defects_least[2], defects_most;
 
-    /* Convergence criteria; steps are rms steps over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10 lambda above it.
-     * level_step, level_sweeps: with that criterion, a level between the coarsest and the last ends at this step or after these sweeps. rest_lambda = 0: a
-     * stage of the coarsest level ends at stage_step or after stage_sweeps_most sweeps; the last level ends at finest_rest times the tolerance of
-     * the job, because over-relaxed steps are longer than the Newton steps that are left. */
-    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
-    int level_sweeps, stage_sweeps_most;
-    /* Convergence requires that sizes and amplitudes at the present positions differ from those in use by less than this (rms, relative). A round may
-     * fail this at most resizes_most times. */
+    /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10 lambda above it.
+     * stage_step: a stage of a coarsest level that is judged by steps, a third of it in each later stage, and a level that is refined again.
+     * finest_rest times the job's tolerance ends the last level: over-relaxed steps are longer than what is left. */
+    double rest_lambda, stage_step, finest_rest;
+    /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms, relative). A round may lose it
+     * at most resizes_most times. */
     double size_settled;
     int resizes_most;
 
@@ -57,13 +56,9 @@ typedef struct schedule {
     /* Verlet skin over h: the reach of the lists beyond the support. It is skin_steps times the rms step, clamped to skin_narrow .. skin_wide. */
     double skin_wide, skin_narrow, skin_steps;
 
-    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals; divergent_share_start before
-     * its first sweep. With one number for both, fog volumes lose up to 0.02 of hex_fraction at 5 000 points
-     * (densityAndHeat, monkey_mantaflow, vpt_dragon_fog). */
-    double divergent_share, divergent_share_start;
-
-    /* Sweeps of the first particles of a connected part before they join the others. */
-    int new_part_sweeps;
+    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals, before its first sweep
+     * or after its first stage. 0.5 or 0.7: hex_fraction of fog volumes at 5 000 points is up to 0.02 lower. */
+    double divergent_share;
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
@@ -77,7 +72,6 @@ typedef struct schedule_position {
     int level, levels, stage;
     int sweeps;               /* of the round */
     size_t count;             /* particles of the level */
-    bool is_sized;            /* there is a sizing field */
     bool has_many_defects;    /* of the level, see schedule_has_many_defects */
     bool has_patches;         /* it is a mesh that is sampled on its triangles, or the interfaces of labels */
     bool is_divergent;        /* relax_has_divergent_normals */
@@ -94,10 +88,16 @@ static inline bool schedule_is_last_level(const schedule_position *at)
     return at->level == at->levels - 1;
 }
 
+/* The gain with which a stage begins. */
+double schedule_gain(const schedule *s, int stage);
+
 /* Least sweeps of the level. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);
 
-/* Whether the level has just completed its least sweeps, and its defect fraction must be tested. */
+/* Least sweeps of the round: those of the level in its last stage, if the schedule is paced; otherwise 0. */
+int schedule_least_sweeps(const schedule *s, const schedule_position *at);
+
+/* Whether the level has just completed its least sweeps and its defect fraction decides about more. */
 bool schedule_judges_defects(const schedule *s, const schedule_position *at);
 
 /* Whether a level with this defect fraction takes more sweeps. */

@@ -52,6 +52,8 @@ typedef struct solver_round {
     const char *regime, *began, *ended;
     double defect_fraction; /* after the regular sweeps of the level; NAN: not computed in this round */
     bool extra_sweeps;      /* the level took more sweeps for its defects */
+    int level, stage;       /* from 1; 1 is the coarsest level */
+    int least_sweeps;       /* of the level, extra sweeps included; 0: the round could end without them */
     int sweeps;
     size_t inserted, deleted;
     double sigma; /* during the round */

@@ -37,28 +37,31 @@ static void levels_have_fewer_sweeps_the_more_particles_they_have(void **state)
 static void over_relaxation_follows_the_sweeps(void **state)
 {
     (void)state;
-    for (int is_sized = 0; is_sized < 2; is_sized++) {
-        double before = 3;
-        for (int k = 0; k < 1000; k++) {
-            schedule_position at = finest(k, 10000);
-            at.is_sized = is_sized;
-            double omega = schedule_omega(&schedule_multilevel, &at);
-            assert_true(omega >= 1 && omega <= before);
-            before = omega;
-        }
-        assert_true(before <= 1.3);
-        schedule_position first = finest(0, 10000);
-        first.is_sized = is_sized;
-        assert_true(schedule_omega(&schedule_multilevel, &first) > 2);
+    const schedule_position first = finest(0, 10000), last = finest(900, 10000);
+    double before = 3;
+    for (int k = 0; k < 1000; k++) {
+        const schedule_position at = finest(k, 10000);
+        const double omega = schedule_omega(&schedule_multilevel, &at);
+        assert_true(omega >= 1 && omega <= before);
+        before = omega;
     }
+    assert_true(before <= 1.3 && schedule_omega(&schedule_multilevel, &first) > 2);
     const schedule *constant[] = {&schedule_paper, &schedule_continued};
-    for (size_t k = 0; k < 2; k++) {
-        const schedule_position first = finest(0, 10000), last = finest(900, 10000);
+    for (size_t k = 0; k < 2; k++)
         assert_true(schedule_omega(constant[k], &first) == schedule_omega(constant[k], &last));
-    }
 }
 
-static void rough_levels_take_more_sweeps(void **state)
+/* Each earlier stage asks for more. */
+static void the_gain_falls_from_stage_to_stage(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    for (int stage = 1; stage < SCHEDULE_STAGES; stage++)
+        assert_close(schedule_gain(s, stage) / schedule_gain(s, stage - 1), 0.01, 1e-12);
+    assert_close(schedule_gain(s, LAST), s->gain, 0);
+}
+
+static void levels_with_many_defects_take_more_sweeps(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -71,11 +74,12 @@ static void rough_levels_take_more_sweeps(void **state)
     at.has_many_defects = true;
     assert_false(schedule_judges_defects(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(at.sweeps >= (int)s->defects_sweeps[1] * sweeps);
+    assert_in_range(at.sweeps, (int)(s->defects_sweeps[1] * sweeps),
+                    (int)(s->defects_sweeps[1] * (sweeps + 1)));
 }
 
-/* Rows force little out of order, which finds its way out slowly. */
-static void surfaces_with_curves_are_rough_sooner(void **state)
+/* Curve samples cause few defects, which take many sweeps. */
+static void surfaces_with_patches_take_more_sweeps_for_fewer_defects(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -86,17 +90,17 @@ static void surfaces_with_curves_are_rough_sooner(void **state)
     assert_false(schedule_has_many_defects(s, &at, 0.015));
 }
 
-/* Sweeps that the schedule itself asks for cost no patience. */
-static void rough_levels_are_not_impatient(void **state)
+/* The least sweeps of a level, extra sweeps included, do not raise the gain. */
+static void extra_sweeps_do_not_raise_the_gain(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
     schedule_position at = finest(0, 5000);
-    for (int rough = 0; rough < 2; rough++) {
-        at.has_many_defects = rough;
+    for (int many = 0; many < 2; many++) {
+        at.has_many_defects = many;
         int sweeps = schedule_level_sweeps(s, &at);
         for (at.sweeps = 1; at.sweeps < sweeps; at.sweeps++)
-            assert_false(schedule_is_impatient(s, &at, s->gain[LAST]));
+            assert_false(schedule_is_impatient(s, &at, s->gain));
     }
 }
 
@@ -110,12 +114,13 @@ static void steps_are_free_until_a_level_is_shaken(void **state)
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
     at.sweeps *= 2;
     assert_true(schedule_longest_step(s, &at) == s->longest_step / 4);
-    at = (schedule_position){.levels = 3, .sweeps = s->shake_sweeps, .count = 100};
+    at = (schedule_position){.levels = 3, .sweeps = s->shake_sweeps, .count = 100}; /* an earlier stage */
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
+    assert_true(schedule_longest_step(&schedule_paper, &at) == INFINITY);
     assert_true(schedule_longest_step(&schedule_continued, &at) == schedule_continued.longest_step);
 }
 
-static bool rests(const schedule *s, schedule_position at, double rms_step, double lambda)
+static bool ends(const schedule *s, schedule_position at, double rms_step, double lambda)
 {
     const schedule_evidence seen = {rms_step, lambda, true, 0.003};
     return schedule_round_end(s, &at, &seen);
@@ -126,37 +131,37 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     (void)state;
     schedule_position at = finest(0, 10000);
     int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
-    assert_false(rests(&schedule_multilevel, finest(sweeps - 1, 10000), 0, 16));
-    assert_true(rests(&schedule_multilevel, finest(sweeps, 10000), 0.002, 0));
-    assert_true(rests(&schedule_multilevel, finest(sweeps, 10000), 0.01, 0)); /* over-relaxed */
-    assert_false(rests(&schedule_multilevel, finest(sweeps, 10000), 0.011, 16));
-    assert_false(rests(&schedule_continued, finest(sweeps, 10000), 0.004, 16));
+    assert_false(ends(&schedule_multilevel, finest(sweeps - 1, 10000), 0, 16));
+    assert_true(ends(&schedule_multilevel, finest(sweeps, 10000), 0.002, 0));
+    assert_true(ends(&schedule_multilevel, finest(sweeps, 10000), 0.01, 0)); /* over-relaxed */
+    assert_false(ends(&schedule_multilevel, finest(sweeps, 10000), 0.011, 16));
+    assert_false(ends(&schedule_continued, finest(sweeps, 10000), 0.004, 16));
     at.levels = 1; /* one that is the coarsest as well */
     at.level = 0;
     at.sweeps = sweeps;
-    assert_true(rests(&schedule_multilevel, at, 0.01, 0));
-    assert_false(rests(&schedule_multilevel, at, 0.011, 16));
+    assert_true(ends(&schedule_multilevel, at, 0.01, 0));
+    assert_false(ends(&schedule_multilevel, at, 0.011, 16));
     at.levels = 3;
     at.level = 1; /* that is refined again needs no small steps */
     at.sweeps = sweeps;
-    assert_true(rests(&schedule_multilevel, at, 1, 0));
-    assert_true(rests(&schedule_continued, finest(1, 10000), 0.002, 0));
+    assert_true(ends(&schedule_multilevel, at, 1, 0));
+    assert_true(ends(&schedule_continued, finest(1, 10000), 0.002, 0));
     at = (schedule_position){.levels = 3, .sweeps = 1, .count = 100};
-    assert_true(rests(&schedule_multilevel, at, 0.02, 0));
-    assert_false(rests(&schedule_multilevel, at, 0.04, 0));
-    at.sweeps = schedule_multilevel.stage_sweeps_most;
-    assert_true(rests(&schedule_multilevel, at, 0.04, 0));
+    assert_true(ends(&schedule_multilevel, at, 0.02, 0));
+    assert_false(ends(&schedule_multilevel, at, 0.04, 0));
+    at.sweeps = schedule_multilevel.patience;
+    assert_true(ends(&schedule_multilevel, at, 0.04, 0));
 }
 
 static void the_paper_goes_by_lambda(void **state)
 {
     (void)state;
     schedule_position at = {.levels = 1, .sweeps = 50, .count = 1000};
-    assert_true(rests(&schedule_paper, at, 1, 14.5));
-    assert_false(rests(&schedule_paper, at, 0, 13.5));
+    assert_true(ends(&schedule_paper, at, 1, 14.5));
+    assert_false(ends(&schedule_paper, at, 0, 13.5));
     at.stage = LAST; /* where steps count as well */
-    assert_false(rests(&schedule_paper, at, 1, 14.5));
-    assert_true(rests(&schedule_paper, at, 0.002, 14.5));
+    assert_false(ends(&schedule_paper, at, 1, 14.5));
+    assert_true(ends(&schedule_paper, at, 0.002, 14.5));
     const schedule_evidence gradient = {0.002, 0, false, 0.003};
     assert_true(schedule_round_end(&schedule_paper, &at, &gradient));
 }
@@ -165,7 +170,8 @@ static void patience_ends_once_and_again(void **state)
 {
     (void)state;
     int times = 0;
-    for (int sweeps = 1; sweeps <= schedule_paper.patience[0] + 2 * schedule_paper.patience_more; sweeps++) {
+    for (int sweeps = 1; sweeps <= schedule_paper.patience_early + 2 * schedule_paper.patience_more;
+         sweeps++) {
         schedule_position at = {.levels = 1, .sweeps = sweeps, .count = 1000};
         times += schedule_is_impatient(&schedule_paper, &at, 1e-4);
     }
@@ -177,14 +183,14 @@ static void the_coarsest_gain_lasts(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
-    double gain = s->gain[LAST];
+    double gain = s->gain;
     int sweeps = 0;
     for (; !(gain > 2 * s->coarsest_gain); sweeps++) {
         const schedule_position at = {.levels = 1, .stage = LAST, .sweeps = sweeps, .count = 1000};
         if (schedule_is_impatient(s, &at, gain)) gain *= 10;
-        if (sweeps == s->patience[LAST] + 3 * s->patience_more) assert_close(gain, s->coarsest_gain, 1e-12);
+        if (sweeps == s->patience + 3 * s->patience_more) assert_close(gain, s->coarsest_gain, 1e-12);
     }
-    assert_int_equal(sweeps - 1, s->patience[LAST] + s->patience_last);
+    assert_int_equal(sweeps - 1, 2 * s->patience);
 }
 
 /* By the paper's criterion what is left shrinks as lambda climbs, and from stage to stage. */
@@ -203,8 +209,8 @@ static void expected_sweeps_approach_those_spent(void **state)
     assert_true(before == 100);
 }
 
-/* A level that may turn out rough is expected to take longer than its least sweeps, one that cannot to take just these. */
-static void a_level_that_may_be_rough_is_expected_to_take_longer(void **state)
+/* A level whose defects may call for more sweeps is expected to take longer than its least sweeps. */
+static void a_level_that_may_have_many_defects_is_expected_to_take_longer(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -237,16 +243,17 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(levels_have_fewer_sweeps_the_more_particles_they_have),
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
-        cmocka_unit_test(rough_levels_take_more_sweeps),
-        cmocka_unit_test(surfaces_with_curves_are_rough_sooner),
-        cmocka_unit_test(rough_levels_are_not_impatient),
+        cmocka_unit_test(the_gain_falls_from_stage_to_stage),
+        cmocka_unit_test(levels_with_many_defects_take_more_sweeps),
+        cmocka_unit_test(surfaces_with_patches_take_more_sweeps_for_fewer_defects),
+        cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
         cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
         cmocka_unit_test(the_coarsest_gain_lasts),
         cmocka_unit_test(expected_sweeps_approach_those_spent),
-        cmocka_unit_test(a_level_that_may_be_rough_is_expected_to_take_longer),
+        cmocka_unit_test(a_level_that_may_have_many_defects_is_expected_to_take_longer),
         cmocka_unit_test(lists_wait_for_many_or_for_long),
     };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);

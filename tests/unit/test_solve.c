@@ -90,7 +90,8 @@ static void check_energies(const solve *x)
     assert_close(p->mean_neighbours, neighbours / (double)p->count, 0.01);
 }
 
-/* Unit normals along the gradient, and the curvatures of a torus. */
+/* Unit normals along the gradient, and the curvatures of a torus. Points are within 1e-9 h of the surface, which changes the curvature
+ * by 1e-9 h / MINOR^2 < 2e-9. */
 static void check_torus_geometry(const solve *x)
 {
     for (size_t i = 0; i < x->points->count; i++) {
@@ -99,9 +100,9 @@ static void check_torus_geometry(const solve *x)
                      kappa2 = cosine / ring;
         const vec3 normal = {cosine * at.x / ring, cosine * at.y / ring, at.z / MINOR};
         assert_true(vec3_norm(vec3_sub(x->points->normal[i], normal)) < 1e-9);
-        assert_close(x->points->kappa1[i], 1 / MINOR, 1e-9);
-        assert_close(x->points->kappa2[i], kappa2, 1e-9);
-        assert_close(x->points->kappa[i], hypot(1 / MINOR, kappa2), 1e-9);
+        assert_close(x->points->kappa1[i], 1 / MINOR, 2e-9);
+        assert_close(x->points->kappa2[i], kappa2, 2e-9);
+        assert_close(x->points->kappa[i], hypot(1 / MINOR, kappa2), 2e-9);
     }
 }
 

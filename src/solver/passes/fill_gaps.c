@@ -12,8 +12,6 @@
 #include "solver/particles/relocation.h"
 #include "solver/passes/passes.h"
 
-/* The resolution test is expensive. It runs only if at least this fraction of the particles has divergent neighbour normals. */
-static const double DIVERGENT_SHARE = 0.5;
 /* A surface is under-resolved if the resolved points are fewer than this fraction and condition ORDERED_SHARE holds. */
 static const double RESOLVED_SHARE = 0.5;
 /* The points with six neighbours are fewer than this fraction. On a thin plate no point is resolved, but both walls are ordered. */
@@ -43,7 +41,8 @@ static const char *const WHAT = "the gaps in coverage";
 bool solver_is_under_resolved(solver *s, bool *is_under_resolved, error *e)
 {
     const particles *p = s->state.p;
-    if (!s->setup.fast || p->patch || relax_divergent_share(s->scratch.relax, p) < DIVERGENT_SHARE)
+    /* the test is expensive */
+    if (!s->setup.fast || p->patch || relax_divergent_share(s->scratch.relax, p) < RELAX_MOSTLY_DIVERGENT)
         return true;
     double *spacing = mem_array(p->count, sizeof *spacing, "the result", e);
     if (!spacing) return false;

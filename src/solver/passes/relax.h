@@ -120,6 +120,9 @@ double relax_max_support(const relax *r);
  * build. */
 void relax_set_support(relax *r, double sigma);
 
+/* Fraction of particles with divergent neighbour normals from which the spacing hardly resolves the surface. */
+#define RELAX_MOSTLY_DIVERGENT 0.5
+
 /* Fraction of the particles with divergent neighbour normals (60 degrees or more) at the last list build: at an edge, or with a
  * neighbour on the opposite wall. */
 double relax_divergent_share(const relax *r, const particles *p);
@@ -127,7 +130,7 @@ double relax_divergent_share(const relax *r, const particles *p);
 /* Whether guarded steps are taken in SIMD lanes: many particles, and a large fraction with divergent neighbour normals. */
 bool relax_has_divergent_normals(const relax *r);
 
-/* Whether in addition at least half of the particles have divergent neighbour normals. */
+/* Whether in addition at least RELAX_MOSTLY_DIVERGENT of the particles have divergent neighbour normals. */
 bool relax_has_mostly_divergent_normals(const relax *r);
 
 /* Defect fraction: the fraction of the particles away from boundaries without six neighbours between the first and the second shell of

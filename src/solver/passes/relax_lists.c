@@ -11,13 +11,9 @@
 
 /* Minimum number of particles for guarded steps in SIMD lanes (single precision). */
 static const size_t MIN_LANES_COUNT = 4000;
-/* The same if the fraction with divergent neighbour normals is at least MOSTLY_SHARE. */
-static const size_t MIN_LANES_COUNT_MOSTLY = 20000;
 /* Minimum fraction of particles with divergent neighbour normals for guarded steps in lanes. Below it double precision gives more order:
  * hex_fraction 0.988 instead of 0.985 on a cube with 100 000 points. */
 static const double LANES_SHARE = 0.25;
-/* Fraction from which the normals count as mostly divergent. */
-static const double MOSTLY_SHARE = 0.5;
 /* Displacements below this over the support change neither energies nor steps in single precision. */
 static const double NEGLIGIBLE_MOVE = 5e-5;
 
@@ -146,8 +142,8 @@ static void choose_lanes(relax *r, const particles *p)
 {
     const bool may_use_lanes = r->fast && !p->patch && p->count >= MIN_LANES_COUNT;
     const double share = may_use_lanes ? relax_divergent_share(r, p) : 0;
-    r->guards_in_lanes = share > LANES_SHARE && (p->count >= MIN_LANES_COUNT_MOSTLY || share < MOSTLY_SHARE);
-    r->mostly_divergent = r->guards_in_lanes && share >= MOSTLY_SHARE;
+    r->guards_in_lanes = share > LANES_SHARE;
+    r->mostly_divergent = share >= RELAX_MOSTLY_DIVERGENT;
 }
 
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
