@@ -233,6 +233,9 @@ static void put_rounds(json *report, const solver *s)
         json_put_string(object, "ended", round[k].ended);
         json_put_number(object, "defect_fraction", round[k].defect_fraction);
         json_put_bool(object, "extra_sweeps", round[k].extra_sweeps);
+        json_put_integer(object, "level", round[k].level);
+        json_put_integer(object, "stage", round[k].stage);
+        json_put_integer(object, "least_sweeps", round[k].least_sweeps);
         json_put_integer(object, "sweeps", round[k].sweeps);
         json_put_integer(object, "inserted", (int64_t)round[k].inserted);
         json_put_integer(object, "deleted", (int64_t)round[k].deleted);
