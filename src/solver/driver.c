@@ -462,8 +462,10 @@ static bool project(solver *s, error *e)
     bool changed = false;
     if (!solver_project(s, &changed, e)) return false;
     s->state.next = ACTION_VERIFY;
-    if (!may_go_on(s)) return fill_last_gaps(s, e);
+    if (!may_go_on(s)) return fill_last_gaps(s, e) && solver_separate_patches(s, &changed, e);
     if (s->state.regime->fills_gaps && !solver_fill_gaps(s, &changed, e)) return false;
+    /* last: the relaxation after another change may bring particles close to each other again */
+    if (!changed && !solver_separate_patches(s, &changed, e)) return false;
     if (changed) go_on(s, "points_relocated");
     return true;
 }

@@ -152,5 +152,14 @@ def hooked_sheet(size=0.06, cuts=5):
     return solid
 
 
+def crossed_sheet(length=6):
+    """A sheet without thickness of three planes in a row; the first and the third pass through each other, at a right angle."""
+    profile = [(0, 0), (2, 2), (2, 0), (0, 2)]
+    solid = Solid()
+    for (x, y), (u, v) in zip(profile, profile[1:]):
+        solid.face([(x, y, 0), (u, v, 0), (u, v, length), (x, y, length)])
+    return solid
+
+
 SHEETS = {"notched_sheet": notched_sheet, "hooked_sheet": hooked_sheet}
 MODELS = {"gear": gear, "bracket": bracket, "chair": chair, "plate_with_holes": plate_with_holes, "engraved_text": engraved_text}

@@ -6,7 +6,7 @@ import numpy
 import pytest
 from scipy.spatial import cKDTree
 
-from cad_models import MODELS, SHEETS
+from cad_models import MODELS, SHEETS, crossed_sheet
 from readers import Points
 
 
@@ -50,6 +50,13 @@ def test_no_points_of_a_rim_that_folds_back_nearly_coincide(worker, tmp_path, na
     quality = report["quality"]
     assert quality["close_share"] == 0 and quality["min_spacing_ratio"] > 0.25
     assert quality["missing_share"] < 0.01 and quality["coverage"] < 1.1
+
+
+def test_points_of_faces_that_pass_through_each_other_are_apart(worker, tmp_path):
+    """No edge lies where two faces of one piece cross, and their points do not repel each other."""
+    report, _ = solve(worker, tmp_path, crossed_sheet(), 2000)
+    quality = report["quality"]
+    assert quality["close_share"] == 0 and quality["min_spacing_ratio"] > 0.25 and quality["coverage"] < 1
 
 
 @pytest.mark.parametrize("name", ["gear", "bracket", "plate_with_holes", "engraved_text"])
