@@ -34,7 +34,9 @@ def solve(worker, mesh, count, seed):
         report = out / "out" / "report.json"
         if not report.exists():
             return None, (out / "log").read_text().strip().splitlines()[-1]
-        return json.loads(report.read_text()), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+        result = json.loads(report.read_text())
+        # not ru_maxrss: a process inherits that of the one that started it
+        return result, used.ru_utime + used.ru_stime, result["peak_memory_bytes"] / 2 ** 20
 
 
 def number(x, digits):
