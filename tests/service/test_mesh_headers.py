@@ -32,7 +32,7 @@ def look(worker, tmp_path):
         points = read_columns((tmp_path / "out/points.ply").read_bytes())
         at = numpy.stack([points[axis] for axis in "xyz"], 1)
         return {"area": surface["mesh"]["area"], "triangles": surface["mesh"]["triangles"], "closed": surface["mesh"]["open_edges"] == 0,
-                "bounding_box": {"min": at.min(0), "max": at.max(0)}, "notes": surface["warnings"]}
+                "bounding_box": {"min": at.min(0), "max": at.max(0)}, "notes": [w for w in surface["warnings"] if "walls thinner" not in w]}
     return call
 
 
