@@ -470,14 +470,12 @@ static bool project(solver *s, error *e)
     return true;
 }
 
-/* On a mesh, and after defect repair: whether the solve has still converged once the points are projected to rounding and have the sizes of
- * their final positions. */
+/* Whether the solve has still converged once the points are projected to rounding and have the sizes of their final positions. */
 static bool has_converged_after_projection(solver *s, bool *rests, error *e)
 {
     relax_steps left;
     *rests = true;
-    const bool may_not = s->state.repairs > 0 || solver_merges_near_curves(s);
-    if (!may_not || s->setup.params.gradient || s->state.regime->is_under_resolved) return true;
+    if (s->setup.params.gradient || s->state.regime->is_under_resolved) return true;
     if (!solver_steps_after_projection(s, &left, e)) return false;
     *rests = !(left.without_kinks > s->setup.params.step_tolerance);
     return true;
