@@ -281,8 +281,9 @@ const config_row config_table[] = {
      .unit = "bytes", .help = "The longest request body."},
     {SETTING(body_total_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
-     .help = "The memory for the bodies of all simultaneous requests, at least body_limit_bytes. 0: 16 times "
-             "body_limit_bytes."},
+     .help =
+         "The memory for the bodies of all simultaneous requests, at least body_limit_bytes; each user may "
+         "take 16 KiB in any case. 0: 16 times body_limit_bytes."},
     {SETTING(user_body_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
      .help = "The memory for the bodies of simultaneous requests of one user, at least body_limit_bytes. "
@@ -291,7 +292,7 @@ const config_row config_table[] = {
      .high = 1e15, .unit = "bytes",
      .help =
          "The memory for all answers of 16 KiB and more while they are sent. Files, event streams and answers to "
-         "requests that change something do not count."},
+         "requests that change something do not count. Each user may take 1 MiB in any case."},
     {SETTING(user_answer_bytes), .type = CONFIG_INTEGER, .default_text = "16777216", .low = 16384,
      .high = 1e15, .unit = "bytes",
      .help =

@@ -13,16 +13,17 @@ typedef struct share {
 } share;
 
 struct body_bytes {
-    size_t total, of_user; /* bounds */
+    size_t total, of_user, of_each; /* bounds */
     size_t taken;
     share *shares;
 };
 
-body_bytes *body_bytes_new(size_t total, size_t of_user)
+body_bytes *body_bytes_new(size_t total, size_t of_user, size_t of_each)
 {
     body_bytes *b = mem_alloc(sizeof *b);
     b->total = total;
     b->of_user = of_user;
+    b->of_each = of_each;
     return b;
 }
 
@@ -50,7 +51,7 @@ body_verdict body_bytes_take(body_bytes *b, const char *user, size_t bytes)
     share **at = find(b, user);
     size_t has = *at ? (*at)->bytes : 0;
     if (bytes > b->of_user - has) return BODY_TOO_MUCH_OF_USER;
-    if (bytes > b->total - b->taken) return BODY_TOO_MUCH;
+    if (b->taken + bytes > b->total && has + bytes > b->of_each) return BODY_TOO_MUCH;
     if (!*at) {
         *at = mem_alloc(sizeof **at);
         (*at)->user = mem_strdup(user);

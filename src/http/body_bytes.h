@@ -9,7 +9,8 @@ typedef struct body_bytes body_bytes;
 
 typedef enum body_verdict { BODY_FITS, BODY_TOO_MUCH_OF_USER, BODY_TOO_MUCH } body_verdict;
 
-body_bytes *body_bytes_new(size_t total, size_t of_user);
+/* Each user may take `of_each`, also when the total is used up. */
+body_bytes *body_bytes_new(size_t total, size_t of_user, size_t of_each);
 void body_bytes_free(body_bytes *b); /* accepts NULL */
 
 /* Takes room for `bytes` more of this user, on BODY_FITS. */

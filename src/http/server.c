@@ -38,6 +38,10 @@
 #define STOP_MS 5000
 /* An answer from this length on counts for the memory of answers: a shorter one takes little more than its connection. */
 #define LONG_ANSWER_BYTES 16384
+/* What each user may take of the memory for bodies and for answers, also when others have taken all of it: a short body, and an answer to
+ * most requests. */
+#define BODY_BYTES_OF_EACH 16384
+#define ANSWER_BYTES_OF_EACH (1 << 20)
 /* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
  * threads wait for estimates. */
 #define USER_THREADS 32
@@ -910,8 +914,9 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     background_init_condition(&s->changed);
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
-    s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes);
-    s->answers = body_bytes_new(settings->answer_total_bytes, settings->user_answer_bytes);
+    s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes, BODY_BYTES_OF_EACH);
+    s->answers =
+        body_bytes_new(settings->answer_total_bytes, settings->user_answer_bytes, ANSWER_BYTES_OF_EACH);
     if (!s->connections || !start_pools(s, e)) goto failed;
     /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);

@@ -127,6 +127,30 @@ def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F8
     held[1].close()
 
 
+def test_a_short_body_has_room_when_other_users_take_all_memory_for_bodies(closed_service):  # noqa: F811
+    service = closed_service
+    service.end()
+    service.start("--body_limit_bytes", 30000, "--user_body_bytes", 40000, "--body_total_bytes", 40000)
+    tokens = {user: new_token(service, user, "--scopes", "read") for user in ("ann", "bob")}
+    spec = json.dumps(sphere()).encode()
+
+    def ask(user, body):
+        return service.request("POST", "/v1/jobs:validate", body,
+                               {"Authorization": f"Bearer {tokens[user]}", "Content-Type": "application/json"})
+
+    held = [send_head(service, *post_head(tokens["ann"], 30000))]
+    held[0].sendall(b" " * 29999)
+    wait_until(lambda: ask("ann", b" " * 15000 + spec).status == 429, "the long body to arrive")
+    while ask("ann", spec).status != 429:
+        held.append(send_head(service, *post_head(tokens["ann"], 1000)))
+        held[-1].sendall(b" " * 50)
+    refused = ask("bob", b" " * 20000 + spec)
+    assert refused.status == 503 and "body_total_bytes" in refused.json["detail"]
+    assert ask("bob", spec).status == 200
+    for one in held:
+        one.close()
+
+
 FLUSHES = """#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
