@@ -13,23 +13,23 @@ typedef struct energy_function {
     double (*value)(double u);  /* u > 0 */
     double (*first)(double u);  /* d phi / d u */
     double (*second)(double u); /* d2 phi / d u2 */
-    /* full sum over the six neighbours at u = 1 / sqrt 3 of a hexagonal packing whose next ring lies
-     * at the support (Figure 3); half of it with the 1/2 of (3) */
+    /* energy of a particle of the ideal hexagonal packing: the full sum over the six neighbours at u = 1 / sqrt 3; the next six lie at
+     * the support (Figure 3). With the factor 1/2 of (3) it would be half of this. */
     double ideal;
-    /* d log E / d log sigma of that packing: how fast a change of the support changes the energy */
+    /* d log E / d log sigma of that packing */
     double ideal_slope;
 } energy_function;
 
-/* cot w + w - pi/2 with w = u pi/2: nearly free of scale, and compact. The one to use. */
+/* The default: cot w + w - pi/2 with w = u pi/2. Approximately scale invariant, and compact. */
 extern const energy_function energy_cotangent;
 
-/* exp(-(3 u)^2 / 2): Witkin and Heckbert's, whose standard deviation is a third of the support, truncated. */
+/* exp(-(3 u)^2 / 2): the Gaussian of Witkin and Heckbert. The standard deviation is a third of the support, where it is truncated. */
 extern const energy_function energy_gaussian;
 
-/* 1 / u, truncated: free of scale, but its steady states depend on where it is cut off. */
+/* 1 / u, truncated: scale invariant, but its steady states depend on the truncation. */
 extern const energy_function energy_electrostatic;
 
-/* NULL for a name that is not one of the above's. */
+/* The potential of this name; NULL: there is none. */
 const energy_function *energy_find(const char *name);
 
 /* w cot w on [0, pi/2] as a polynomial in w^2, coefficients from the constant term up: the Taylor

@@ -1,8 +1,7 @@
-/* independent_sets: sets of points of which no two are neighbours, so that the points of a set may be updated side by
- * side with the same result as one after the other. A set's points come from a few blocks of one colour.
+/* independent_sets: sets of points no two of which are neighbours. Updating the points of a set at once gives the same result as one after the other. The
+ * points of a set are from a few blocks of one colour.
  *
- * The sets of a block follow each other like a front across it: most of what one set reads is in the cache since the
- * set before it. */
+ * Consecutive sets of a block advance across it, so that most data of a set are in the cache from the set before. */
 #ifndef HEXAD_PACKING_INDEPENDENT_SETS_H
 #define HEXAD_PACKING_INDEPENDENT_SETS_H
 
@@ -14,18 +13,18 @@
 #include "packing/neighbours.h"
 
 #define INDEPENDENT_SET_MOST FAST_KERNEL_LANES
-/* Marks the last point of a set in `bin_item`; an index never needs this bit. */
+/* Marks the last point of a set in `bin_item`; indices are smaller than this. */
 #define INDEPENDENT_SET_LAST ((uint32_t)1 << 31)
 
-/* The blocks of a colour form groups that share their sets, since the last ones of a group end half empty. Groups have about as many
- * points as each other: an even number of them takes two threads equally long. How many there are. */
+/* The number of groups of blocks of a colour. The blocks of a group share sets, because the last sets of a group are not full. Groups
+ * have about the same number of points, and their number is even, so that two threads have equal work. */
 size_t independent_sets_groups(const neighbours *n, int colour);
 
-/* The first block of a group, counted in the order of updates, or where the colour ends. A group may have none. */
+/* The first block of a group, in the order of updates; for the number of groups, the end of the colour. A group may be empty. */
 size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group);
 
-/* Sorts the points of each group of blocks in `bin_item` by their sets. From then on only the functions below read
- * `bin_item`, and a bin no longer tells its points. The result does not depend on the number of threads. */
+/* Sorts the points of each group in `bin_item` by sets. Afterwards `bin_item` is valid for the functions below only, not by bins. The
+ * result does not depend on the number of threads. */
 void independent_sets_form(neighbours *n, threads *pool);
 
 static inline uint32_t independent_sets_point(const neighbours *n, uint32_t at)
@@ -33,7 +32,7 @@ static inline uint32_t independent_sets_point(const neighbours *n, uint32_t at)
     return n->bin_item[at] & ~INDEPENDENT_SET_LAST;
 }
 
-/* The set that begins at `at`: its points, up to INDEPENDENT_SET_MOST. Returns how many. */
+/* The points of the set that begins at `at`, at most INDEPENDENT_SET_MOST. Returns their number. */
 static inline uint32_t independent_sets_next(const neighbours *n, uint32_t at, uint32_t *points)
 {
     uint32_t count = 0;

@@ -1,18 +1,20 @@
-/* neighbour_bins: the bins and blocks of neighbour lists: where they are, and which points lie in them. A part of neighbours, whose
- * header tells what they are; no others include it. */
+/* neighbour_bins: positions and points of the bins and blocks of neighbour lists (neighbours.h). Private to neighbours.c and
+ * independent_sets.c. */
 #ifndef HEXAD_PACKING_NEIGHBOUR_BINS_H
 #define HEXAD_PACKING_NEIGHBOUR_BINS_H
 
 #include "packing/neighbours.h"
 
-#define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
-#define BLOCK_BITS 16 /* of a block's coordinate; in a block's key the level stands above the three */
+#define BLOCK_SHIFT \
+    3 /* log2 of the width of a block in bins: the data of a block fit into the cache of a core */
+#define BLOCK_BITS \
+    16 /* bits of a coordinate in the key of a block; the level is above the three coordinates */
 #define BLOCK_WIDTH (1 << BLOCK_SHIFT)
 #define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
-#define CELL_BIN 0x3ff /* of a cell: the number of its bin within the block + 1, or 0 where there is none */
-#define CELL_SPLIT 0x8000 /* bins of the level below lie in it */
+#define CELL_BIN 0x3ff    /* bits of a cell: the number of its bin within the block + 1; 0: it has none */
+#define CELL_SPLIT 0x8000 /* bit of a cell: it contains bins of the level below */
 
-/* Where a bin is, in edges of its level, or a block, in blocks. */
+/* The position of a bin in edges of its level, or of a block in blocks. */
 typedef struct place {
     int level;
     int64_t at[3];
@@ -38,7 +40,7 @@ static inline place place_of_block(uint64_t key)
                     (int64_t)(key >> 2 * BLOCK_BITS & mask)}};
 }
 
-/* A bin's cell in its block. */
+/* The cell of a bin in its block. */
 static inline uint32_t cell_of(const place *bin)
 {
     const int64_t mask = BLOCK_WIDTH - 1;
@@ -54,7 +56,7 @@ static inline place place_of_bin(const place *block, uint32_t cell)
     return p;
 }
 
-/* The slot of a key: where its block is, or where it would go. */
+/* The slot of a key in the hash table: that of its block, or a free one. */
 static inline size_t slot_of(const neighbours *n, uint64_t key)
 {
     size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (n->table_size - 1);
@@ -62,13 +64,13 @@ static inline size_t slot_of(const neighbours *n, uint64_t key)
     return slot;
 }
 
-#define NO_KEY UINT64_MAX /* of no block */
+#define NO_KEY UINT64_MAX
 
-/* Room for the bins and blocks of so many points on a surface; it grows when they have more. Error: limit_memory. */
+/* Allocates bins and blocks for the typical number of `points` points on a surface; they grow later if necessary. Error: limit_memory. */
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e);
 
-/* Puts the points into bins, and bins and blocks into their orders, by places, sizes, edge and cutoff. list, list_begin and list_count
- * are used on the way, and mean nothing until there are lists. Errors: limit_memory, cancelled. */
+/* Sorts the points into bins, and bins and blocks into the order of updates. Input: place, edge and cutoff. Uses list, list_begin and
+ * list_count as scratch memory. Errors: limit_memory, cancelled. */
 bool neighbour_bins_fill(neighbours *n, threads *pool, error *e);
 
 #endif

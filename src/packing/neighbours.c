@@ -16,7 +16,7 @@
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
 static const size_t FIRST_ENTRIES = 20;
-/* Bins are a hair wider than the cutoff of the largest size of their level, so that no rounding puts it on the next. */
+/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a point to the next level. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
 enum { CHUNK = 4096 }; /* of points */
@@ -363,7 +363,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     else
         search_level(s);
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
-    for (; c->count % LANES; c->count++) { /* nobody's neighbours */
+    for (; c->count % LANES; c->count++) { /* unused entries */
         c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
         c->item[c->count] = UINT32_MAX;
         c->size[c->count] = NAN;

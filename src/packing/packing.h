@@ -16,13 +16,13 @@ static inline double packing_spacing(double area, double count)
     return sqrt(2 * area / (sqrt(3) * count));
 }
 
-/* How many points of this spacing an area holds; not rounded. */
+/* The number of points with this spacing on an area; not rounded. */
 static inline double packing_count(double area, double spacing)
 {
     return 2 * area / (sqrt(3) * spacing * spacing);
 }
 
-/* The area of the Voronoi cell of a point: of a hexagon whose opposite sides are one spacing apart. */
+/* The area of the Voronoi cell of a point: a hexagon whose opposite sides have the distance of one spacing. */
 static inline double packing_cell_area(double spacing)
 {
     return sqrt(3) / 2 * spacing * spacing;
@@ -41,22 +41,22 @@ static inline double packing_first_shell(double spacing)
     return 0.5 * (spacing + packing_support(spacing));
 }
 
-/* How many points an area holds whose packing has this support; not rounded. */
+/* The number of points on an area whose packing has this support; not rounded. */
 static inline double packing_count_of_support(double area, double support)
 {
     return 6 * area / (sqrt(3) * support * support);
 }
 
-/* What is known of a point beside its place. */
+/* Flags of a point. */
 enum {
-    PACKING_FIXED = 1,     /* it is held on a curve, where its part of the surface ends */
-    PACKING_ONE_SIDED = 2, /* the sign of its normal means nothing */
+    PACKING_FIXED = 1,     /* it is fixed on a curve, where its patch ends */
+    PACKING_ONE_SIDED = 2, /* the sign of its normal is arbitrary */
     PACKING_AT_WEDGE =
-        4 /* it is so near to a row on a sharp edge that the sheets that meet there are within reach of each other */
+        4 /* it is near the samples of a sharp edge, where the faces that meet there are within reach of each other */
 };
 
-/* Whether x lies within two spacings of a face of the box that cuts the surface: a point there lacks neighbours,
- * or has them elsewhere than in the interior. */
+/* Whether x lies within two spacings of a face of the box that cuts the surface: a point there has fewer neighbours than in the
+ * interior, or other positions of them. */
 static inline bool packing_is_near_boundary(bbox faces, vec3 x, double spacing)
 {
     return !bbox_contains(bbox_grow(faces, -2 * spacing), x);

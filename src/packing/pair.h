@@ -1,4 +1,4 @@
-/* pair: the sums over a particle's neighbours, which is where the solver's time goes.
+/* pair: the sums over the neighbours of a particle, in double precision.
  *
  * The energy of a pair of size s is weight s^2 phi(r / (s sigma)): with the size the mean of the ends'
  * requested spacings, the local spacing follows the request (exponent 1; without the factor s^2 it is 0.67).
@@ -19,43 +19,43 @@
 
 #define PAIR_LANES 8
 
-/* Neighbours, gathered. `blocks` groups of PAIR_LANES; padding entries have weight 0 and lie at any
- * place but the particle's. Aligned to 64 bytes. */
+/* Gathered neighbours of a particle, in `blocks` groups of PAIR_LANES. Padding entries have weight 0 and any position except that of
+ * the particle. Arrays are aligned to 64 bytes. */
 typedef struct pair_list {
     size_t blocks;
     double *x, *y, *z; /* positions, world space */
-    double *weight;    /* what the pair's energy is multiplied by, beside size2 */
-    double *size2; /* squared size of the pair over the particle's own; its support is sigma times the size */
-    double *nx, *ny, *nz; /* unit normals; only pair_weigh reads them and the next */
-    double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */
+    double *weight;    /* factor on the energy of the pair, besides size2 */
+    /* squared size of the pair over that of the particle; the support of the pair is sigma times the size */
+    double *size2;
+    double *nx, *ny, *nz; /* unit normals, used by pair_weigh only */
+    double *amplitude;    /* (alpha_i + alpha_j) / 2 of (13), used by pair_weigh only */
 } pair_list;
 
-/* Pairs count in full while their normals differ by less than 120 degrees, and not at all from 143 degrees on
- * (the other side of a thin sheet), with a smooth step between. A sharp edge, where a spline's normals swing
- * to 112 degrees from each other, is well within: were its sides hidden from each other, each would put a row
- * along it. */
+/* Facing weight of a pair, by the cosine of the normals: 1 above -0.5 (120 degrees), 0 below PAIR_FACING_NONE (143 degrees: opposite
+ * walls of a thin part), with a smooth step between. At a sharp edge, where the normals of a spline differ by up to 112 degrees, the
+ * weight is 1. Otherwise both sides of the edge would place particles along it. */
 #define PAIR_FACING_NONE -0.8
 #define PAIR_FACING_RANGE 0.3
 
-/* The same in a straight line, for sums other than the energy of the solve: 0 where the unit normals face away, 1 where they count in full. */
+/* The same with a linear step, for sums other than the energy of the solve. `a`, `b`: unit normals. */
 static inline double pair_facing(vec3 a, vec3 b)
 {
     return fmin(fmax((vec3_dot(a, b) - PAIR_FACING_NONE) / (-0.5 - PAIR_FACING_NONE), 0), 1);
 }
 
-/* Sets the weights that the neighbours have for a particle with normal n. They belong to the energy, so a
- * trial is judged with those of the place where it ends: were they lagged, particles at creases that h does
- * not resolve would trade them for ever. */
+/* Sets `weight` for a particle with normal n: amplitude times facing weight. The weight is part of the energy, so that a trial uses the
+ * normal at its end. With constant weights, particles at creases that h does not resolve would never converge. */
 void pair_weigh(pair_list *list, vec3 n);
 
 typedef struct pair_forces {
     double energy;        /* E_i, the full sum (no 1/2) */
-    double d1, d2;        /* dE_i/dx along the frame's two axes */
+    double d1, d2;        /* dE_i/dx along the two axes of the frame */
     double h11, h12, h22; /* first term of (10) in the frame */
-    double nearest2;      /* squared distance of the nearest neighbour of weight > 0; inf: none */
+    double nearest2;      /* squared distance of the nearest neighbour with weight > 0; infinity: none */
 } pair_forces;
 
-/* The cotangent has a vectorised kernel; the other potentials go through their tables. */
+/* The sums for a particle at x with the axes of its tangent frame. `sigma`: the support times the size of the particle, world units.
+ * The cotangent potential is vectorised; other potentials are evaluated by their function pointers. */
 void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
                     double sigma, pair_forces *out);
 double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma);
