@@ -125,6 +125,7 @@ static void test_a_thread_of_low_priority_commits_nothing(void **state)
     place *p = *state;
     char *base = mem_printf("%s/other", p->base);
     assert_int_equal(mkdir(base, 0700), 0);
+    const int connections_of_queue = connection_count;
     database *d = database_open(base, NULL);
     assert_non_null(d);
     noted_change usual = {.change.apply = note_thread, .d = d}, low = usual;
@@ -139,6 +140,7 @@ static void test_a_thread_of_low_priority_commits_nothing(void **state)
     assert_int_equal(low.own_nice, nice + 1);
     assert_int_equal(low.nice, nice);
     database_close(d);
+    connection_count = connections_of_queue; /* the others are closed */
     free(base);
 }
 
