@@ -360,7 +360,9 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
         store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload, NULL),
         STORE_UPLOAD_GOOD);
     store_upload_end(upload);
-    /* a use keeps it */
+    /* a use keeps it; the thread must not delete it before */
+    retention_stop(p->r);
+    p->r = NULL;
     free(unused);
     unused = put_input(p, 'd', 100000, name);
     assert_int_equal(store_inputs_use(p->inputs, name + strlen(STORE_INPUT_PREFIX)), 3);
