@@ -71,7 +71,7 @@ static int open_directory(const char *resolved, char **only)
 static const char *advice_on_root(const char *path)
 {
     if (*path != '/') return "; write an absolute path";
-    return strchr(path, ' ') ? "; separate paths by a colon or a comma" : "";
+    return strchr(path, ' ') ? "; separate paths by a colon or a comma" : "; mount it, or correct the path";
 }
 
 static bool root_open(const char *path, root *r, error *e)
