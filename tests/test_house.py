@@ -51,10 +51,23 @@ def misplaced_pages(root):
             if not any(re.fullmatch(pattern, name) for pattern in PAGES)]
 
 
+def makefile(root):
+    """The text of Makefile.am and of the files that it includes, with whole paths."""
+    parts = sorted(root.glob("src/*/Makefile.inc"))
+    return (root / "Makefile.am").read_text() + "".join(
+        part.read_text().replace("%D%", str(part.parent.relative_to(root))) for part in parts)
+
+
+def parts_left_out(root):
+    """Lists of folders that Makefile.am does not include."""
+    text = (root / "Makefile.am").read_text()
+    return [f"Makefile.am does not include src/{folder}/Makefile.inc" for folder in sorted(
+        p.parent.name for p in root.glob("src/*/Makefile.inc")) if f"include $(srcdir)/src/{folder}/Makefile.inc" not in text]
+
+
 def listed_sources(root):
     """The names in Makefile.am's lists of files, without those of built files."""
-    text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", (root / "Makefile.am").read_text(),
-                  flags=re.M)
+    text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", makefile(root), flags=re.M)
     return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|bench|tools|doc|etc|examples|systemd)/[\w./+-]+\."
                           r"(?:c|h|cc|py|md|json|conf|in|yml|png|sh|dict))(?=[\s\\\\]|$)", text)) - {"bench/smoke.md"}
 
@@ -63,7 +76,7 @@ def lost_sources(root):
     """Names in Makefile.am that are nowhere, and code that Makefile.am does not name."""
     listed = listed_sources(root)
     # a test without lines of its own is made of the file of its name
-    programs = re.findall(r"(?<=\s)(tests/unit/\w+)(?=[\s\\\\]|$)", (root / "Makefile.am").read_text())
+    programs = re.findall(r"(?<=\s)(tests/unit/\w+)(?=[\s\\\\]|$)", makefile(root))
     listed |= {f"{name}.c" for name in programs}
     return ([f"Makefile.am names {name}, which is nowhere" for name in sorted(listed) if not (root / name).is_file()]
             + [f"Makefile.am does not name {name}" for name in code_of(root, (".",)) if name not in listed])
@@ -100,7 +113,7 @@ def lost_names(root):
     return faults
 
 
-CHECKS = [unformatted, misplaced_pages, lost_sources, left_out, other_versions, lost_names]
+CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +135,8 @@ def small(source, tmp_path):
         "tests/clock.h": "int one(void);\n",
         "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
-        "Makefile.am": "a_SOURCES = src/base/clock.c \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\n",
+        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
+        "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
         "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
         "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
         "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
@@ -136,8 +150,8 @@ def small(source, tmp_path):
 FAULTS = [
     (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
     (misplaced_pages, "PLANS.md", "A page outside the folders of pages.\n", "PLANS.md is not where pages are"),
-    (lost_sources, "Makefile.am", "a_SOURCES = src/base/clock.c src/base/gone.c tests/clock.h\n",
-     "Makefile.am names src/base/gone.c"),
+    (parts_left_out, "src/json/Makefile.inc", "a_SOURCES += %D%/json.c\n", "Makefile.am does not include src/json/Makefile.inc"),
+    (lost_sources, "src/base/Makefile.inc", "a_SOURCES += %D%/clock.c %D%/gone.c\n", "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
     (lost_sources, "probe.c", "int new;\n", "Makefile.am does not name probe.c"),
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
