@@ -191,6 +191,9 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
         snprintf(more, sizeof more, "; %llu of its voxels are not finite, the first at (%d, %d, %d)",
                  (unsigned long long)a->not_finite, at[0], at[1], at[2]);
     }
+    if (l->lowest == l->highest)
+        return error_set(e, ERROR_NO_SURFACE, "all values of %s are %g%s: choose another grid", l->name,
+                         l->lowest, more);
     return error_set(e, ERROR_NO_SURFACE,
                      "%s has no surface at isovalue %g: choose an isovalue between its lowest value, %g, "
                      "and its highest, %g%s",

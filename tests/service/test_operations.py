@@ -229,7 +229,7 @@ class Story:
         backups = self.host.root / "var/backups/hexad"
         names = {p.name for p in backups.iterdir()}
         assert names >= {"queue.db", "instance", "results", "inputs"} and not names & {"lock", "copies"}
-        assert "sound: the database, and" in shown
+        assert "no faults in the database and" in shown
         self.late = self.host.submit(count=300)
         assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
 
@@ -240,7 +240,7 @@ class Story:
         assert self.host.state_of(self.deleted) == "succeeded" and self.host.has_result(self.deleted)
         shown = self.host.run("export STATE_DIRECTORY=/var/lib/hexad\nsystemctl stop hexad.socket hexad.service\n",
                               "hexad --check || true\nsystemctl start hexad.socket hexad.service\n")
-        assert "sound: the database, and" in shown
+        assert "no faults in the database and" in shown
         assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
 
     def before_upgrade(self):

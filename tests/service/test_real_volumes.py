@@ -190,7 +190,7 @@ AWKWARD = [
     ("vdb", "pointgrid.vdb", None, 0.5, "input_unsupported", ["ptdataidx32"]),
     ("vdb", "smoke1_half.vdb", None, 0.3, None, {}),
     ("vdb", "smoke1_half.vdb", None, None, "isovalue_required", ["density"]),
-    ("vdb", "vpt_box_bg1.vdb", None, 0.5, "no_surface", ["density", "1 to 1"]),
+    ("vdb", "vpt_box_bg1.vdb", None, 0.5, "no_surface", ["density", "are 1"]),
     ("vdb", "vpt_dragon_fog.vdb", None, 0.3, None, {}),
     ("vdb", "vpt_dragon_rotated_xform.vdb", None, 0.3, None, {}),
     ("vdb", "wdas_cloud_sixteenth.vdb", None, 0.2, None, {}),
