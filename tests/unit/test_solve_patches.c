@@ -466,6 +466,42 @@ static void every_patch_has_a_point(void **state)
     }
 }
 
+/* No force separates particles at the same place. */
+static void points_of_a_mesh_at_one_place_are_separated(void **state)
+{
+    (void)state;
+    error e = {0};
+    mesh m = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 3);
+    mesh_patches patches = {0};
+    mesh_notes notes = {0};
+    const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0};
+    assert_true(mesh_patches_make(&m, &how, &notes, &patches, &e));
+    mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, &e);
+    assert_non_null(s);
+    const field *f = mesh_surface_field(s);
+    ((field_patches *)f->patches)->merges_near_curves = true;
+    solver_params params = solve_defaults;
+    params.count = 150;
+    solve x, out;
+    solve_all(f, &params, 1, &x);
+    given_start(&x, &params);
+    vec3 *position = copy_positions(&x), *normal = malloc(x.points->count * sizeof *normal);
+    memcpy(normal, params.given_normal, x.points->count * sizeof *normal);
+    position[70] = position[71];
+    normal[70] = normal[71];
+    params.given = position;
+    params.given_normal = normal;
+    solve_all(f, &params, 1, &out);
+    assert_int_equal(solver_result(out.solver), SOLVER_CONVERGED);
+    assert_int_equal(out.points->count, params.count);
+    assert_true(solve_least_distance(out.points) > 0.25);
+    solve_free(&out);
+    solve_free(&x);
+    free(position);
+    free(normal);
+    mesh_surface_free(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -481,6 +517,7 @@ int main(void)
         cmocka_unit_test(point_on_a_row_without_a_gap_goes_inwards),
         cmocka_unit_test(points_on_curves_have_a_copy_for_each_patch),
         cmocka_unit_test(every_patch_has_a_point),
+        cmocka_unit_test(points_of_a_mesh_at_one_place_are_separated),
         cmocka_unit_test(normals_of_an_edge_are_merged_where_they_agree),
     };
     return cmocka_run_group_tests_name("solve_patches", tests, NULL, NULL);

@@ -24,8 +24,8 @@ bool solver_fill_gaps(solver *s, bool *changed, error *e);
  * (fill_gaps.c). Lists are stale if *changed. */
 bool solver_fill_parts(solver *s, bool *changed, error *e);
 
-/* Meshes of several patches: moves particles away from those of other patches, where patches pass through each other, and fixes them there
- * (separate_patches.c). */
+/* Meshes: moves particles away from those of other patches, where patches pass through each other, and from particles of their patch at the same
+ * place, and fixes them there (separate_patches.c). */
 bool solver_separate_patches(solver *s, bool *changed, error *e);
 
 /* Under-resolved surfaces: relocates over-dense particles to gaps in coverage (fill_gaps.c). */

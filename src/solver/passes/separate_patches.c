@@ -1,5 +1,7 @@
-/* separate_patches: moves particles of one patch away from those of another patch that passes through it (passes.h). Particles of different
- * patches do not repel each other, and patches that intersect without a common curve have no samples along the intersection. */
+/* separate_patches: moves particles of one patch away from those of another patch that passes through it, and particles away from others of
+ * their patch at the same place (passes.h). Particles of different patches do not repel each other, and patches that intersect without a common
+ * curve have no samples along the intersection. On parts thinner than the spacing several particles may be projected to one place, where no
+ * force separates them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +15,8 @@
 /* Particles of different patches within this distance are too close, in spacings. A little above the distance of close pairs in the
  * measures (0.25), because the particles around relax afterwards. */
 static const double CLOSE_DISTANCE = 0.27;
+/* Particles of one patch within this distance are at the same place, in spacings: that of coincident points in the measures. */
+static const double COINCIDENT_DISTANCE = 1e-3;
 /* Length of the displacement along the surface, in spacings. Larger: nearer to the particles of its own patch. */
 static const double DISPLACEMENT = 0.3;
 /* Number of directions that are tried. */
@@ -32,7 +36,7 @@ typedef struct nearest_search {
     const separation *job;
     size_t i;
     vec3 x;
-    bool other_patches; /* only particles of other patches count */
+    double own_patch2; /* particles of its patch count within this squared distance */
     double least2;
 } nearest_search;
 
@@ -41,13 +45,13 @@ static void visit_particle(void *context, uint32_t j)
     nearest_search *search = context;
     const particles *p = search->job->s->state.p;
     const uint32_t own = p->patch[search->i], other = p->patch[j];
-    if (j == search->i || (search->other_patches && own == other) ||
+    const double distance2 = vec3_norm2(vec3_sub(p->position[j], search->x));
+    if (j == search->i || (own == other && distance2 > search->own_patch2) ||
         search->job->joined[own] != search->job->joined[other])
         return;
     double facing = vec3_dot(p->normal[search->i], p->normal[j]);
     if (particles_is_one_sided(p, search->i) || particles_is_one_sided(p, j)) facing = fabs(facing);
-    if (facing > RESOLUTION_OPPOSITE)
-        search->least2 = fmin(search->least2, vec3_norm2(vec3_sub(p->position[j], search->x)));
+    if (facing > RESOLUTION_OPPOSITE) search->least2 = fmin(search->least2, distance2);
 }
 
 static double own_spacing(const separation *job, size_t i)
@@ -56,11 +60,11 @@ static double own_spacing(const separation *job, size_t i)
 }
 
 /* Distance of the nearest other particle from x, in spacings of particle i; INFINITY if none is within DISPLACEMENT and CLOSE_DISTANCE.
- * Particles that this pass has moved are found at their new positions. */
-static double distance_of_nearest(const separation *job, size_t i, vec3 x, bool other_patches)
+ * Particles of its patch count within own_patch spacings. Particles that this pass has moved are found at their new positions. */
+static double distance_of_nearest(const separation *job, size_t i, vec3 x, double own_patch)
 {
     const double h = own_spacing(job, i);
-    nearest_search search = {job, i, x, other_patches, INFINITY};
+    nearest_search search = {job, i, x, own_patch * h * own_patch * h, INFINITY};
     near_points_within(job->near, x, (2 * DISPLACEMENT + CLOSE_DISTANCE) * h, visit_particle, &search);
     return sqrt(search.least2) / h;
 }
@@ -68,7 +72,7 @@ static double distance_of_nearest(const separation *job, size_t i, vec3 x, bool 
 static bool is_too_close(const separation *job, size_t i)
 {
     return !particles_is_fixed(job->s->state.p, i) &&
-           distance_of_nearest(job, i, job->s->state.p->position[i], true) < CLOSE_DISTANCE;
+           distance_of_nearest(job, i, job->s->state.p->position[i], COINCIDENT_DISTANCE) < CLOSE_DISTANCE;
 }
 
 static void close_chunk(void *context, int worker, size_t begin, size_t end)
@@ -86,8 +90,10 @@ static bool move_away(const separation *job, size_t i)
     const field *f = particles_field(p, job->s->setup.field, i);
     const double h = own_spacing(job, i);
     const vec3 from = p->position[i];
+    bool found = false;
     vec3 axis1, axis2, best = from, best_normal = p->normal[i];
-    double farthest = CLOSE_DISTANCE;
+    const double distance_now = distance_of_nearest(job, i, from, INFINITY);
+    double farthest = distance_now < COINCIDENT_DISTANCE ? distance_now : CLOSE_DISTANCE;
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < DIRECTIONS; k++) {
         const double angle = 2 * M_PI * k / DIRECTIONS;
@@ -95,13 +101,14 @@ static bool move_away(const separation *job, size_t i)
                            vec3_axpy(DISPLACEMENT * h * sin(angle), axis2, from)),
              normal = p->normal[i];
         if (!solver_project_point(f, h, DISPLACEMENT * h, &x, &normal) || !field_is_within(f, x)) continue;
-        const double distance = distance_of_nearest(job, i, x, false);
+        const double distance = distance_of_nearest(job, i, x, INFINITY);
         if (distance <= farthest) continue;
         farthest = distance;
         best = x;
         best_normal = normal;
+        found = true;
     }
-    if (farthest <= CLOSE_DISTANCE) return false;
+    if (!found) return false;
     p->position[i] = best;
     p->normal[i] = best_normal;
     p->place[i] = PARTICLES_PINNED;
@@ -123,7 +130,7 @@ static void join_patches(const field_patches *patches, uint32_t *joined)
 bool solver_separate_patches(solver *s, bool *changed, error *e)
 {
     const particles *p = s->state.p;
-    if (!solver_merges_near_curves(s) || p->patches->count < 2) return true;
+    if (!solver_merges_near_curves(s)) return true;
     vec3 *before = mem_array(p->count, sizeof *before, WHAT, e);
     separation job = {.s = s,
                       .joined = mem_array(p->patches->count, sizeof *job.joined, WHAT, e),
