@@ -6,7 +6,6 @@
 #include "base/compare.h"
 #include "base/isa.h"
 #include "packing/packing.h"
-#include "voronoi/star_lanes.h"
 #include "voronoi/triangle_filter.h"
 
 /* Maximum displacement of points along their normals, in spacings. Points on a plane or a sphere have no unique triangulation; the
@@ -329,7 +328,24 @@ static bool is_opposite(const site *a, const site *b)
     return vec3_dot(a->normal, b->normal) <= VORONOI_OPPOSITE_COSINE;
 }
 
-/* ---- the planar star (star_lanes.h) of one point */
+/* ---- planar stars
+ *
+ * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point. Distances are those in space.
+ * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they differ by terms of second order
+ * in the bend of the surface within the list, which MIN_COSINE and MAX_SLOPE bound. The neighbours equal those of
+ * voronoi_star_triangles if every edge of the polygon is longer than MIN_EDGE, and every other point would have to come nearer by as
+ * much to get an edge. Otherwise the planar star is not used. */
+
+/* Minimum cosine between the normal of the point and those of its list, and maximum height of a listed point over the tangent plane, divided
+ * by its distance: the sine of half of that angle. */
+static const double MIN_COSINE = 0.9, MAX_SLOPE = 0.22;
+/* Points whose normals have a smaller cosine are on opposite walls, whatever the other normals of the list are: VORONOI_OPPOSITE_COSINE
+ * less half of the angle of MIN_COSINE. */
+static const double OPPOSITE_COSINE = -0.77;
+/* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests' sets differs from that by triangles. */
+static const double MIN_EDGE = 0.225;
+/* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
+static const double FIRST_RING = 1.45;
 #define RING_MAX 32
 
 /* Points around the own point: coordinates in its tangent frame, squared distances in space. */
@@ -354,11 +370,10 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
         double facing = vec3_dot(n, normal_towards(in, c, n));
-        if (facing <= STAR_OPPOSITE_COSINE) continue;
+        if (facing <= OPPOSITE_COSINE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        bent |= (facing < STAR_MIN_COSINE) | (height * height > STAR_MAX_SLOPE * STAR_MAX_SLOPE * square) |
-                (square == 0);
+        bent |= (facing < MIN_COSINE) | (height * height > MAX_SLOPE * MAX_SLOPE * square) | (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
         int within = square < reach2;
@@ -480,12 +495,12 @@ bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     ring g;
     int order[RING_MAX], hull[RING_MAX + 1];
-    const double reach[2] = {STAR_RING_FIRST * in->spacing[a], INFINITY};
+    const double reach[2] = {FIRST_RING * in->spacing[a], INFINITY};
     for (int k = 0; k < 2; k++) {
         if (!gather_ring(in, a, reach[k] * reach[k], &g)) return false;
         if (g.count < 3) continue;
         order_ring(&g, order);
-        double clear = STAR_MIN_EDGE * g.widest;
+        double clear = MIN_EDGE * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
         measure_star(&g, neighbours_list(in->near, a), count, hull, out);

@@ -61,7 +61,7 @@ double voronoi_star_area(const voronoi_star *star);
 
 /* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent plane
  * of `a` by bisectors, in a twentieth of the time. It returns false, with *out undefined, if the surface bends too much or if another
- * polygon would be nearly as good (star_lanes.h). */
+ * polygon would be nearly as good (voronoi.c has the bounds). */
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "field/projection.h"
-#include "voronoi/star_lanes.h"
+#include "voronoi/voronoi.h"
 #include "shapes.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };
@@ -95,42 +95,6 @@ static void compare_ends(const voronoi_sites *sites, uint32_t a, const voronoi_s
     }
 }
 
-static void compare_same(const voronoi_star *a, const voronoi_star *b)
-{
-    assert_int_equal(a->count, b->count);
-    assert_int_equal(a->triangle_count, b->triangle_count);
-    assert_int_equal(a->pinched, b->pinched);
-    assert_memory_equal(a->point, b->point, a->count * sizeof *a->point);
-    assert_memory_equal(a->place, b->place, a->count * sizeof *a->place);
-    assert_memory_equal(a->distance, b->distance, a->count * sizeof *a->distance);
-    assert_memory_equal(a->edge, b->edge, a->count * sizeof *a->edge);
-    assert_memory_equal(a->triangles, b->triangles, a->count * sizeof *a->triangles);
-    assert_memory_equal(a->corner, b->corner, a->triangle_count * sizeof *a->corner);
-}
-
-/* Side by side they are the same as one by one, to the last bit, whoever is beside whom; and the rows are those of the lists. */
-static void compare_lanes(const voronoi_sites *sites, size_t points)
-{
-    star_lists rows = {0};
-    voronoi_star star[STAR_LANES], alone;
-    for (uint32_t first = 0; first < points; first += STAR_LANES) {
-        uint32_t point[STAR_LANES], count = 0;
-        for (; count < STAR_LANES && first + count < points; count++)
-            point[count] = (uint32_t)(first + count * 7) % (uint32_t)points;
-        const bool told = star_lanes_at(sites, point, count, &rows, star);
-        for (uint32_t l = 0; l < count; l++) {
-            const uint32_t a = point[l], *list = neighbours_list(sites->near, a);
-            voronoi_star_at(sites, a, &alone);
-            compare_same(&star[l], &alone);
-            for (uint32_t k = 0; told && k < sites->near->list_count[a]; k++) {
-                assert_true(rows.square[k][l] ==
-                            vec3_norm2(vec3_sub(sites->position[list[k]], sites->position[a])));
-                assert_true(rows.facing[k][l] == vec3_dot(sites->normal[a], sites->normal[list[k]]));
-            }
-        }
-    }
-}
-
 /* How many of the stars are clear; all are compared. */
 static size_t compare_stars(const set *s)
 {
@@ -146,7 +110,6 @@ static size_t compare_stars(const set *s)
         compare_clear(&sites, a, &polygon, &stars[a]);
         clear++;
     }
-    compare_lanes(&sites, s->count);
     free(stars);
     neighbours_free(near);
     return clear;

@@ -8,7 +8,7 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "field/projection.h"
-#include "voronoi/star_lanes.h"
+#include "voronoi/voronoi.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 #include "solver/start.h"
@@ -75,13 +75,10 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
     mesh *m = context;
     (void)worker;
     size_t found = 0;
-    star_lists rows = {0};
-    voronoi_star star[STAR_LANES];
-    for (size_t first = begin; first < end; first += STAR_LANES) {
-        uint32_t point[STAR_LANES], count = 0;
-        for (size_t i = first; i < end && count < STAR_LANES; i++) point[count++] = (uint32_t)i;
-        star_lanes_at(&m->sites, point, count, &rows, star);
-        for (uint32_t l = 0; l < count; l++) found += mark_edges(m, point[l], &star[l]);
+    voronoi_star star;
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        voronoi_star_at(&m->sites, i, &star);
+        found += mark_edges(m, i, &star);
     }
     m->first[begin / CHUNK + 1] = found;
 }
