@@ -122,7 +122,7 @@ function Load({load, workers, checks, admin, now, onChange}) {
     draining && "It takes no jobs and starts none: somebody drains it.",
     held && "Jobs wait: somebody holds the queue.",
     checks.storage === "full" && "The disk is full: no job is started.",
-    checks.results === "full" && "Results have met their bound: no job is started.",
+    checks.results === "full" && "The results of all jobs have reached a limit: no job is started. Delete results, or raise the limit.",
     checks.database === "damaged" && "The database is damaged: nothing is changed any more.",
   ].filter(Boolean);
   return html`<section class="load card" aria-label="Load">

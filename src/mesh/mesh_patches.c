@@ -624,7 +624,9 @@ static bool weld(making *k, mesh_notes *notes, error *e)
     mesh *m = k->m;
     const mesh_edges *edges = k->params->edges ? k->params->edges : &k->own;
     if (!mesh_weld(m, MESH_DROP_IF_CLOSED, notes, e)) return false;
-    if (m->triangle_count == 0) return error_set(e, ERROR_NO_SURFACE, "no triangle of the mesh has an area");
+    if (m->triangle_count == 0)
+        return error_set(e, ERROR_NO_SURFACE,
+                         "all triangles of the mesh have an area of 0: correct the file");
     if (!k->params->edges && !mesh_edges_list(m, k->params->pool, &k->own, e)) return false;
     if (!cut_coplanar(k, &edges, notes, e)) return false;
     k->edges = mesh_edges_close_seams(m, edges, k->params->weld * bbox_longest(mesh_box(m, k->params->pool)),

@@ -72,7 +72,7 @@ static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t 
         if (!read_number(c, p->type, &number)) return false;
         if (!out) continue;
         if (!(number >= 0 && number < (double)out->vertices && number == floor(number)))
-            return refuse_row(c, "has a corner that is none of the vertices before it");
+            return refuse_row(c, "refers to a vertex that does not exist");
         if (!plain_mesh_expect_corners(out, k + 1)) return false;
         out->corner[k] = (uint32_t)number;
     }
@@ -157,7 +157,7 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
         if (common && read_triangle(c, corner)) {
             for (int k = 0; k < 3; k++)
                 if (corner[k] >= out->vertices)
-                    return refuse_row(c, "has a corner that is none of the vertices before it");
+                    return refuse_row(c, "refers to a vertex that does not exist");
             if (!plain_mesh_add_polygon(out, corner, 3)) return false;
             continue;
         }

@@ -271,24 +271,24 @@ static bool count_impossible(making *m, const surface *scan, size_t count, doubl
         return error_set(
             e, ERROR_SPEC_INVALID,
             "%zu points do not fit: with /sampling/min_spacing %g there are at most %.0f on an area of "
-            "%g: ask for fewer, or lower it",
+            "%g: lower /sampling/count or /sampling/min_spacing",
             count, p->min_spacing, most, scan->area);
     if (p->feature_ratio > 0)
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "%zu points are too few: thin parts, narrow gaps and /sampling/gradation need about %.0f. Ask for as "
-            "many or for /sampling/resolve, or raise /sampling/feature/ratio or /sampling/min_spacing",
+            "%zu points are too few: thin parts, narrow gaps and /sampling/gradation require about %.0f. Set /sampling/count "
+            "to at least this number, set /sampling/resolve, or raise /sampling/feature/ratio or /sampling/min_spacing",
             count, ceil(1.01 * points_under(m, INFINITY, widest)));
     if (p->max_spacing > 0)
         return error_set(
             e, ERROR_SPEC_INVALID,
             "%zu points are too few: with /sampling/max_spacing %g there are at least %.0f on an area of "
-            "%g: ask for more, or raise it",
+            "%g: raise /sampling/count or /sampling/max_spacing",
             count, p->max_spacing, packing_count(scan->area, p->max_spacing), scan->area);
     return error_set(
         e, ERROR_SPEC_INVALID,
-        "%zu points are too few for the grading, whose spacing may grow by %g per unit of distance: ask "
-        "for more, or raise /sampling/gradation",
+        "%zu points are too few for the grading, whose spacing may grow by %g per unit of distance: raise "
+        "/sampling/count or /sampling/gradation",
         count, p->gradation);
 }
 

@@ -248,10 +248,11 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
     size_t lost = atomic_load(&job.lost);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (lost < p->count)
-        return error_set(e, ERROR_NO_SURFACE,
-                         "particle %zu of %zu does not reach the surface in %d draws: the field "
-                         "has no usable gradient near its isosurface",
-                         lost + 1, p->count, START_MAX_DRAWS);
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "no place on the surface was found for particle %zu of %zu in %d random draws: the field "
+            "has no usable gradient near its isosurface",
+            lost + 1, p->count, START_MAX_DRAWS);
     *removed = atomic_load(&job.drawn_again);
     return true;
 }

@@ -435,7 +435,7 @@ def test_features_bound_the_spacing(worker, tmp_path):
     """An ellipsoid is 0.4 thick along its shortest axis: a count that is too small names one that is enough."""
     words = last_words(worker(ellipsoid(20, feature={"ratio": 0.5})))
     assert words["code"] == "spec_invalid" and "/sampling/resolve" in words["message"]
-    least = int(re.search(r"need about (\d+)", words["message"])[1])
+    least = int(re.search(r"require about (\d+)", words["message"])[1])
     assert worker(ellipsoid(least, feature={"ratio": 0.5})).returncode in (0, 11)
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     assert points.count == least

@@ -210,7 +210,7 @@ class Service(ABC):
 
     @abstractmethod
     def inspect(self, path: str) -> dict[str, Any]:
-        """What lies in a file, and specs that sample it. `path`: as a spec names it."""
+        """The contents of a file, and specs that sample it. `path`: as a spec names it."""
 
 
 def wait_as_asked(job: Job, wait: bool | float) -> None:

@@ -521,9 +521,11 @@ static bool draw_missing(const field *f, const surface *scan, const sizing_field
     for (int draws = 0; p->count < count; draws++) {
         vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r, NULL), n;
         if (draws == START_MAX_DRAWS)
-            return error_set(e, ERROR_NO_SURFACE,
-                             "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
-                             count, draws);
+            return error_set(
+                e, ERROR_NO_SURFACE,
+                "no place on the surface was found for particle %zu of %zu in %d random draws: the field "
+                "has no usable gradient near its isosurface",
+                p->count + 1, count, draws);
         if (!projection_find(f, &limits, &x, &n)) continue;
         p->position[p->count] = x;
         p->normal[p->count++] = n;
