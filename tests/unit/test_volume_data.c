@@ -63,7 +63,7 @@ static const expectation vdb_files[] = {
     {"oiio_sphereCd.vdb", NULL, 0.5, ERROR_INPUT_UNSUPPORTED, "vec3s", 0},
     {"pointgrid.vdb", NULL, 0.5, ERROR_INPUT_UNSUPPORTED, "ptdataidx32", 0},
     {"smoke1_half.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
-    {"vpt_box_bg1.vdb", NULL, 0.5, ERROR_NO_SURFACE, "lowest value, 1, and its highest, 1", 0},
+    {"vpt_box_bg1.vdb", NULL, 0.5, ERROR_NO_SURFACE, "are 1", 0},
     {"vpt_dragon_fog.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
     {"vpt_dragon_rotated_xform.vdb", NULL, 0.3, ERROR_NONE, NULL, 0.95},
     {"wdas_cloud_sixteenth.vdb", NULL, 0.2, ERROR_NONE, NULL, 0.95},
