@@ -276,7 +276,7 @@ static void damaged_files_are_refused_with_the_place(void **state)
         {"stl", "solid\n" FACET "endsolid\nx", "line 10 of the STL file is not of a solid"},
         {"stl", FACET, "the STL file does not begin with \"solid\", and as a binary file of"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
-         "line 13 of the PLY file, row 0 of its element \"face\", has a corner that is none"},
+         "line 13 of the PLY file, row 0 of its element \"face\", refers to a vertex that does not exist"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1\n3 0 1 2\n",
          "line 12 of the PLY file, row 2 of its element \"vertex\", ends before"},
         {"ply", PLY_ASCII "0 0 0 4\n1 0 0\n0 1 0\n3 0 1 2\n",
