@@ -285,7 +285,7 @@ static void damaged_files_are_refused_with_the_place(void **state)
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n",
          "line 13 of the PLY file, row 0 of its element \"face\", has a list whose length"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1.5 2\n",
-         "line 13 of the PLY file, row 0 of its element \"face\", has a corner"},
+         "line 13 of the PLY file, row 0 of its element \"face\", refers to a vertex"},
         {"ply", PLY_ASCII "0 0 0\n1 a 0\n0 1 0\n3 0 1 2\n",
          "line 11 of the PLY file, row 1 of its element \"vertex\", has a word"},
         {"ply",
