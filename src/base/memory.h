@@ -33,9 +33,9 @@ void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t siz
  * them, and 4 MB are there at once: a small job spends a fifth of its time on first touches of small pages otherwise. */
 void mem_begin(void);
 
-/* For a program of many threads that runs for long, before it starts threads: bounds the freed memory that the library keeps. Of itself
- * it keeps up to 64 MB in each of its arenas, of which there are eight for each processor. MALLOC_ARENA_MAX in the environment sets
- * another number of arenas. */
+/* For a program of many threads that runs for long, before it starts threads: bounds the freed memory that the C library keeps. By
+ * default that is up to 64 MB in each arena, with eight arenas for each processor. MALLOC_ARENA_MAX in the environment overrides the
+ * number of arenas. */
 void mem_begin_threads(void);
 
 /* Gives the memory of whole pages within an array back to the kernel; what it held is lost. The array is freed as a whole

@@ -104,15 +104,17 @@ bool head_refuse_unread(struct MHD_Connection *connection, reply *r)
         find_header(connection, MHD_HTTP_HEADER_CONTENT_LENGTH, &value, &length)) {
         const bool is_number = is_length(value, length, &large);
         if (!is_number)
-            reply_set_problem(r, "request_invalid", NULL, "Content-Length is not a number of bytes");
+            reply_set_problem(r, "request_invalid", NULL, "Content-Length must be a number of bytes");
         else if (large)
-            reply_set_problem(r, "body_too_large", NULL, "Content-Length is beyond all limits");
+            reply_set_problem(r, "body_too_large", NULL,
+                              "Content-Length exceeds all limits: send a smaller body");
         if (!is_number || large) return true;
     }
     /* The library copies this header before it reads the cookies. Later versions report also cookies that they do not like. */
     if (MHD_VERSION > 0x00097600 || !find_header(connection, MHD_HTTP_HEADER_COOKIE, &value, &length))
         return false;
-    reply_set_problem(r, "request_invalid", NULL, "the headers are too long (setting header_limit_bytes)");
+    reply_set_problem(r, "request_invalid", NULL,
+                      "the headers exceed the setting header_limit_bytes: send shorter ones");
     return true;
 }
 

@@ -254,15 +254,14 @@ static void count_answer(exchange *x, reply *r)
     if (fits == BODY_FITS) {
         x->answer_bytes = bytes;
     } else if (fits == BODY_TOO_MUCH_OF_USER) {
-        reply_set_problem(
-            r, "too_many_requests", NULL,
-            "the answers to this user that are being sent take as much memory as they may (setting"
-            " user_answer_bytes): read them, or send fewer requests at once");
+        reply_set_problem(r, "too_many_requests", NULL,
+                          "the answers being sent to this user have reached the memory for answers (setting"
+                          " user_answer_bytes): read them, or send fewer requests at once");
         reply_ask_again(r);
     } else {
         reply_set_unavailable(
             r,
-            "the answers that are being sent take as much memory as they may (setting answer_total_bytes)");
+            "all answers being sent have reached the memory for answers (setting answer_total_bytes): try again later");
     }
 }
 

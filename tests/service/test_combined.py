@@ -355,8 +355,8 @@ def test_a_solid_deep_inside_a_volume(sample, dense_ball):
 @pytest.mark.parametrize("more", [{}, pytest.param({"features": True}, marks=pytest.mark.extended)],
                          ids=["smooth", "features"])
 def test_a_part_that_is_empty_changes_nothing(sample, more):
-    """Parts that do not meet, or of which removes the whole shape: in a union, or taken from a solid, they count as nothing, which a
-    warning says. A solid of which removes the whole shape is no_surface, and says which part that is."""
+    """Parts that do not meet, or of which nothing is left: in a union, or taken from a solid, they count as nothing, which a
+    warning says. A solid of which nothing is left is no_surface, and says which part that is."""
     one, other = sphere(1), sphere(0.5, (3, 0, 0))
     none = {"intersection": [other, sphere(0.3)]}
     away = transform({"difference": [sphere(0.3), one]}, numpy.diag([2, -1, 1, 1.0]))

@@ -104,6 +104,11 @@ def post_head(token, length):
             f"Content-Length: {length}")
 
 
+def validate(service, token, body):
+    return service.request("POST", "/v1/jobs:validate", body,
+                           {"Authorization": f"Bearer {token}", "Content-Type": "application/json"})
+
+
 def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F811
     """Bodies of which all but the end has come are held back; a body of another user has room."""
     service = closed_service
@@ -113,8 +118,7 @@ def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F8
     spec = json.dumps(sphere()).encode()
 
     def ask(user, body):
-        return service.request("POST", "/v1/jobs:validate", body,
-                               {"Authorization": f"Bearer {tokens[user]}", "Content-Type": "application/json"})
+        return validate(service, tokens[user], body)
 
     held = []
     for _ in range(2):
@@ -135,8 +139,7 @@ def test_a_short_body_has_room_when_other_users_take_all_memory_for_bodies(close
     spec = json.dumps(sphere()).encode()
 
     def ask(user, body):
-        return service.request("POST", "/v1/jobs:validate", body,
-                               {"Authorization": f"Bearer {tokens[user]}", "Content-Type": "application/json"})
+        return validate(service, tokens[user], body)
 
     held = [send_head(service, *post_head(tokens["ann"], 30000))]
     held[0].sendall(b" " * 29999)

@@ -13,6 +13,7 @@
 #include "base/memory.h"
 #include "config/config.h"
 #include "spec/spec.h"
+#include "spec_text.h"
 
 #define COUNT(a) ((int)(sizeof(a) / sizeof *(a)))
 
@@ -28,25 +29,11 @@ const char *__wrap_build_part_missing(build_part part)
     return why[part];
 }
 
-/* A spec with these further members. */
-static spec *parse(const char *members, spec_faults *faults, error *e)
-{
-    char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
-                            "\"sampling\":{\"count\":100}%s}",
-                            members);
-    json *document = json_parse(text, strlen(text), e);
-    if (!document) fail_msg("%s", e->message);
-    spec *s = spec_parse(document, faults, e);
-    json_free(document);
-    free(text);
-    return s;
-}
-
 static void refuse(const char *members, const char *pointer, const char *option)
 {
     error e = {0};
     spec_faults faults;
-    if (parse(members, &faults, &e)) fail_msg("accepted: %s", members);
+    if (spec_of_text(members, &faults, &e)) fail_msg("accepted: %s", members);
     assert_int_equal(e.code, ERROR_NOT_SUPPORTED);
     assert_int_equal(faults.count, 1);
     assert_string_equal(faults.item[0].pointer, pointer);
@@ -57,7 +44,7 @@ static void refuse(const char *members, const char *pointer, const char *option)
 static spec *accept(const char *members)
 {
     error e = {0};
-    spec *s = parse(members, NULL, &e);
+    spec *s = spec_of_text(members, NULL, &e);
     if (!s) fail_msg("%s: %s", members, e.message);
     return s;
 }

@@ -430,7 +430,20 @@ static void normals_of_an_edge_are_merged_where_they_agree(void **state)
     }
 }
 
-/* ---- small patches */
+/* ---- meshes without feature curves */
+
+/* Takes the mesh. */
+static mesh_surface *make_surface(mesh *m)
+{
+    error e = {0};
+    mesh_patches patches = {0};
+    mesh_notes notes = {0};
+    const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0};
+    assert_true(mesh_patches_make(m, &how, &notes, &patches, &e));
+    mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, &e);
+    assert_non_null(s);
+    return s;
+}
 
 /* A large ball and small ones, each a patch of a mesh: each has a point, whichever way places without one are looked for. */
 static void every_patch_has_a_point(void **state)
@@ -438,16 +451,10 @@ static void every_patch_has_a_point(void **state)
     (void)state;
     enum { SMALL = 12 };
     for (int many = 0; many < 2; many++) {
-        error e = {0};
         mesh m = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 3);
         for (int k = 0; k < SMALL; k++)
             mesh_fixture_append(&m, mesh_fixture_ball(vec3_make(2 + k % 3, k / 3, 0), 0.045, 1));
-        mesh_patches patches = {0};
-        mesh_notes notes = {0};
-        const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0};
-        assert_true(mesh_patches_make(&m, &how, &notes, &patches, &e));
-        mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, &e);
-        assert_non_null(s);
+        mesh_surface *s = make_surface(&m);
         const field *f = mesh_surface_field(s);
         ((field_patches *)f->patches)->has_many_parts = many;
         assert_int_equal(f->patches->count, SMALL + 1);
@@ -470,14 +477,8 @@ static void every_patch_has_a_point(void **state)
 static void points_of_a_mesh_at_one_place_are_separated(void **state)
 {
     (void)state;
-    error e = {0};
     mesh m = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 3);
-    mesh_patches patches = {0};
-    mesh_notes notes = {0};
-    const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0};
-    assert_true(mesh_patches_make(&m, &how, &notes, &patches, &e));
-    mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, &e);
-    assert_non_null(s);
+    mesh_surface *s = make_surface(&m);
     const field *f = mesh_surface_field(s);
     ((field_patches *)f->patches)->merges_near_curves = true;
     solver_params params = solve_defaults;

@@ -9,20 +9,16 @@
 
 #include "base/memory.h"
 #include "spec/spec.h"
+#include "spec_text.h"
 
 #define CAMERA(members) "\"preview\":{\"camera\":{" members "}}"
 #define PLACED(members) CAMERA("\"position\":[0,-5,1],\"target\":[0,0,1]" members)
 
 static spec *parse(const char *output, spec_faults *faults, error *e)
 {
-    char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
-                            "\"sampling\":{\"count\":100},\"output\":{%s}}",
-                            output);
-    json *document = json_parse(text, strlen(text), e);
-    if (!document) fail_msg("%s", e->message);
-    spec *s = spec_parse(document, faults, e);
-    json_free(document);
-    free(text);
+    char *members = mem_printf(",\"output\":{%s}", output);
+    spec *s = spec_of_text(members, faults, e);
+    free(members);
     return s;
 }
 

@@ -22,7 +22,7 @@ static const double DISPLACEMENT = 0.3;
 /* Number of directions that are tried. */
 enum { DIRECTIONS = 12 };
 /* The object that messages about memory name. */
-static const char *const WHAT = "the particles of patches that intersect";
+static const char *const WHAT = "the separation of particles";
 
 typedef struct separation {
     solver *s;
@@ -90,10 +90,10 @@ static bool move_away(const separation *job, size_t i)
     const field *f = particles_field(p, job->s->setup.field, i);
     const double h = own_spacing(job, i);
     const vec3 from = p->position[i];
-    bool found = false;
     vec3 axis1, axis2, best = from, best_normal = p->normal[i];
     const double distance_now = distance_of_nearest(job, i, from, INFINITY);
-    double farthest = distance_now < COINCIDENT_DISTANCE ? distance_now : CLOSE_DISTANCE;
+    const double least = distance_now < COINCIDENT_DISTANCE ? distance_now : CLOSE_DISTANCE;
+    double farthest = least;
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < DIRECTIONS; k++) {
         const double angle = 2 * M_PI * k / DIRECTIONS;
@@ -106,9 +106,8 @@ static bool move_away(const separation *job, size_t i)
         farthest = distance;
         best = x;
         best_normal = normal;
-        found = true;
     }
-    if (!found) return false;
+    if (farthest == least) return false;
     p->position[i] = best;
     p->normal[i] = best_normal;
     p->place[i] = PARTICLES_PINNED;
