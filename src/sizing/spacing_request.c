@@ -12,6 +12,9 @@
 /* The curvature that stands for the fine end of a ratio: this share of the area bends more, the first at first. A single tip or
  * a speck of noise must not set the scale. */
 static const double FINE_SHARE = 0.01, LEAST_FINE_SHARE = 0.00125;
+/* A surface that bends by less than this angle, in radians, over the even spacing is flat: on flat facets rounding leaves curvatures of 1e-15
+ * and less, which differ from facet to facet. */
+static const double FLAT_ANGLE = 1e-9;
 /* What is flatter than all but this share of the area can be of no help to a ratio. */
 static const double FLAT_SHARE = 0.001;
 /* A request that has no upper end, as on flat faces, has it here, in units of its least. */
@@ -40,9 +43,10 @@ bool spacing_request_is_at_points(const sizing_field_params *params)
     return !is_by_curvature(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
 }
 
-static double curvature_of(const sizing_field_params *p, double kappa, double kappa1, double kappa2)
+static double curvature_of(const spacing_request *r, double kappa, double kappa1, double kappa2)
 {
-    return p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+    const double k = r->params->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+    return k * r->even < FLAT_ANGLE ? 0 : k;
 }
 
 static void request_cell(const spacing_request *r, size_t k)
@@ -63,7 +67,7 @@ static void request_cell(const spacing_request *r, size_t k)
     }
     if (!field_sample_at(field_of_patch(r->scan->field, r->samples.patch[k]), x, FIELD_HESSIAN, &s)) return;
     double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
-    r->value[k] = curvature_of(p, kappa, kappa1, kappa2);
+    r->value[k] = curvature_of(r, kappa, kappa1, kappa2);
 }
 
 static void request_chunk(void *context, int worker, size_t begin, size_t end)
@@ -89,7 +93,7 @@ static void octave_chunk(void *context, int worker, size_t begin, size_t end)
         if (isnan(r->value[k])) continue;
         double kappa = scaled_curvature_at(job->curvature, r->samples.position[k], r->samples.normal[k],
                                            r->samples.patch[k], &kappa1, &kappa2);
-        r->curvature[OCTAVES * k + (size_t)job->octave] = curvature_of(r->params, kappa, kappa1, kappa2);
+        r->curvature[OCTAVES * k + (size_t)job->octave] = curvature_of(r, kappa, kappa1, kappa2);
     }
 }
 

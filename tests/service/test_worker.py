@@ -780,6 +780,17 @@ def test_a_ratio_is_not_passed(worker, tmp_path):
     assert report["reached"]["ratio"] <= 10 * (1 + 1e-6)
 
 
+def test_flat_facets_have_no_curvature(worker, tmp_path):
+    """Rounding leaves curvatures of 1e-30 on facets, which must not grade the spacing."""
+    (tmp_path / "box.off").write_text(
+        "OFF\n8 6 0\n" + "".join(f"{x} {y} {z}\n" for x in (0.1, 2.2) for y in (0.3, 2.4) for z in (0.7, 1.1)) +
+        "4 0 1 3 2\n4 4 6 7 5\n4 0 4 5 1\n4 2 3 7 6\n4 0 2 6 4\n4 1 5 7 3\n")
+    done = worker(sphere(surface={"mesh": {"path": "box.off"}}, sampling={"count": 1500, "curvature": {"ratio": 10}}))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["reached"]["ratio"] == pytest.approx(1, abs=1e-6)
+    assert "sampling.curvature.ratio: the spacing varies by 1:1 (requested 10:1)" in done.stderr
+
+
 def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     """A mesh of many triangles and few voxels: assimp takes most of the memory, in a process of its own."""
     n = 300
