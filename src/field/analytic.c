@@ -5,18 +5,18 @@
 #include "base/isa.h"
 #include "base/memory.h"
 
-/* Cells along the longest side of the domain unless the shape has finer features, and across a feature. The
- * scan finds the area of the quartic of (15) to a millionth with these; more cells only take longer. */
+/* Cells along the longest side of the domain, and across the smallest feature of the shape. The error of the area of
+ * the quartic of (15) is 1e-6; more cells only cost time. */
 static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
-/* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
+/* Sharp edges are cut off within a cell: 0.1 % of the area of a cube with this many cells along its side. */
 static const double CELLS_SHARP = 160;
-/* Along an axis: more than any search takes. */
+/* Maximum along an axis; more than any search accepts. */
 static const double MOST_CELLS = 0x1p40;
-/* In lengths and radii of a frustum: how far its side goes on as a piece. */
+/* Extension of the lateral surface of a frustum, in its lengths and radii. */
 static const double FARTHER = 10;
 
-/* Of each shape F and its gradient, without a branch where it can be, so that several are computed side by side; false where
- * they are not defined. */
+/* F and its gradient for each shape. False where they are not defined. Mostly without branches, so that the compiler
+ * vectorises them. */
 ISA_INLINE bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double length = vec3_norm(d);
@@ -53,7 +53,7 @@ ISA_INLINE bool sample_torus(const analytic_params *p, vec3 d, field_order order
     return (rho > 0) & (length > 0);
 }
 
-/* A box grown by `rounding` from a core: the distance to the core less the rounding. */
+/* A core box grown by `rounding`: the distance from the core minus the rounding. */
 ISA_INLINE bool sample_box(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     vec3 core = vec3_sub(p->half_size, vec3_make(p->rounding, p->rounding, p->rounding));
@@ -83,7 +83,7 @@ ISA_INLINE bool sample_box(const analytic_params *p, vec3 d, field_order order, 
     return true;
 }
 
-/* (|x / radii|^2 - 1) times half the smallest radius, so that F is near the distance at the surface */
+/* (|x / radii|^2 - 1) times half the smallest radius: near the surface this approximates the distance. */
 ISA_INLINE bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     vec3 w = {1 / (p->radii.x * p->radii.x), 1 / (p->radii.y * p->radii.y), 1 / (p->radii.z * p->radii.z)};
@@ -127,7 +127,7 @@ ISA_INLINE bool sample_gyroid(const analytic_params *p, vec3 d, field_order orde
     return true;
 }
 
-/* In the half-plane through the axis a frustum is a convex polygon: the distance to it, and its gradient there. */
+/* In a half-plane through the axis a frustum is a convex polygon: the distance from it, and its gradient. */
 typedef struct section {
     double value, along_radius, along_axis, bend; /* bend: curvature in the half-plane */
 } section;
@@ -136,7 +136,8 @@ ISA_INLINE section sample_section(const analytic_frustum *f, double rho, double 
 {
     double rise = f->top - f->bottom, widening = f->top_radius - f->bottom_radius;
     double length = sqrt(rise * rise + widening * widening);
-    double nr = length > 0 ? rise / length : 1, nz = length > 0 ? -widening / length : 0; /* of the side */
+    /* normal of the lateral side */
+    double nr = length > 0 ? rise / length : 1, nz = length > 0 ? -widening / length : 0;
     double below = f->bottom - z, above = z - f->top, u = rho - f->bottom_radius;
     double beside = u * nr - below * nz, along = -u * nz - below * nr;
     bool inside = fmax(beside, fmax(below, above)) <= 0;
@@ -144,7 +145,7 @@ ISA_INLINE section sample_section(const analytic_frustum *f, double rho, double 
         return (section){beside, nr, nz, 0};
     if (inside ? below >= above : below > 0 && rho <= f->bottom_radius) return (section){below, 0, -1, 0};
     if (inside || (above > 0 && rho <= f->top_radius)) return (section){above, 0, 1, 0};
-    bool low = along < 0.5 * length; /* the rim that is nearest */
+    bool low = along < 0.5 * length; /* which rim is closest */
     double r = rho - (low ? f->bottom_radius : f->top_radius), s = z - (low ? f->bottom : f->top);
     double far = sqrt(r * r + s * s);
     return far > 0 ? (section){far, r / far, s / far, 1 / far} : (section){0, nr, nz, 0};
@@ -221,7 +222,7 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
     return true;
 }
 
-/* The compiler makes vectors of loops of one kind of number each, over arrays that do not overlap. */
+/* The compiler vectorises loops over numbers of one type in arrays that do not overlap. */
 #define LANES(shape)                                                                                        \
     ISA_CLONES static void shape##_lanes(const analytic_params *restrict p, const vec3_lanes *restrict x,   \
                                          bool *defined, double *restrict value, vec3_lanes *restrict slope) \
@@ -245,7 +246,7 @@ LANES(gyroid)
 LANES(frustum)
 LANES(halfspace)
 
-/* In double precision, like one after the other. */
+/* In double precision, as `sample`. */
 static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *defined, double *value,
                                   vec3_lanes *gradient)
 {
@@ -259,8 +260,8 @@ static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *def
     lanes_of[p->shape](p, x, defined, value, gradient);
 }
 
-/* A point without a derivative still has a side: the centre of a sphere or of a torus' tube is
- * inside, the torus' axis outside. */
+/* The side at a point without a derivative: the centre of a sphere or of the tube of a torus is inside, the axis of a
+ * torus outside. */
 static double corner_value(const field *f, vec3 x)
 {
     const analytic_params *p = &((const analytic *)f)->params;
@@ -279,7 +280,7 @@ static void corner_values(const field *f, const vec3_lanes *x, double value[VEC3
         if (!defined[l]) value[l] = corner_value(f, vec3_lanes_get(x, l));
 }
 
-/* A bound of the second derivatives within `radius` of a point, in any direction. */
+/* An upper bound of the second derivatives within `radius` of a point, in any direction. */
 static double bend_bound(const analytic_params *p, vec3 d, double radius)
 {
     double far = vec3_norm(d) + radius, k = 2 * M_PI / p->period, c = 10 * p->r * p->r;
@@ -296,7 +297,7 @@ static double bend_bound(const analytic_params *p, vec3 d, double radius)
     }
 }
 
-/* Whether F may be zero in the box. Distances have slope 1; the others are bounded by Taylor. */
+/* Whether F may be zero in the box. Distances have slope 1; others are bounded by a Taylor expansion. */
 static bool may_cross(const field *f, vec3 low, vec3 high)
 {
     const analytic_params *p = &((const analytic *)f)->params;
@@ -326,7 +327,7 @@ static vec3 analytic_cell_middle(const field *f, size_t index, double *radius)
     return cell_grid_middle(&((const analytic *)f)->grid, index, radius);
 }
 
-/* The formula is good everywhere but in single points. */
+/* The formula is valid everywhere except at isolated points. */
 static double analytic_side(const field *f, vec3 x)
 {
     field_sample s;
@@ -347,7 +348,7 @@ static vec3 half_extent(const analytic_params *p)
     switch (p->shape) {
     case ANALYTIC_SPHERE:
         return vec3_make(p->radius, p->radius, p->radius);
-    case ANALYTIC_TORUS: /* a circle of radius R about n reaches R sqrt(1 - n_k^2) along axis k */
+    case ANALYTIC_TORUS: /* a circle of radius R about n extends R sqrt(1 - n_k^2) along axis k */
         return vec3_make(R * sqrt(fmax(0, 1 - n.x * n.x)) + m, R * sqrt(fmax(0, 1 - n.y * n.y)) + m,
                          R * sqrt(fmax(0, 1 - n.z * n.z)) + m);
     case ANALYTIC_BOX:
@@ -370,7 +371,7 @@ static vec3 half_extent(const analytic_params *p)
     return (vec3){0, 0, 0};
 }
 
-/* The longest cell that resolves the shape. */
+/* The maximum cell size that resolves the shape. */
 static double cell_bound(const analytic_params *p)
 {
     double thin = fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
@@ -380,9 +381,9 @@ static double cell_bound(const analytic_params *p)
     switch (p->shape) {
     case ANALYTIC_TORUS:
         return fmin(p->minor_radius, p->major_radius - p->minor_radius) / CELLS_FEATURE;
-    case ANALYTIC_BOX: /* the rounding, unless it is too sharp to be worth that */
+    case ANALYTIC_BOX: /* resolves the rounding, unless that would need more than CELLS_SHARP cells */
         return fmin(thin / CELLS_FEATURE, fmax(p->rounding / CELLS_FEATURE * 2, 2 * box / CELLS_SHARP));
-    case ANALYTIC_ELLIPSOID: /* its sharpest end, unless that is too sharp */
+    case ANALYTIC_ELLIPSOID: /* resolves the sharpest end, within the same limit */
         return fmin(round / CELLS_FEATURE, fmax(tip / CELLS_FEATURE, 2 * longest / CELLS_SHARP));
     case ANALYTIC_GYROID:
         return p->period / (4 * CELLS_FEATURE);
@@ -401,8 +402,7 @@ static void lay_out_grid(analytic *a)
     const analytic_params *p = &a->params;
     vec3 half = half_extent(p);
     bool open = p->shape == ANALYTIC_GYROID;
-    /* a closed surface must not touch the faces; an odd margin also keeps symmetric shapes from putting
-     * their zeros exactly on corners */
+    /* A closed surface must not touch the faces. An odd margin keeps the zeros of symmetric shapes off the corners. */
     double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
     a->base.domain = p->shape == ANALYTIC_HALFSPACE
@@ -412,7 +412,7 @@ static void lay_out_grid(analytic *a)
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
     a->base.sharp = (p->shape == ANALYTIC_BOX || p->shape == ANALYTIC_FRUSTUM) && p->rounding == 0;
-    a->base.joined = !open && p->shape != ANALYTIC_QUARTIC; /* whose centre is a zero, too */
+    a->base.joined = !open && p->shape != ANALYTIC_QUARTIC; /* its centre is a zero, too */
     a->grid.box = a->base.domain;
     vec3 size = bbox_size(a->base.domain);
     for (int axis = 0; axis < 3; axis++)
@@ -435,7 +435,7 @@ static int box_pieces(const analytic_params *p, analytic_params *out)
     return 6;
 }
 
-/* The side first; it goes on to its tip, or so far that its ends are nearest nowhere beside it. */
+/* The lateral surface comes first. It is extended to its apex, or so far that its ends are never the closest place. */
 static int frustum_pieces(const analytic_params *p, analytic_params *out)
 {
     vec3 axis = vec3_unit(p->axis);
@@ -508,7 +508,7 @@ bool analytic_shrink(analytic_frustum *f, double by)
     double bottom_radius = f->bottom_radius + slope * by - inwards;
     double top_radius = f->top_radius - slope * by - inwards;
     if (!(bottom < top) || !(fmax(bottom_radius, top_radius) > 0)) return false;
-    if (bottom_radius < 0) bottom -= bottom_radius / slope; /* to where the sides meet */
+    if (bottom_radius < 0) bottom -= bottom_radius / slope; /* the apex */
     if (top_radius < 0) top -= top_radius / slope;
     *f = (analytic_frustum){bottom, top, fmax(bottom_radius, 0), fmax(top_radius, 0)};
     return true;

@@ -6,21 +6,22 @@
 #include "base/memory.h"
 #include "field/spline.h"
 
-/* Cells along the longest side of the domain, at least; and in a span, in which F may bend once. */
+/* Minimum cells along the longest side of the domain; and cells per span, in which the second derivative of F may
+ * change its sign once. */
 static const double CELLS_COARSE = 40, CELLS_SPAN = 2;
-/* Of a span, for boxes whose faces are knots but for rounding. */
+/* In spans: tolerance for faces of boxes that are knots except for rounding. */
 static const double KNOT_ROUNDING = 1e-9;
 
-/* The span of `u` spans from the domain's low face, and what is left within it. */
+/* The index of the span at `u` spans from the low face of the domain. *t: the position within it, in [0, 1]. */
 static int find_span(double u, int spans, double *t)
 {
     int k = (int)u;
-    if (k > spans - 1) k = spans - 1; /* the high face belongs to the last */
+    if (k > spans - 1) k = spans - 1; /* the high face belongs to the last span */
     *t = u - k;
     return k;
 }
 
-/* x in the domain. The spline's axes are z, y, x, since x is contiguous. */
+/* Evaluates the spline at x in the domain. The axes of `spline` are z, y, x, since x is contiguous. */
 static void evaluate(const bspline *b, vec3 x, field_order order, field_sample *out)
 {
     const bspline_params *p = &b->params;
@@ -59,8 +60,8 @@ static double corner_value(const field *f, vec3 x)
     return s.value;
 }
 
-/* The basis functions are not negative and add up to 1: F lies between the least and the greatest of the
- * coefficients that it depends on. */
+/* The basis functions are non-negative and add up to 1: F lies between the minimum and the maximum of the coefficients
+ * that it depends on. */
 static bool may_cross(const field *f, vec3 low, vec3 high)
 {
     const bspline *b = (const bspline *)f;
@@ -114,7 +115,7 @@ static const field_ops bspline_ops = {.sample = bspline_sample,
                                       .cell_middle = bspline_cell_middle,
                                       .side = bspline_side};
 
-/* Cells are whole parts of spans. */
+/* Sets the grid: each span is divided into a whole number of cells. */
 static void lay_out_grid(bspline *b)
 {
     b->base.domain = b->grid.box = b->params.domain;

@@ -6,25 +6,24 @@
 
 #include "base/memory.h"
 
-/* Blocks are looked at cell by cell. */
 enum { BLOCK = CELL_GRID_BLOCK, ROW = BLOCK + 1, SLAB = ROW * ROW };
-/* Where F is smooth it is nearly linear in a cell: the values at opposite corners have one sum. Sums that differ
- * by more than this, in cells, are of a kink; and an edge in the cell is no farther from a corner than FARTHEST.
- */
+/* Test for a sharp edge in a cell. Where F is smooth it is nearly linear: the sums of the values at opposite corners
+ * are equal. A difference above KINK, in cell sizes, indicates a kink. An edge in the cell is at most FARTHEST, in cell
+ * sizes, from a corner. */
 static const double KINK = 0.1, FARTHEST = 1;
-/* A cell is searched for an edge at so many places along each axis, corners included. */
+/* Places along each axis at which a cell is searched for a sharp edge, corners included. */
 enum { PLACES = 5 };
-/* A crossing cell's number: its level from this bit on, and its linear index within the level below. */
+/* The index of a crossing cell has its level in the bits from LEVEL_BIT, and its linear index within the level below. */
 enum { LEVEL_BIT = 58 };
 
-/* Blocks of a chunk of work, and those that are looked at first where the list may have more crossing cells than are allowed. */
+/* Blocks in a chunk of work, and blocks that are sampled to estimate the number of crossing cells. */
 enum { CHUNK = 32, PROBES = 512 };
-/* Blocks are numbered by 32 bits. */
+/* Maximum cells along an axis: block indices have 32 bits. */
 static const double LONGEST = 0x1p31;
-/* Cells are longer than this share of the coordinates around them: corners of shorter ones cannot be told apart. */
+/* Minimum cell size as a fraction of the coordinates: corners of smaller cells may coincide. */
 static const double CELL_LEAST = 0x1p-40;
 
-/* A block: its level, and its place among the level's. */
+/* A block: its level and its index along each axis. */
 typedef struct block {
     int level;
     int32_t at[3];
@@ -35,21 +34,21 @@ typedef struct search {
     const field *field;
     const cell_grid_oracle *oracle;
     threads *pool; /* may be NULL */
-    block *blocks; /* that the surface may pass, in the order of their cells */
+    block *blocks; /* blocks that the surface may cross, in the order of their cells */
     size_t count, capacity;
 } search;
 
-/* A block that is looked at. */
-typedef struct look {
+/* The scan of a block, and the crossing cells found so far. */
+typedef struct scan {
     const search *search;
     int level;
-    double cell;     /* the size of the level's */
+    double cell;     /* size of the level's cells, world units */
     double *corners; /* ROW * SLAB values */
     int64_t *crossing;
     size_t count, capacity;
-} look;
+} scan;
 
-/* Faces are exact, and what is beyond the last cell stands for its face. */
+/* Corners on faces of the box are exact. Indices beyond the last cell give the face. */
 static vec3 grid_corner(const cell_grid *g, int level, int64_t i, int64_t j, int64_t k)
 {
     const int64_t at[3] = {i, j, k};
@@ -63,7 +62,7 @@ static vec3 grid_corner(const cell_grid *g, int level, int64_t i, int64_t j, int
     return corner;
 }
 
-/* F at some places. What is left of the lanes asks for the last one again. */
+/* F at `count` places. Unused lanes repeat the last place. */
 static void values_at(const cell_grid_oracle *o, const field *f, const vec3 *place, int count, double *value)
 {
     for (int done = 0; o->values && done < count; done += VEC3_LANES) {
@@ -77,7 +76,7 @@ static void values_at(const cell_grid_oracle *o, const field *f, const vec3 *pla
     for (int k = 0; !o->values && k < count; k++) value[k] = o->value(f, place[k]);
 }
 
-static void note_crossing(look *l, const int64_t at[3])
+static void note_crossing(scan *l, const int64_t at[3])
 {
     const cell_grid *g = l->search->grid;
     const int64_t x = g->cells[0] << l->level, y = g->cells[1] << l->level;
@@ -88,9 +87,9 @@ static void note_crossing(look *l, const int64_t at[3])
     l->crossing[l->count++] = (int64_t)l->level << LEVEL_BIT | ((at[2] * y + at[1]) * x + at[0]);
 }
 
-/* Whether an edge of the surface enters a cell that has one sign at its corners, the outermost of which are
- * `low` and `high`. */
-static bool hides_edge(const look *l, const double *value, vec3 low, vec3 high)
+/* Whether a sharp edge of the surface enters a cell whose corners all have one sign. `low`, `high`: its extreme
+ * corners. */
+static bool hides_edge(const scan *l, const double *value, vec3 low, vec3 high)
 {
     const search *w = l->search;
     double cell = l->cell, nearest = INFINITY, least = INFINITY, most = -INFINITY;
@@ -111,7 +110,7 @@ static bool hides_edge(const look *l, const double *value, vec3 low, vec3 high)
     return false;
 }
 
-static bool is_crossed(const look *l, const double *corners, const int64_t at[3])
+static bool is_crossed(const scan *l, const double *corners, const int64_t at[3])
 {
     const cell_grid *g = l->search->grid;
     double value[8];
@@ -125,7 +124,7 @@ static bool is_crossed(const look *l, const double *corners, const int64_t at[3]
                                                  grid_corner(g, l->level, at[0] + 1, at[1] + 1, at[2] + 1));
 }
 
-static void look_at(look *l, const block *b)
+static void scan_block(scan *l, const block *b)
 {
     const search *w = l->search;
     const cell_grid *g = w->grid;
@@ -161,7 +160,7 @@ static bool too_fine(const search *w, error *e)
                      CELL_GRID_MOST, w->field->cell_size);
 }
 
-/* Every place of a cell has a number, and its corners are places of their own. */
+/* Checks that every cell has an index, and that its corners differ. */
 static bool check_cells(const search *w, error *e)
 {
     const cell_grid *g = w->grid;
@@ -179,7 +178,7 @@ static bool check_cells(const search *w, error *e)
     return (cells < 0x1p58 && longest < LONGEST) || too_fine(w, e);
 }
 
-/* Of each level that is searched. Blocks beyond the limit are not noted. */
+/* Appends a block to the list. Does nothing if the list is at its limit. */
 static void note_block(search *w, int level, const int64_t at[3])
 {
     if (w->count > CELL_GRID_MOST / BLOCK) return;
@@ -190,7 +189,7 @@ static void note_block(search *w, int level, const int64_t at[3])
     w->blocks[w->count++] = (block){level, {(int32_t)at[0], (int32_t)at[1], (int32_t)at[2]}};
 }
 
-/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
+/* Divides a block of `size` cells that the surface may cross into eight, recursively down to BLOCK cells. */
 static void divide_block(search *w, const int64_t *first, int64_t size)
 {
     const cell_grid *g = w->grid;
@@ -211,48 +210,48 @@ static void divide_block(search *w, const int64_t *first, int64_t size)
     }
 }
 
-/* What the chunks of the list found, one look each. */
-typedef struct looks {
+/* The results of the chunks, one scan each. */
+typedef struct scans {
     const search *search;
-    look *of;
-    size_t size, stride; /* of a chunk; every so many blocks are looked at */
-} looks;
+    scan *of;
+    size_t size, stride; /* blocks per chunk; only every stride-th block is scanned */
+} scans;
 
-static void look_chunk(void *context, int worker, size_t begin, size_t end)
+static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const looks *all = context;
+    const scans *all = context;
     (void)worker;
     for (size_t chunk = begin; chunk < end; chunk++) {
-        look *l = &all->of[chunk];
+        scan *l = &all->of[chunk];
         double corners[ROW * SLAB];
         l->search = all->search;
         l->corners = corners;
         for (size_t k = chunk * all->size;
              k < (chunk + 1) * all->size && k * all->stride < all->search->count; k++)
-            look_at(l, &all->search->blocks[k * all->stride]);
+            scan_block(l, &all->search->blocks[k * all->stride]);
     }
 }
 
-/* Whether the list has more crossing cells than are allowed, by some of its blocks; far from the limit only. */
+/* Whether the list has more crossing cells than allowed: an estimate from some of its blocks, only for long lists. */
 static bool has_too_many(const search *w)
 {
-    look probe = {0};
-    looks all = {w, &probe, PROBES, w->count / PROBES};
+    scan probe = {0};
+    scans all = {w, &probe, PROBES, w->count / PROBES};
     if (w->count > CELL_GRID_MOST / BLOCK) return true;
     if (w->count < CELL_GRID_MOST / (BLOCK * BLOCK * BLOCK)) return false;
-    look_chunk(&all, 0, 0, 1);
+    scan_chunk(&all, 0, 0, 1);
     free(probe.crossing);
     return (double)probe.count * (double)all.stride > 1.5 * (double)CELL_GRID_MOST;
 }
 
-/* Looks at the listed blocks, and frees the list. */
+/* Scans the listed blocks and frees the list. */
 static bool search_list(search *w, error *e)
 {
     cell_grid *g = w->grid;
     const size_t chunks = (w->count + CHUNK - 1) / CHUNK;
-    looks all = {w, mem_alloc((chunks + 1) * sizeof *all.of), CHUNK, 1};
+    scans all = {w, mem_alloc((chunks + 1) * sizeof *all.of), CHUNK, 1};
     bool ok = !has_too_many(w) || too_fine(w, e);
-    if (ok) threads_run(w->pool, chunks, 1, look_chunk, &all);
+    if (ok) threads_run(w->pool, chunks, 1, scan_chunk, &all);
     if (ok && threads_stopped(w->pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     size_t count = 0;
     for (size_t k = 0; k < chunks; k++) count += all.of[k].count;
@@ -282,7 +281,7 @@ bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *orac
     return search_list(&w, e);
 }
 
-/* A block of the level by its place among the blocks of that. */
+/* Processes a block of a level, and recursively its parts. */
 static void divide_marked(search *w, const uint8_t *const blocks[], int level, const int64_t at[3])
 {
     const cell_grid *g = w->grid;
@@ -314,7 +313,7 @@ bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracl
     return search_list(&w, e);
 }
 
-/* The level of a crossing cell, and its place among the level's. */
+/* Returns the level of a crossing cell. at: its index along each axis. */
 static int find_place(const cell_grid *g, size_t index, int64_t at[3])
 {
     const int level = (int)(g->crossing[index] >> LEVEL_BIT);
@@ -349,7 +348,7 @@ void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *
 {
     vec3 low, high;
     find_corners(g, index, &low, &high);
-    out->grazed = false;
+    out->hidden_crossing = false;
     out->bend = FIELD_BENT;
     for (int c = 0; c < 8; c++)
         out->corner[c] = (vec3){c & 1 ? high.x : low.x, c >> 1 & 1 ? high.y : low.y, c >> 2 ? high.z : low.z};

@@ -7,47 +7,49 @@
 #include "base/memory.h"
 #include "field/cell_grid.h"
 
-/* Of a cell: how far a surface may bulge out of the cells that it crosses. */
+/* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */
 static const double BULGE = 0.5;
-/* Where a cell of a part is so many blocks wide, those that its surface does not pass are told. */
+/* If a cell of a part is at least this many blocks wide, blocks that the surface of the part does not cross are
+ * discarded. */
 enum { SMALL = 4 };
-/* Cells along the longest side, at least: an edge where two parts meet is cut off in each cell that it
- * passes. At 32, as formulas have, the area of a sphere from which another is cut is 5e-3 too small. */
+/* Minimum cells along the longest side. A sharp edge is cut off in each cell that it crosses: with 32 cells, as for
+ * formulas, the area of a sphere minus a sphere is 5e-3 too small. */
 static const double CELLS_LONGEST = 192;
-/* Where F is not defined no edge is near. The value there says so: it is farther, in cells, than edges are searched for. */
+/* Value, in cell sizes, where F is not defined. No edge is near there: it exceeds the distance at which edges are
+ * searched. */
 static const double FAR = 2;
-/* Cells of a part whose slopes are averaged. */
+/* Number of cells of a part over which the slope is averaged. */
 enum { SLOPES = 256 };
-/* Cells of parts that are so much wider than those of the whole have several places. */
+/* Cells of a part that are wider than this, in cells of the combination, have eight sample places instead of one. */
 static const double WIDE = 1.5;
-/* Blocks of the finest cells that are marked one by one, in bytes: 256 MB. */
+/* Maximum number of blocks of the finest cells, one byte each: 256 MB. */
 static const double MOST_BLOCKS = 1 << 28;
 
-/* Surfaces face each other where the cosine of their outward normals is less, so that they meet in edges sharper than 18 degrees if
- * at all: blunter ones are cut off by three cells at most. They are apart where they are by this share of the longest side: faces
- * in one plane bound nothing. */
+/* Two surfaces are opposite if the cosine of their outward normals is less than FACING. They then meet, if at all, in
+ * edges sharper than 18 degrees; blunter edges are cut off by at most three cells. They are separate if their distance
+ * exceeds APART times the longest side: coincident faces bound nothing. */
 static const double FACING = -0.95, APART = 1e-6;
-/* What lies nearer to such an edge than so many cells, as wide as they are without walls, is seen down to this share of the thickness
- * that cells see of walls: a cell into which an edge comes is searched for it. Else halving would go on along a knife's edge, each
- * time with twice the cells for half the area. */
+/* Near the sharp edge of a wedge, within BESIDE_EDGE cells (of the size without walls), the thickness that cells must
+ * resolve is reduced to the fraction SEEN_AT_EDGE: a cell that an edge enters is searched for it. Otherwise each
+ * halving near the edge of a wedge would double the cells for half of the area. */
 static const double BESIDE_EDGE = 4, SEEN_AT_EDGE = 0.25;
-/* Cells are so much of a wall's thickness (the area of a shell is 1e-6 off; at 0.6 2e-3, at 0.7 3e-2), unless they are more than so
- * many or more than memory, of which each takes so many bytes, or less than this share of the area is in thinner ones: walls that
- * end in an edge have some of any thickness. */
+/* CELL_IN_WALL: cell size as a fraction of the thickness of a wall. Errors of the area of a shell: 1e-6; 2e-3 at 0.6,
+ * 3e-2 at 0.7. Halving ends at MOST_IN_WALLS cells, at the memory limit with BYTES_IN_WALL for each cell, or if less
+ * than THIN_SHARE of the area is in thinner walls: a wedge has some of any thickness. */
 static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, BYTES_IN_WALL = 128, THIN_SHARE = 0.005;
 
-/* A place on a part's surface: the room to what faces it, see room_at, how that differs within the place, and the place's area. */
+/* A place on the surface of a part: the thickness to the opposite surface (see thickness_at), its variation within the
+ * place, and the area of the place. World units. */
 typedef struct wall {
-    float room, spread, area;
+    float thickness, spread, area;
 } wall;
 
-/* F = sense * min over parts of sign_k F_k / slope_k. */
 typedef struct part {
     const field *field;
     double sign, slope;
-    double edge; /* of its cells: the shortest */
-    int places;  /* in each of its cells: 1, or 8 in cells much wider than those of the whole */
-    wall *walls; /* at each place, cell by cell; NULL: not looked for */
+    double edge; /* edge of its smallest cells */
+    int places;  /* sample places per cell: 1, or 8 in cells much wider than those of the combination */
+    wall *walls; /* one per place, sorted by cell; NULL: not computed */
 } part;
 
 struct combination {
@@ -56,7 +58,7 @@ struct combination {
     size_t count;
     double sense;
     double missing, area; /* see combination_missing */
-    double reach;         /* of the cells beside an edge */
+    double reach;         /* distance from a sharp edge within which SEEN_AT_EDGE applies */
     cell_grid grid;
 };
 
@@ -70,7 +72,7 @@ static bool combination_sample(const field *f, vec3 x, field_order order, field_
         double side = p->sign * p->field->ops->side(p->field, x);
         if (side > 0) continue;
         if (side < 0 || !field_sample_at(p->field, x, order, &s))
-            return false; /* the least, and not defined */
+            return false; /* this part has the minimum and is not defined */
         double value = p->sign * s.value / p->slope;
         if (!(value < best.value)) continue;
         best = s;
@@ -99,7 +101,7 @@ static double combination_side(const field *f, vec3 x)
     return c->sense * least;
 }
 
-/* F, or a value of its side. */
+/* F, or a value of the right sign. */
 static double corner_value(const field *f, vec3 x)
 {
     field_sample s;
@@ -130,7 +132,7 @@ static const field_ops combination_ops = {.sample = combination_sample,
                                           .cell_middle = combination_cell_middle,
                                           .side = combination_side};
 
-/* ---- making one */
+/* ---- construction */
 
 static double slope_of(const field *f)
 {
@@ -189,8 +191,8 @@ static bool has_open_part(const combination *c)
     return open;
 }
 
-/* Cells of level 0 for the part with the widest, of the last for that with the shortest. The curves in which faces of the
- * domain cut the surface are put together of sides of cells: where there may be such, all cells are the shortest. */
+/* Level 0 is for the part with the widest cells, the last level for the part with the smallest. The curves in which
+ * faces of the domain cut the surface consist of sides of cells: if there may be any, all cells have the smallest size. */
 static bool lay_out_grid(combination *c, error *e)
 {
     const double most = bbox_longest(c->base.domain) / CELLS_LONGEST;
@@ -220,10 +222,11 @@ static bool lay_out_grid(combination *c, error *e)
                      bbox_longest(c->base.domain) / edge, edge);
 }
 
-/* ---- walls and slits thinner than cells: their two surfaces belong to different parts, each of which its own cells show */
+/* ---- walls and gaps thinner than cells: their two surfaces belong to different parts, and the cells of each part
+ * resolve its own surface */
 
-/* How far x is on the near side of a part's surface, less than 0 where that covers it, and the way out of the solid there. False where
- * the part is not defined. */
+/* *away: distance of x from the surface of a part, negative if the part covers x. *outward: the outward normal of the
+ * combination there. False: the part is not defined. */
 static bool find_side(const combination *c, const part *p, vec3 x, double *away, vec3 *outward)
 {
     field_sample s;
@@ -235,8 +238,8 @@ static bool find_side(const combination *c, const part *p, vec3 x, double *away,
     return true;
 }
 
-/* Brings x, a place near a part's surface, onto it; false where it cannot. */
-static bool find_foot(const combination *c, const part *own, vec3 *x, vec3 *outward)
+/* Projects x, near the surface of a part, onto that surface. False: it failed. */
+static bool project_to_part(const combination *c, const part *own, vec3 *x, vec3 *outward)
 {
     double away;
     for (int step = 0; step < 3; step++) {
@@ -246,17 +249,17 @@ static bool find_foot(const combination *c, const part *own, vec3 *x, vec3 *outw
     return true;
 }
 
-/* The room between a part's surface at x, a place near it, and the nearest of another part that faces it; FLT_MAX where there is
- * none, and INFINITY where the surface is not that of the whole. *slope: how fast the room grows along the surface. *cover: the part
- * that faces it and covers it there, or NULL. */
-static double room_at(const combination *c, const part *own, vec3 x, double *slope, const part **cover)
+/* The thickness at x: the distance from the surface of a part near x to the closest opposite surface of another part.
+ * FLT_MAX: there is none. INFINITY: the surface at x does not belong to the combination. *slope: the derivative of the
+ * thickness along the surface. *cover: the opposite part that covers the surface there, or NULL. */
+static double thickness_at(const combination *c, const part *own, vec3 x, double *slope, const part **cover)
 {
     const double apart = APART * bbox_longest(c->base.domain);
-    double room = FLT_MAX, away = 0;
+    double thickness = FLT_MAX, away = 0;
     vec3 outward, other;
     *slope = 0;
     *cover = NULL;
-    if (!find_foot(c, own, &x, &outward)) return INFINITY;
+    if (!project_to_part(c, own, &x, &outward)) return INFINITY;
     for (const part *p = c->parts; p < c->parts + c->count; p++) {
         const double side = p == own ? 1 : p->sign * p->field->ops->side(p->field, x);
         if (side < 0) return INFINITY;
@@ -266,27 +269,26 @@ static double room_at(const combination *c, const part *own, vec3 x, double *slo
             *cover = cosine < FACING ? p : NULL;
             return INFINITY;
         }
-        if (!(away > apart && away < room && cosine < FACING)) continue;
-        room = away;
+        if (!(away > apart && away < thickness && cosine < FACING)) continue;
+        thickness = away;
         *slope = sqrt(fmax(1 - cosine * cosine, 0));
     }
-    return room;
+    return thickness;
 }
 
-/* How far a facing part's surface is from the foot of x, less than 0 where it covers that, and the way along the surface on which that
- * grows: as long as it grows fast. */
+/* Projects *x onto the surface of `own`. *away: the distance of the opposite surface from it, negative if the opposite
+ * part covers it. *rise: its gradient along the surface. */
 static bool find_rise(const combination *c, const part *own, const part *facing, vec3 *x, double *away,
                       vec3 *rise)
 {
     vec3 outward, other;
-    if (!find_foot(c, own, x, &outward) || !find_side(c, facing, *x, away, &other)) return false;
+    if (!project_to_part(c, own, x, &outward) || !find_side(c, facing, *x, away, &other)) return false;
     *rise = vec3_scale(vec3_axpy(-vec3_dot(outward, other), outward, other), c->sense);
     return true;
 }
 
-/* Where a part's surface is covered at the middle of a place, but not all over it: what there is of the whole's at the top of the rise,
- * as of a lens that is narrower than the place: where the rise, which is taken to fall in a straight line, is 0. `most`: the place's
- * area. */
+/* For a place whose centre is covered but that may be partly uncovered, as at a lens narrower than the place: the wall
+ * at the maximum of the thickness, where the gradient, extrapolated linearly, is 0. `most`: the area of the place. */
 static wall wall_at_top(const combination *c, const part *own, const part *cover, vec3 x, double edge,
                         double most)
 {
@@ -301,28 +303,28 @@ static wall wall_at_top(const combination *c, const part *own, const part *cover
     vec3 there = vec3_axpy(reach, way, x);
     if (!find_rise(c, own, cover, &there, &away, &beyond)) return none;
     const double bend = (slope - vec3_dot(beyond, way)) / reach;
-    if (!(bend * reach > slope)) return none; /* what is beyond an edge is seen from other places */
-    const double room = room_at(c, own, vec3_axpy(slope / bend, way, x), &slope, &cover);
-    if (!(room < FLT_MAX)) return none;
-    const double cap = 2 * M_PI * room / bend; /* of a paraboloid */
-    return (wall){(float)(0.5 * room), (float)room, (float)fmin(cap, most)};
+    if (!(bend * reach > slope)) return none; /* other places see the surface beyond an edge */
+    const double thickness = thickness_at(c, own, vec3_axpy(slope / bend, way, x), &slope, &cover);
+    if (!(thickness < FLT_MAX)) return none;
+    const double cap = 2 * M_PI * thickness / bend; /* of a paraboloid */
+    return (wall){(float)(0.5 * thickness), (float)thickness, (float)fmin(cap, most)};
 }
 
-typedef struct room_job {
+typedef struct wall_job {
     const combination *c;
     part *own;
-} room_job;
+} wall_job;
 
-/* The v-th place of a cell: the middle, or that of an eighth. */
+/* Place v of a cell: its centre, or the centre of an eighth. */
 static vec3 place_of(const part *p, const field_cell *cell, int v)
 {
     const vec3 middle = field_cell_middle(cell);
     return p->places > 1 ? vec3_axpy(0.5, vec3_sub(cell->corner[v], middle), middle) : middle;
 }
 
-static void room_chunk(void *context, int worker, size_t begin, size_t end)
+static void wall_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const room_job *job = context;
+    const wall_job *job = context;
     part *own = job->own;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
@@ -335,9 +337,9 @@ static void room_chunk(void *context, int worker, size_t begin, size_t end)
             const double across = edge / (own->places > 1 ? 2 : 1), area = edge * edge / own->places;
             const part *cover;
             double slope;
-            const double room = room_at(job->c, own, place, &slope, &cover);
+            const double thickness = thickness_at(job->c, own, place, &slope, &cover);
             *w = cover ? wall_at_top(job->c, own, cover, place, across, area)
-                       : (wall){(float)room, (float)(slope * across), (float)area};
+                       : (wall){(float)thickness, (float)(slope * across), (float)area};
         }
     }
 }
@@ -347,53 +349,53 @@ static size_t places_of(const part *p)
     return p->field->ops->cell_count(p->field) * (size_t)p->places;
 }
 
-static bool find_room(combination *c, threads *pool, error *e)
+static bool find_walls(combination *c, threads *pool, error *e)
 {
     for (part *p = c->parts; p < c->parts + c->count; p++) {
         p->places = p->edge > WIDE * c->base.cell_size ? 8 : 1;
         p->walls = mem_array(places_of(p), sizeof *p->walls, "the walls of the combination", e);
         if (!p->walls) return false;
-        threads_run(pool, p->field->ops->cell_count(p->field), 512, room_chunk, &(room_job){c, p});
+        threads_run(pool, p->field->ops->cell_count(p->field), 512, wall_chunk, &(wall_job){c, p});
         if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     }
     return true;
 }
 
-/* The size of cells that shows a place of a part, if `least` or wider. */
+/* The cell size that resolves the wall at a place, at least `least`. */
 static double size_at(const part *p, size_t place, double least)
 {
-    return p->walls ? fmax(fmin(p->edge, CELL_IN_WALL * p->walls[place].room), least) : p->edge;
+    return p->walls ? fmax(fmin(p->edge, CELL_IN_WALL * p->walls[place].thickness), least) : p->edge;
 }
 
-/* How many cells of the size that they ask for, but `least` or wider, the surfaces in walls take. */
+/* The number of cells that the surfaces in walls need, with sizes of at least `least`. */
 static double cells_in_walls(const combination *c, double least)
 {
     double count = 0;
     for (const part *p = c->parts; p < c->parts + c->count; p++)
         for (size_t k = 0; k < places_of(p); k++) {
             const double size = size_at(p, k, least);
-            if (size < p->edge)
-                count += 1.5 * p->walls[k].area / (size * size); /* of planes that lie anyhow */
+            if (size < p->edge) /* cells that a plane crosses per cell area: mean over orientations */
+                count += 1.5 * p->walls[k].area / (size * size);
         }
     return count;
 }
 
-/* The share of a place in a wall that is thinner; `reach`: what is seen beside an edge. */
+/* The fraction of a place in walls thinner than `thinner`. `reach`: see combination. */
 static double share_of_place(const wall *w, double thinner, double reach)
 {
-    if (w->room * sqrt(w->area) < reach * w->spread) thinner *= SEEN_AT_EDGE;
-    const double low = fmax(w->room - 0.5 * w->spread, 0), high = w->room + 0.5 * w->spread;
+    if (w->thickness * sqrt(w->area) < reach * w->spread) thinner *= SEEN_AT_EDGE;
+    const double low = fmax(w->thickness - 0.5 * w->spread, 0), high = w->thickness + 0.5 * w->spread;
     if (!(low < thinner)) return 0;
     return high > thinner ? (thinner - low) / (high - low) : 1;
 }
 
-/* The share of the surface in walls that are thinner; *area, unless NULL: how large it is, about. */
+/* The fraction of the surface in walls thinner than `thinner`. *area (or NULL): the approximate total area. */
 static double share_in_walls(const combination *c, double thinner, double *area)
 {
     double all = 0, thin = 0;
     for (const part *p = c->parts; p < c->parts + c->count; p++)
         for (size_t k = 0; k < places_of(p); k++) {
-            if (p->walls[k].room < INFINITY) all += p->walls[k].area;
+            if (p->walls[k].thickness < INFINITY) all += p->walls[k].area;
             thin += share_of_place(&p->walls[k], thinner, c->reach) * p->walls[k].area;
         }
     if (area) *area = all;
@@ -408,8 +410,9 @@ static double blocks_of(const cell_grid *g, int finest)
     return blocks;
 }
 
-/* Adds so many levels of cells at most, until walls are wider; none where that would leave most of the thin ones as they are. */
-static void show_walls(combination *c, int levels, size_t memory)
+/* Adds at most `levels` levels of cells, until walls are thicker than cells. Adds none if most of the thin area would
+ * remain. */
+static void resolve_walls(combination *c, int levels, size_t memory)
 {
     const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL),
                  most = fmin(MOST_IN_WALLS, (double)memory / BYTES_IN_WALL);
@@ -427,13 +430,13 @@ static void show_walls(combination *c, int levels, size_t memory)
     c->base.uneven = finest > 0;
 }
 
-/* ---- its cells */
+/* ---- cells */
 
-/* Of half a block's diagonal: a surface that is farther from its middle does not pass through it, as far as slopes tell. */
+/* In half diagonals of a block: a surface farther from the centre, estimated by the slope, does not cross the block. */
 static const double PASSES_BY = 2;
 
-/* Whether a part's surface passes by a block that is much smaller than the part's cell. */
-static bool is_far(const combination *c, const part *p, int level, const int64_t at[3])
+/* Whether the surface of a part does not cross a block much smaller than the part's cell. */
+static bool is_not_crossed(const combination *c, const part *p, int level, const int64_t at[3])
 {
     const cell_grid *g = &c->grid;
     const vec3 size = bbox_size(g->box);
@@ -448,7 +451,7 @@ static bool is_far(const combination *c, const part *p, int level, const int64_t
            fabs(s.value) > PASSES_BY * vec3_norm(half) * fmax(vec3_norm(s.gradient), p->slope);
 }
 
-/* Marks the blocks of a level that a box touches. */
+/* Marks the blocks of a level that a box intersects. */
 static void mark_box(const combination *c, const part *p, bbox box, int level, uint8_t mark, uint8_t *blocks)
 {
     const cell_grid *g = &c->grid;
@@ -469,12 +472,13 @@ static void mark_box(const combination *c, const part *p, bbox box, int level, u
         for (at[1] = first[1]; at[1] <= last[1]; at[1]++)
             for (at[0] = first[0]; at[0] <= last[0]; at[0]++) {
                 uint8_t *block = &blocks[(at[2] * across[1] + at[1]) * across[0] + at[0]];
-                if ((*block & mark) != mark && !(are_small && is_far(c, p, level, at))) *block |= mark;
+                if ((*block & mark) != mark && !(are_small && is_not_crossed(c, p, level, at)))
+                    *block |= mark;
             }
 }
 
-/* Marks the blocks of a level that a part's cells touch: those of the part's own size, and the eighths of these where walls need
- * smaller ones. */
+/* Marks the blocks of a level that the cells of a part intersect: those of the part's own size, and eighths of these
+ * where walls need smaller ones. */
 static void mark_cells(const combination *c, const part *p, int level, uint8_t *blocks)
 {
     const double size = ldexp(c->base.cell_size, c->grid.finest - level);
@@ -498,8 +502,8 @@ static void mark_cells(const combination *c, const part *p, int level, uint8_t *
     }
 }
 
-/* Divides the parents of the blocks round each divided one of `level`, and of itself: what touches then is of this level or
- * finer, or one coarser. */
+/* Divides the parents of each divided block of `level` and of its 26 neighbours, so that the levels of adjacent cells
+ * differ by at most one. */
 static void divide_around(const cell_grid *g, int level, const uint8_t *blocks, uint8_t *parents)
 {
     int64_t across[3], above[2];
@@ -518,7 +522,7 @@ static void divide_around(const cell_grid *g, int level, const uint8_t *blocks, 
     }
 }
 
-/* Blocks that a part's cells touch are searched, in cells as small as the part's, or as its walls need. */
+/* Marks all blocks that are searched, with cells as small as the part or its walls need. */
 static void mark_parts(const combination *c, uint8_t *const blocks[])
 {
     const int finest = c->grid.finest;
@@ -543,15 +547,15 @@ static bool find_cells(combination *c, threads *pool, error *e)
     return ok;
 }
 
-/* Cells, and what is missing in walls thinner than these. Where no cell shows anything of walls, these get more levels, one by one:
- * a whole of which this is a part may have cells as small everywhere. */
+/* Finds the crossing cells and the area missing in thinner walls. If no cell crosses although there are walls, adds
+ * levels one by one: a combination that contains this one may have such small cells everywhere. */
 static bool find_surface(combination *c, int wall_levels, size_t memory, threads *pool, error *e)
 {
     const bool divides = wall_levels > 0 && !has_open_part(c);
-    if (wall_levels > 0 && !find_room(c, pool, e)) return false;
+    if (wall_levels > 0 && !find_walls(c, pool, e)) return false;
     for (int levels = wall_levels; levels < CELL_GRID_LEVELS; levels++) {
         const double before = c->base.cell_size;
-        if (divides) show_walls(c, levels, memory);
+        if (divides) resolve_walls(c, levels, memory);
         if (levels > wall_levels && !(c->base.cell_size < before)) continue;
         if (!find_cells(c, pool, e)) return false;
         if (wall_levels > 0) c->missing = share_in_walls(c, c->base.cell_size, &c->area);
@@ -560,7 +564,7 @@ static bool find_surface(combination *c, int wall_levels, size_t memory, threads
     return true;
 }
 
-/* Whether the plane through a face of an open part's domain, which is no face of the whole's, meets the
+/* Whether the plane of a face of an open part's domain, which is no face of the combination's domain, meets the
  * surface. */
 static bool is_cut_at(const combination *c, const part *p, int face)
 {
@@ -576,7 +580,7 @@ static bool is_cut_at(const combination *c, const part *p, int face)
     return false;
 }
 
-/* Whether the data of a part end where it is solid, in a cell of the whole: of its corners some are inside of the part and some
+/* Whether the data of a part end inside the solid in a cell of the combination: some corners are inside the part, some
  * outside, and none is near its surface. */
 static bool ends_in_a_cell(const combination *c, const part *p)
 {

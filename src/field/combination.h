@@ -1,9 +1,10 @@
-/* combination: the union, intersection or difference of solids, as the least or greatest of their fields.
+/* combination: the union, intersection or difference of solids, as the minimum or maximum of their fields.
  *
- * Each part's F is divided by its mean slope on its surface, so that fields of different units may be
- * compared; where two are equal there is a sharp edge. A part that is not defined far from its surface counts
- * by its side there. Cells are those of a grid of its own, looked for wherever a part has cells and at least as fine as
- * that part's there, and than half of a wall or slit between two parts.
+ * F of each part is divided by its mean slope on its surface, so that fields of different units are comparable. There
+ * is a sharp edge where two are equal. A part that is not defined far from its surface contributes its side there. The
+ * combination has a grid of its own. It is searched wherever a part has cells. Its cells are at most as large as the
+ * part's, and at most half the thickness of a wall or gap between two parts. World units. Immutable after construction,
+ * any thread.
  */
 #ifndef HEXAD_FIELD_COMBINATION_H
 #define HEXAD_FIELD_COMBINATION_H
@@ -19,22 +20,23 @@ typedef struct combination combination;
 typedef enum combination_kind {
     COMBINATION_UNION,
     COMBINATION_INTERSECTION,
-    COMBINATION_DIFFERENCE /* of the first and all others */
+    COMBINATION_DIFFERENCE /* the first part minus all others */
 } combination_kind;
 
-/* `parts`, of which there is at least one, stay the caller's and outlive it; the array need not. `wall_levels`: how often cells are
- * halved at most in walls and slits between two parts, unless a part is open or they would be too many for `memory`, in bytes; 0: such
- * are not looked for. More often where nothing would have cells otherwise. A combination that is part of another makes that one's
- * cells as small as its own everywhere that it has cells. Errors: no_surface, nothing is left; limit_memory, also where all that
- * is left is thinner than cells can be; not_supported when an open part's boundary would lie within the combination; and those of
+/* `parts`: at least one; the fields are not owned and outlive the combination, the array need not. `wall_levels`:
+ * maximum number of times that cells are halved in walls and gaps between two parts; 0: walls are not detected. Cells
+ * are not halved if a part is open or if they would exceed `memory`, bytes. They are halved more often if the result
+ * would have no cells otherwise. A combination that is part of another one has cells as small as the smallest
+ * everywhere there. Errors: no_surface (nothing is left), limit_memory (also if all that is left is thinner than the
+ * smallest cells), not_supported (the boundary of an open part would lie inside the combination), and those of
  * cell_grid_search. */
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
                              size_t memory, threads *pool, error *e);
 void combination_free(combination *c);
 const field *combination_field(const combination *c);
 
-/* The share of its area, about, in walls and slits thinner than a cell, which may have no cells; *area, unless NULL: the area,
- * which is up to half as much again. Both 0 where walls are not looked for. */
+/* The approximate fraction of the area in walls and gaps thinner than a cell, which may have no cells. *area (or NULL):
+ * the area, overestimated by up to one half. Both are 0 if walls are not detected. */
 double combination_missing(const combination *c, double *area);
 size_t combination_bytes(const combination *c);
 

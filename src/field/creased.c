@@ -6,25 +6,26 @@
 #include "base/memory.h"
 #include "field/creases.h"
 
-/* Cells of the whole's along a cell here, at most, and cells along the longest side, at least: triangles end at the creases, so
- * that larger ones do than for a combination; they are flat, and a sphere's area is 1e-4 too small. */
+/* Maximum cell size in cells of the whole, and minimum number of cells along the longest side. Triangles end at
+ * creases, so that cells may be larger than for a combination. The triangles are flat: the area of a sphere is 1e-4 too
+ * small. */
 static const double WIDER = 2, CELLS_LONGEST = 96;
-/* The grid is wider than the surface's box by these shares of a cell, lest planes lie on its corners. */
+/* Margins of the grid around the bounding box, in cells: no plane of the solid should contain its corners. */
 static const double BELOW = 0.3819, ABOVE = 0.2764;
-static const double MOST_CELLS = 1 << 28; /* bytes that mark them */
-/* Of a cell: what is nearer to a leaf lies on it. */
-static const double HAIR = 1e-9;
-/* Of a cell: the corners that leaves find for themselves differ by less. */
+static const double MOST_CELLS = 1 << 28; /* maximum; one byte each */
+/* In cell sizes: a place nearer to a leaf lies on it. */
+static const double ON_LEAF = 1e-9;
+/* In cell sizes: tolerance for equal corners that were computed from different leaves. */
 static const double SAME_CORNER = 1e-5;
-/* Steps of a false position, to this fraction of a cell, and of Newton's method. */
-enum { ROOT_STEPS = 40, SETTLE_STEPS = 8 };
+/* Maximum steps of regula falsi (to ROOT_TOLERANCE cell sizes) and of Newton's method. */
+enum { ROOT_STEPS = 40, PROJECT_STEPS = 8 };
 static const double ROOT_TOLERANCE = 1e-13;
-/* Of a cell: where Newton's method goes farther the place stays. */
-static const double SETTLE_REACH = 2;
+/* In cell sizes: if Newton's method moves a place farther, the place is not changed. */
+static const double PROJECT_REACH = 2;
 
 static const char *const WHAT = "the patches of the surface";
 
-/* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to 7. */
+/* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to corner 7. */
 static const int tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
                                      {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
@@ -32,17 +33,17 @@ static const int tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
 typedef struct piece {
     field base;
     const solid *solid;
-    int leaf, sign; /* as solid_surface has it */
+    int leaf, sign; /* as solid_surface returns it */
 } piece;
 
 struct creased {
     field base; /* first: the field's functions get this pointer */
     solid *solid;
     field_patches patches;
-    piece *piece; /* of each patch */
+    piece *piece; /* one per patch */
     vec3 (*triangle)[3];
     size_t triangle_count, cell_count;
-    size_t *cell; /* cell_count + 1: its first triangle */
+    size_t *cell; /* first triangle of each cell; cell_count + 1 entries */
     uint32_t *patch;
 };
 
@@ -62,7 +63,7 @@ static bool piece_sample(const field *f, vec3 x, field_order order, field_sample
     return true;
 }
 
-/* On a crease, where sides are a matter of rounding, any of them will do. */
+/* On a crease the sides depend on rounding: any combination of them is accepted. */
 static bool piece_within(const field *f, vec3 x, uint32_t *hint)
 {
     (void)hint;
@@ -73,7 +74,8 @@ static bool piece_within(const field *f, vec3 x, uint32_t *hint)
     for (int k = 0; k < s->count; k++) {
         double distance = solid_distance(s, k, x);
         sides |= (uint64_t)(distance < 0) << k;
-        if (k != p->leaf && opened < 3 && fabs(distance) < HAIR * s->size) open[opened++] = (uint64_t)1 << k;
+        if (k != p->leaf && opened < 3 && fabs(distance) < ON_LEAF * s->size)
+            open[opened++] = (uint64_t)1 << k;
     }
     for (int n = 0; n < 1 << opened; n++) {
         uint64_t turned = sides;
@@ -120,7 +122,7 @@ static void creased_cell(const field *f, size_t k, field_cell *out)
     bbox box = bbox_empty();
     for (size_t t = c->cell[k]; t < c->cell[k + 1]; t++)
         for (int v = 0; v < 3; v++) box = bbox_include(box, c->triangle[t][v]);
-    *out = (field_cell){.grazed = false};
+    *out = (field_cell){.hidden_crossing = false};
     for (int v = 0; v < 8; v++)
         out->corner[v] = (vec3){v & 1 ? box.max.x : box.min.x, v & 2 ? box.max.y : box.min.y,
                                 v & 4 ? box.max.z : box.min.z};
@@ -139,9 +141,9 @@ static const field_ops creased_ops = {.sample = creased_sample,
                                       .cell_triangles = creased_cell_triangles,
                                       .patch_at = creased_patch_at};
 
-/* ---- making one: leaves cut into triangles, cell by cell */
+/* ---- construction: triangulates the leaves cell by cell */
 
-/* A corner of a triangle, and the leaves that it lies on. */
+/* A corner of a triangle, and the set of leaves that contain it. */
 typedef struct node {
     vec3 x;
     uint64_t on;
@@ -149,32 +151,32 @@ typedef struct node {
 
 typedef struct cut_triangle {
     vec3 at[3];
-    uint32_t key; /* 2 leaf, or 2 leaf + 1 where the solid is outside of it */
+    uint32_t key; /* 2 leaf, or 2 leaf + 1 where the solid is outside the leaf */
 } cut_triangle;
 
 typedef struct builder {
     const solid *solid;
     bbox box;
     int64_t cells[3];
-    double edge;            /* of a cell, the longest */
-    int leaf;               /* whose triangles are cut */
+    double edge;            /* longest edge of a cell */
+    int leaf;               /* the leaf that is triangulated */
     uint64_t varying;       /* leaves whose side changes in the cell */
-    cut_triangle *triangle; /* of all cells so far; those of the cell at hand from `first` on */
-    size_t first, count, room;
+    cut_triangle *triangle; /* of all cells so far; those of the current cell start at `first` */
+    size_t first, count, capacity;
     size_t *cell;
-    uint32_t *key; /* of each cell of at most FIELD_CELL_TRIANGLES triangles of one patch */
-    size_t cell_count, cell_room, key_room;
+    uint32_t *key; /* patch key of each cell of at most FIELD_CELL_TRIANGLES triangles */
+    size_t cell_count, cell_capacity, key_capacity;
     crease_segment *segment;
-    size_t segment_count, segment_room;
+    size_t segment_count, segment_capacity;
     bool failed;
     error *e;
 } builder;
 
-/* Onto all of the leaves, three at most, by the shortest steps. */
-static vec3 settle(const builder *b, uint64_t on, vec3 x)
+/* Projects x onto up to three leaves at once, by minimum-norm Newton steps. */
+static vec3 project_onto_leaves(const builder *b, uint64_t on, vec3 x)
 {
     const vec3 begin = x;
-    for (int step = 0; step < SETTLE_STEPS; step++) {
+    for (int step = 0; step < PROJECT_STEPS; step++) {
         double value[3], gram[3][4];
         vec3 gradient[3];
         int count = 0;
@@ -189,7 +191,7 @@ static vec3 settle(const builder *b, uint64_t on, vec3 x)
             for (int j = 0; j < count; j++) gram[i][j] = vec3_dot(gradient[i], gradient[j]);
             gram[i][count] = value[i];
         }
-        for (int i = 0; i < count; i++) { /* positive definite: no pivots are sought */
+        for (int i = 0; i < count; i++) { /* positive definite: no pivoting */
             if (!(gram[i][i] > 0)) return begin;
             for (int j = 0; j < count; j++) {
                 double share = j == i ? 0 : gram[j][i] / gram[i][i];
@@ -197,12 +199,12 @@ static vec3 settle(const builder *b, uint64_t on, vec3 x)
             }
         }
         for (int i = 0; i < count; i++) x = vec3_axpy(-gram[i][count] / gram[i][i], gradient[i], x);
-        if (!(vec3_norm(vec3_sub(x, begin)) < SETTLE_REACH * b->edge)) return begin;
+        if (!(vec3_norm(vec3_sub(x, begin)) < PROJECT_REACH * b->edge)) return begin;
     }
     return x;
 }
 
-/* Where a leaf has its zero between places on its two sides; the same whichever is `a`. */
+/* The zero of a leaf on the segment between a place inside and a place outside, by regula falsi (Illinois). */
 static vec3 find_root(const builder *b, int leaf, vec3 inside, vec3 outside, double at_inside,
                       double at_outside)
 {
@@ -232,15 +234,15 @@ static vec3 find_root(const builder *b, int leaf, vec3 inside, vec3 outside, dou
 static void add_segment(builder *b, const node *p, const node *q, int other, uint64_t sides)
 {
     crease_segment *more =
-        mem_grow(b->segment, b->segment_count, &b->segment_room, 1024, sizeof *more, WHAT, b->e);
+        mem_grow(b->segment, b->segment_count, &b->segment_capacity, 1024, sizeof *more, WHAT, b->e);
     b->failed |= !more;
     if (!more) return;
     b->segment = more;
     b->segment[b->segment_count++] = (crease_segment){{p->x, q->x}, {p->on, q->on}, {b->leaf, other}, sides};
 }
 
-/* Notes the sides of a triangle in which its patch ends. A side belongs to the triangle whose part of the leaf is inside of the
- * other, if there is one; and to the lesser of two leaves, if both end there. */
+/* Records the sides of a triangle at which its patch ends. To record each once: the triangle inside the other leaf
+ * records it, if there is one; if both leaves end there, the leaf with the lower index does. */
 static void note_segments(builder *b, const node t[3], uint64_t sides)
 {
     for (int side = 0; side < 3; side++) {
@@ -264,7 +266,7 @@ static void emit(builder *b, const node t[3], uint64_t sides)
     int sign = solid_surface(b->solid, b->leaf, sides);
     if (sign == 0) return;
     note_segments(b, t, sides);
-    cut_triangle *more = mem_grow(b->triangle, b->count, &b->room, 4096, sizeof *b->triangle, WHAT, b->e);
+    cut_triangle *more = mem_grow(b->triangle, b->count, &b->capacity, 4096, sizeof *b->triangle, WHAT, b->e);
     b->failed |= !more;
     if (!more) return;
     b->triangle = more;
@@ -276,11 +278,11 @@ static node cut_side(const builder *b, int leaf, const node *inside, const node 
                      double at_outside)
 {
     node n = {.on = (inside->on & outside->on) | (uint64_t)1 << leaf};
-    n.x = settle(b, n.on, find_root(b, leaf, inside->x, outside->x, at_inside, at_outside));
+    n.x = project_onto_leaves(b, n.on, find_root(b, leaf, inside->x, outside->x, at_inside, at_outside));
     return n;
 }
 
-/* Cuts a triangle where leaves from `next` on change their sides. */
+/* Splits a triangle recursively where leaves with index `next` or higher change their side. */
 static void split(builder *b, const node given[3], int next, uint64_t sides)
 {
     node t[3] = {given[0], given[1], given[2]};
@@ -292,7 +294,7 @@ static void split(builder *b, const node given[3], int next, uint64_t sides)
         in = out = 0;
         for (int k = 0; k < 3; k++) {
             value[k] = t[k].on & bit ? 0 : solid_distance(b->solid, next, t[k].x);
-            if (fabs(value[k]) < HAIR * b->edge) {
+            if (fabs(value[k]) < ON_LEAF * b->edge) {
                 value[k] = 0;
                 t[k].on |= bit;
             }
@@ -309,12 +311,12 @@ static void split(builder *b, const node given[3], int next, uint64_t sides)
         emit(b, t, sides);
         return;
     }
-    /* the corner that is alone on its side; of two that are, the one inside, while the third lies on the leaf */
+    /* the corner that is alone on its side; if two are (the third lies on the leaf), the one inside */
     for (int k = 0; k < 3; k++)
         if (value[k] != 0 && (value[k] < 0 ? in : out) == 1 && (lone < 0 || value[k] < 0)) lone = k;
     const uint64_t bit = (uint64_t)1 << next, own = value[lone] < 0 ? sides | bit : sides & ~bit,
                    others = own ^ bit;
-    node at[2]; /* on the way to the next corner and to the one after */
+    node at[2]; /* on the sides to the next corner and to the one after */
     for (int k = 0; k < 2; k++) {
         int to = (lone + 1 + k) % 3;
         if (value[to] == 0)
@@ -343,7 +345,7 @@ static void cut_tetrahedron(builder *b, const int corners[4], const vec3 at[8], 
     }
     if (ins == 0 || outs == 0) return;
     int count = 0;
-    for (int k = 0; k < ins; k++) /* around a quadrilateral: 00, 01, 11, 10 */
+    for (int k = 0; k < ins; k++) /* order around a quadrilateral: 00, 01, 11, 10 */
         for (int m = 0; m < outs; m++) {
             int i = in[k], o = out[ins == 2 && k == 1 ? 1 - m : m];
             n[count++] =
@@ -351,7 +353,7 @@ static void cut_tetrahedron(builder *b, const int corners[4], const vec3 at[8], 
         }
     vec3 across = vec3_sub(at[out[0]], at[in[0]]);
     vec3 normal = vec3_cross(vec3_sub(n[1].x, n[0].x), vec3_sub(n[2].x, n[0].x));
-    if (vec3_dot(normal, across) < 0) { /* counter-clockwise from outside of the leaf */
+    if (vec3_dot(normal, across) < 0) { /* counter-clockwise seen from outside the leaf */
         node first = n[0];
         n[0] = n[2];
         n[2] = first;
@@ -377,7 +379,7 @@ static int compare_keys(const void *a, const void *b)
     return p->key != q->key ? (p->key > q->key) - (p->key < q->key) : memcmp(p->at, q->at, sizeof p->at);
 }
 
-/* The triangles of the cell at hand become cells of one patch each, few triangles at a time. */
+/* Groups the triangles of the current cell into field cells of one patch and at most FIELD_CELL_TRIANGLES triangles. */
 static void end_cell(builder *b)
 {
     if (b->failed || b->count == b->first) return;
@@ -386,9 +388,9 @@ static void end_cell(builder *b)
         if (k > b->first && k - b->cell[b->cell_count - 1] < FIELD_CELL_TRIANGLES &&
             b->triangle[k].key == b->triangle[k - 1].key)
             continue;
-        size_t *cells = mem_grow(b->cell, b->cell_count, &b->cell_room, 1024, sizeof *cells, WHAT, b->e);
+        size_t *cells = mem_grow(b->cell, b->cell_count, &b->cell_capacity, 1024, sizeof *cells, WHAT, b->e);
         uint32_t *keys =
-            cells ? mem_grow(b->key, b->cell_count, &b->key_room, 1024, sizeof *keys, WHAT, b->e) : NULL;
+            cells ? mem_grow(b->key, b->cell_count, &b->key_capacity, 1024, sizeof *keys, WHAT, b->e) : NULL;
         if (cells) b->cell = cells;
         if (keys) b->key = keys;
         b->failed |= !keys;
@@ -421,7 +423,7 @@ static void cut_cell(builder *b, const int64_t at[3])
     end_cell(b);
 }
 
-/* Marks the cells that those of the whole touch. */
+/* Marks the cells that intersect cells of the whole. */
 static void mark_cells(const builder *b, const field *whole, uint8_t *marks)
 {
     vec3 size = bbox_size(b->box);
@@ -471,7 +473,7 @@ static bool cut_cells(builder *b, const field *whole, error *e)
     return !b->failed;
 }
 
-/* ---- patches of what was cut */
+/* ---- patches */
 
 static bool number_patches(creased *c, const builder *b, uint32_t *patch_of, error *e)
 {

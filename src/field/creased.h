@@ -1,8 +1,9 @@
-/* creased: the surface of a solid as patches, one for each leaf that it lies on, which meet in creases and end at the faces of
- * a region.
+/* creased: the surface of a solid as patches, one for each leaf that contributes to it. Patches meet in creases and end
+ * at the faces of a region.
  *
- * The leaves are cut into triangles within cells, and each triangle where another leaf changes its side there, so that each is
- * of one patch and their sides are the creases.
+ * The zero set of each leaf is triangulated in grid cells. Triangles are split where another leaf changes its side, so
+ * that each triangle belongs to one patch and the sides between patches are the creases. World units. Immutable after
+ * construction, any thread.
  */
 #ifndef HEXAD_FIELD_CREASED_H
 #define HEXAD_FIELD_CREASED_H
@@ -13,8 +14,8 @@
 
 typedef struct creased creased;
 
-/* Takes over the solid, also on failure. `whole` is a field of the same surface, whose cells tell where it is; it may be more
- * where a region cuts it, of which `box` is a bound. Errors: no_surface, limit_memory. */
+/* Takes ownership of the solid, also on failure. `whole`: a field of the same surface, whose cells locate it. It may be
+ * larger if a region cuts it; `box` bounds the part that is kept. Errors: no_surface, limit_memory. */
 creased *creased_new(solid *s, const field *whole, bbox box, error *e);
 void creased_free(creased *c);
 const field *creased_field(const creased *c);

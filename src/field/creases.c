@@ -7,14 +7,14 @@
 
 static const char *const WHAT = "the creases";
 
-/* Patches that end along a segment. */
+/* Maximum number of patches that end along a segment. */
 enum { ENDS = 4 };
 typedef struct ends {
     int count;
     uint32_t patch[ENDS];
 } ends;
 
-/* An end of a segment, as the graph of them sees it. */
+/* An end of a segment: a vertex of the graph of segments. */
 typedef struct joint {
     vec3 at;
     size_t segment;
@@ -24,8 +24,8 @@ typedef struct joint {
 typedef struct graph {
     const crease_segment *segment;
     size_t count;
-    joint *joint;  /* 2 a segment, by place */
-    size_t *first; /* of each segment's ends: the first joint at that place, and past the last */
+    joint *joint;  /* 2 per segment, sorted by position */
+    size_t *first; /* range of joints at the position of each segment end: first, and last plus 1 */
     size_t *past;
     bool *used;                       /* of each segment */
     size_t curves, vertices, patches; /* capacities */
@@ -54,8 +54,8 @@ static bool is_corner(uint64_t on)
     return (on & (on - 1) & ((on & (on - 1)) - 1)) != 0; /* three leaves or more */
 }
 
-/* The leaves find a corner each for itself: all take the first. */
-static bool unite_corners(crease_segment *segment, size_t count, double hair, error *e)
+/* Each leaf computed its own copy of a corner: replaces copies within the tolerance by the first one. */
+static bool unite_corners(crease_segment *segment, size_t count, double tolerance, error *e)
 {
     size_t found = 0, room = 0;
     vec3 *corner = NULL;
@@ -64,7 +64,7 @@ static bool unite_corners(crease_segment *segment, size_t count, double hair, er
         vec3 *x = &segment[k / 2].end[k % 2];
         size_t n = 0;
         if (!is_corner(segment[k / 2].on[k % 2])) continue;
-        while (n < found && vec3_norm2(vec3_sub(corner[n], *x)) > hair * hair) n++;
+        while (n < found && vec3_norm2(vec3_sub(corner[n], *x)) > tolerance * tolerance) n++;
         if (n < found) {
             *x = corner[n];
             continue;
@@ -79,7 +79,7 @@ static bool unite_corners(crease_segment *segment, size_t count, double hair, er
     return ok;
 }
 
-/* Puts the lesser end first, and leaves out what has no length and what two triangles of one side share. */
+/* Sorts the ends of each segment, and removes segments of length 0 and duplicates. */
 static size_t tidy(crease_segment *segment, size_t count)
 {
     size_t kept = 0;
@@ -121,14 +121,14 @@ static ends ends_of(const solid *s, const crease_segment *segment, const uint32_
         const uint64_t other = (uint64_t)1 << segment->leaf[!k];
         int in = solid_surface(s, leaf, segment->sides | other),
             out = solid_surface(s, leaf, segment->sides & ~other);
-        if (in == out) continue; /* it goes on */
+        if (in == out) continue; /* the surface continues */
         add_end(&e, patch_of, leaf, in);
         add_end(&e, patch_of, leaf, out);
     }
     return e;
 }
 
-/* The other segment at an end, if the curve goes on there; else SIZE_MAX. */
+/* The next segment of the curve at an end, or SIZE_MAX if the curve ends there. */
 static size_t next_of(const graph *g, const solid *s, const uint32_t *patch_of, size_t segment, int end)
 {
     size_t first = g->first[2 * segment + (size_t)end];
@@ -171,7 +171,7 @@ static bool add_vertex(graph *g, vec3 x, field_patches *out, error *e)
     return true;
 }
 
-/* Begins a curve with a segment from one of its ends on. */
+/* Starts a curve with a segment, from one of its ends. */
 static field_curve *add_curve(graph *g, const solid *s, const uint32_t *patch_of, size_t segment,
                               field_patches *out, error *e)
 {
@@ -193,7 +193,7 @@ static field_curve *add_curve(graph *g, const solid *s, const uint32_t *patch_of
     return c;
 }
 
-/* Follows the curve of a segment from its end `from` on. */
+/* Traces the curve of a segment from its end `from`. */
 static bool follow(graph *g, const solid *s, const uint32_t *patch_of, size_t segment, int from,
                    field_patches *out, error *e)
 {
@@ -217,12 +217,12 @@ static bool follow(graph *g, const solid *s, const uint32_t *patch_of, size_t se
 }
 
 bool creases_join(const solid *s, crease_segment *segment, size_t count, const uint32_t *patch_of,
-                  double hair, field_patches *out, error *e)
+                  double tolerance, field_patches *out, error *e)
 {
-    if (!unite_corners(segment, count, hair, e)) return false;
+    if (!unite_corners(segment, count, tolerance, e)) return false;
     graph g = {.segment = segment, .count = tidy(segment, count)};
     bool ok = find_joints(&g, e);
-    for (int pass = 0; pass < 2; pass++) /* from corners first; what is left is closed */
+    for (int pass = 0; pass < 2; pass++) /* first curves from corners; the remaining ones are closed */
         for (size_t k = 0; ok && k < 2 * g.count; k++) {
             const int end = (int)(k % 2);
             if (g.used[k / 2] || ends_of(s, &segment[k / 2], patch_of).count == 0) continue;

@@ -1,4 +1,4 @@
-/* creases: the curves in which the leaves of a solid meet, from the sides of triangles that lie on two of them. */
+/* creases: the curves in which the leaves of a solid meet, joined from sides of triangles that lie on two leaves. */
 #ifndef HEXAD_FIELD_CREASES_H
 #define HEXAD_FIELD_CREASES_H
 
@@ -6,19 +6,19 @@
 #include "field/patches.h"
 #include "field/solid.h"
 
-/* A piece of a curve. */
+/* A segment of a curve. */
 typedef struct crease_segment {
     vec3 end[2];
-    uint64_t on[2]; /* the leaves that each end lies on */
-    int leaf[2];    /* that meet along it */
-    uint64_t sides; /* of the other leaves, along it */
+    uint64_t on[2]; /* the set of leaves that contain each end, as bits */
+    int leaf[2];    /* the leaves that meet along it */
+    uint64_t sides; /* sides of all other leaves along it, as bits */
 } crease_segment;
 
-/* Joins segments into curves: `curve`, `vertex` and `curve_patch` of *out, whose memory is the caller's. `patch_of` is the
- * number of the patch of a leaf, at 2 leaf, or 2 leaf + 1 where the solid is outside of it; UINT32_MAX: there is none. `on` of
- * the curves are the solid's leaves. Ends that are nearer than `hair` are one where three leaves meet. The segments are sorted
- * anew. Error: limit_memory. */
+/* Joins segments into curves: sets `curve`, `vertex` and `curve_patch` of *out, which the caller frees. patch_of[2
+ * leaf] is the patch of a leaf where the solid is inside it, patch_of[2 leaf + 1] where the solid is outside;
+ * UINT32_MAX: none. `on` of the curves points to leaves of the solid. Ends on three or more leaves that are closer than
+ * `tolerance`, world units, are joined. Sorts the segments. Error: limit_memory. */
 bool creases_join(const solid *s, crease_segment *segment, size_t count, const uint32_t *patch_of,
-                  double hair, field_patches *out, error *e);
+                  double tolerance, field_patches *out, error *e);
 
 #endif

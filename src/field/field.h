@@ -1,13 +1,12 @@
 /* field: a scalar field F of three-space whose zero set is the surface.
  *
- * Convention: F < 0 inside the solid, so the normal, out of the solid, is +grad F / |grad F|
- * whatever the source; who builds a field from "inside is above the isovalue" negates it. All
- * positions, gradients and second derivatives are in world space and world units; F may have any
- * unit, since only its zero set and ratios of its derivatives are used.
+ * Convention: F < 0 inside the solid. The outward normal is +grad F / |grad F| for every source. A source in which the
+ * inside is above the isovalue negates its values. Positions, gradients and second derivatives are in world space and
+ * world units. F may have any unit: only its zero set and ratios of its derivatives are used.
  *
- * A field is immutable once built: any number of threads may sample it at once. It is an interface:
- * an implementation puts `field` first in its own struct and fills in `ops`; who makes the
- * implementation owns it and releases it.
+ * A field is immutable after construction: any number of threads may sample it at once. It is an interface: an
+ * implementation has `field` as its first member and sets `ops`. The creator of the implementation owns it and releases
+ * it.
  */
 #ifndef HEXAD_FIELD_FIELD_H
 #define HEXAD_FIELD_FIELD_H
@@ -23,7 +22,7 @@
 typedef struct field field;
 struct field_patches; /* field/patches.h */
 
-/* How much of a sample is wanted. */
+/* The derivatives that a sample contains. */
 typedef enum field_order { FIELD_GRADIENT = 1, FIELD_HESSIAN = 2 } field_order;
 
 typedef struct field_sample {
@@ -32,105 +31,108 @@ typedef struct field_sample {
     sym3 hessian;  /* second derivatives; untouched with FIELD_GRADIENT */
 } field_sample;
 
-/* How large the second differences of F over a cell's edges are beside its slope along the longest: at most FIELD_FLAT_MOST, at most
- * FIELD_GENTLE_MOST; FIELD_BENT: larger, or it is not known. */
+/* The largest second difference of F over the edges of a cell, divided by its slope along the longest edge. FLAT: at
+ * most FIELD_FLAT_MOST. GENTLE: at most FIELD_GENTLE_MOST. BENT: larger, or unknown. */
 typedef enum field_bend { FIELD_BENT, FIELD_GENTLE, FIELD_FLAT } field_bend;
 
-/* A ball of 1 / FIELD_FLAT_MOST cells, with F linear in each, has 2.6e-5 of its area too little; one of twice as many a fourth of
- * that. With flat_cell_shortage one of 1 / FIELD_GENTLE_MOST cells is right to 6e-6, of half as many to 3e-5. */
+/* Relative errors of the area of a sphere. With F linear in each cell: 2.6e-5 at a radius of 1 / FIELD_FLAT_MOST cells,
+ * a quarter of it at twice the radius. With flat_cell_shortage: 6e-6 at a radius of 1 / FIELD_GENTLE_MOST cells, 3e-5
+ * at half that radius. */
 #define FIELD_FLAT_MOST 0.01
 #define FIELD_GENTLE_MOST 0.125
 
-/* A hexahedral cell that the surface may cross: corner k has bit 0 of k along the first axis, bit 1
- * along the second, bit 2 along the third. The cell is a parallelepiped (an affine image of a box).*/
+/* A grid cell that the surface may cross: a parallelepiped (an affine image of a box). Bits 0, 1 and 2 of k are the
+ * position of corner k along the first, second and third axis. */
 typedef struct field_cell {
     vec3 corner[8];
-    double value[8]; /* F at the corners */
-    bool grazed;     /* the surface is known to pass a face whose corners are on one side */
+    double value[8];      /* F at the corners */
+    bool hidden_crossing; /* the surface crosses a face whose corners have one sign */
     field_bend bend;
 } field_cell;
 
-enum { FIELD_CELL_TRIANGLES = 12 }; /* the most in a cell: two in each of six tetrahedra */
+enum { FIELD_CELL_TRIANGLES = 12 }; /* maximum per cell: two in each of six tetrahedra */
 
 typedef struct field_ops {
-    /* F and its derivatives at x. False (out untouched) where the field is not defined: outside the
-     * band of a volume, or at a point where it has no derivative. */
+    /* F and its derivatives at x. False (*out is unchanged) if the field is not defined at x: outside the band of a
+     * volume, or at a point without a derivative. */
     bool (*sample)(const field *f, vec3 x, field_order order, field_sample *out);
 
-    /* The cells that the surface crosses: every cell with corners of both signs (zero counts as
-     * outside) and, where F is sharp, those that an edge of the surface enters between their corners.
-     * Their order is fixed. They are small enough to see the surface's features: a voxel for volumes, a
-     * fixed fraction of the shape for formulas. */
+    /* The number of grid cells that the surface crosses: every cell with corners of both signs (zero counts as outside)
+     * and, if `sharp`, cells that a sharp edge of the surface enters between the corners. The order is fixed. The cells
+     * resolve the features of the surface: they are voxels for volumes, and a fixed fraction of the shape for formulas. */
     size_t (*cell_count)(const field *f);
     void (*cell)(const field *f, size_t k, field_cell *out);
 
-    /* The middle of cell k, whose corners are no farther from it than *radius. NULL: nothing is faster than `cell`. */
+    /* The centre of cell k. *radius: maximum distance of its corners from the centre. NULL: `cell` is as fast. */
     vec3 (*cell_middle)(const field *f, size_t k, double *radius);
 
-    /* Of cells that follow each other and lie together, as those of a block: the middle of cell k's, no corner of which is farther from it
-     * than *radius, and in *end the number behind the last of them. False where it is in none. NULL: no cell is in one. */
+    /* The group of cell k: consecutive cells within a ball, such as those of a block. *middle, *radius: the ball that
+     * contains all corners of the group. *end: the last cell of the group plus 1. False: the cell has no group. NULL:
+     * no cell has. */
     bool (*cell_group)(const field *f, size_t k, size_t *end, vec3 *middle, double *radius);
 
-    /* On which side of the surface x lies, wherever that is: negative inside the solid, positive outside; the
-     * size says nothing. 0 near the surface, where `sample` tells. What lies beyond the end of data is
-     * outside. */
+    /* The side of the surface on which x lies, for any x: negative inside the solid, positive outside; the magnitude
+     * has no meaning. 0 near the surface, where `sample` is defined. Places beyond the end of the data are outside. */
     double (*side)(const field *f, vec3 x);
 
-    /* F and its gradient at VEC3_LANES places, for steps to which single precision is enough: F may be off by some 1e-7
-     * of its largest values nearby. Only lanes that are `defined` before count; where the field is not, the lane's
-     * entry becomes false. The same to the last bit whatever the other lanes hold. Arrays do not overlap. NULL: nothing is
-     * faster than `sample`. */
+    /* F and its gradient at VEC3_LANES places. The error of F may be 1e-7 of its largest values nearby (single
+     * precision). Lanes with `defined` false are ignored; `defined` becomes false in lanes where the field is not
+     * defined. The results of a lane do not depend on other lanes, to the last bit. Arrays do not overlap. NULL:
+     * `sample` is as fast. */
     void (*sample_lanes)(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],
                          double value[VEC3_LANES], vec3_lanes *gradient);
 
-    /* `sample` of patches' own fields, a patch for each lane; only lanes that are `defined` count. Faster where a lane's hint is
-     * what this call left there for a place of the patch nearby. One for another sheet of the patch may tell of that, where x
-     * is near to both. NULL: nothing is faster than `sample`. */
+    /* `sample` of the fields of patches, one patch for each lane. Lanes with `defined` false are ignored. The hint of a
+     * lane is one that this function returned for a nearby place of the same patch, or FIELD_NO_HINT. Where two walls
+     * of a patch are close to each other, the result may be that of the wall of the hint. NULL: `sample` is as fast. */
     void (*sample_patch_lanes)(const field *f, const uint32_t patch[VEC3_LANES], const vec3_lanes *x,
                                bool defined[VEC3_LANES], uint32_t hint[VEC3_LANES], double value[VEC3_LANES],
                                vec3_lanes *gradient);
 
-    /* `sample`, faster where *hint is what this call, `within` or `sample_patch_lanes` left there for a place nearby; FIELD_NO_HINT:
-     * there is none. Of a patch whose sheets are near each other it may tell of the hint's sheet, though another one is nearer. NULL:
-     * nothing is faster than `sample`. */
+    /* `sample` with a hint: one that this function, `within` or `sample_patch_lanes` returned for a nearby place, or
+     * FIELD_NO_HINT. Where two walls of a patch are close to each other, the result may be that of the wall of the
+     * hint, although the other one is closer. NULL: `sample` is as fast. */
     bool (*sample_near)(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out);
 
-    /* The triangles of which cell k consists, corners on the surface; returns how many. Triangles of cells that touch meet
-     * in whole sides or do not overlap. Of such a field `cell` gives a box round them; its values say nothing. Needed where
-     * there are patches. NULL: the cell is cut by where F changes sign. */
+    /* The triangles of cell k, with corners on the surface. Returns their number. Triangles of adjacent cells share
+     * whole sides or do not overlap. For such a field `cell` returns a bounding box of the triangles, with values that
+     * have no meaning. Required if there are patches. NULL: the surface in a cell follows from the signs of F at its
+     * corners. */
     int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
-    /* Of the field of a patch that ends in curves: whether the place of its zero set at or next to x lies between the curves,
-     * and not where the patch only goes on beyond them. NULL: it always does. The hint is what `sample_near` or
-     * `sample_patch_lanes` left there for this place, or none. */
+    /* For the field of a patch that ends in curves: whether the place of its zero set closest to x lies between the
+     * curves, not in the continuation beyond them. NULL: always. The hint is one that `sample_near` or
+     * `sample_patch_lanes` returned for this place, or FIELD_NO_HINT. */
     bool (*within)(const field *f, vec3 x, uint32_t *hint);
 
-    /* To which patch a place on or near the surface in cell k belongs. Needed where there are patches. */
+    /* The patch of a place on or near the surface in cell k. Required if there are patches. */
     uint32_t (*patch_at)(const field *f, size_t k, vec3 x);
 
-    /* Who goes through all cells in their order says so from time to time, when no thread looks at the field: what it
-     * keeps of places that were looked at may go. What it tells does not hang on it. NULL: it keeps nothing. */
+    /* Frees caches of sampled places. Loops over all cells call it periodically, when no thread uses the field. Results
+     * do not depend on it. NULL: there are no caches. */
     void (*forget)(const field *f);
 } field_ops;
 
 struct field {
     const field_ops *ops;
-    bbox domain;       /* world box that holds the surface */
-    bbox boundary_box; /* where `open`: the surface ends at the faces of this box, which are faces of the
-                       * domain; infinite on the sides where it does not */
-    double extent;     /* L of the curvature scale: longest side of the surface's box (volumes) or of
-                       * the domain (formulas) */
-    double cell_size;  /* longest edge of a cell, world units; of the smallest cells where they are uneven */
-    bool
-        uneven; /* cells are of several sizes, each twice the one before; those that touch of one or two of them */
-    bool joined; /* the cells are known to hang together, by faces that they share */
+    bbox domain; /* world box that contains the surface */
+    /* If `open`: the surface ends at the faces of this box, which are faces of the domain. Infinite in directions in
+     * which the surface does not end. */
+    bbox boundary_box;
+    /* L of the curvature scale: longest side of the bounding box of the surface (volumes) or of the domain (formulas) */
+    double extent;
+    double cell_size; /* longest edge of a cell, world units; of the smallest cells if `uneven` */
+    /* Cells have several sizes, each twice the previous one. Adjacent cells have the same size or consecutive
+     * sizes. */
+    bool uneven;
+    bool joined; /* the cells are known to be connected by shared faces */
     bool open;   /* the surface is cut by faces of the domain and has boundaries there */
-    bool sharp;  /* F is about a distance near the surface, and has kinks where smooth parts meet */
-    /* How far the solid goes on beyond the low and high faces of the domain, where no surface is: to the end of the data, or
-     * INFINITY. 0 where it does not. */
+    bool sharp;  /* F approximates a distance near the surface, and has kinks where smooth parts meet */
+    /* Extent of the solid beyond the low and high faces of the domain, where there is no surface, world units: to the
+     * end of the data, or INFINITY. 0: it does not extend beyond. */
     vec3 solid_below, solid_above;
-    /* NULL: the surface is one smooth piece, or taken for one. Else it consists of these, `sample` gives the one nearest to
-     * x, and `open` is false: where the surface ends there are curves. */
+    /* NULL: the surface is one smooth patch, or is treated as one. Otherwise the surface consists of these patches,
+     * `sample` returns the field of the closest one, and `open` is false: boundaries are curves. */
     const struct field_patches *patches;
 };
 
@@ -138,7 +140,7 @@ struct field {
 
 enum { FIELD_ALL_FACES = 63 };
 
-/* Says which faces of its domain cut the surface: bit 2 k the low one of axis k, bit 2 k + 1 the high one. */
+/* Sets the faces of the domain that cut the surface: bit 2 k is the low face of axis k, bit 2 k + 1 the high face. */
 static inline void field_set_boundary(field *f, unsigned faces)
 {
     f->boundary_box = (bbox){{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}};
@@ -149,13 +151,13 @@ static inline void field_set_boundary(field *f, unsigned faces)
     }
 }
 
-/* The box that holds the solid, as far as it is known. */
+/* A box that contains the solid, as far as it is known. */
 static inline bbox field_solid_box(const field *f)
 {
     return (bbox){vec3_sub(f->domain.min, f->solid_below), vec3_add(f->domain.max, f->solid_above)};
 }
 
-/* Says what that box is, once the domain is set. */
+/* Sets the result of field_solid_box. The domain is set before. */
 static inline void field_set_solid_box(field *f, bbox box)
 {
     for (int axis = 0; axis < 3; axis++) {
@@ -178,13 +180,13 @@ static inline double field_cell_edge(const field_cell *cell)
     return longest;
 }
 
-/* The field's cell size, at a cell of it. */
+/* The size of a cell of the field, world units. */
 static inline double field_cell_size(const field *f, const field_cell *cell)
 {
     return f->uneven ? field_cell_edge(cell) : f->cell_size;
 }
 
-/* The faces that the surface passes, as far as corners tell: bit 2 k the low one of axis k, bit 2 k + 1 the high one. */
+/* The faces of a cell that the surface crosses, from the signs at the corners: bits as in field_set_boundary. */
 static inline unsigned field_cell_passed_faces(const field_cell *cell)
 {
     static const unsigned corners[6] = {0x55, 0xaa, 0x33, 0xcc, 0x0f, 0xf0};
@@ -192,7 +194,7 @@ static inline unsigned field_cell_passed_faces(const field_cell *cell)
     for (int c = 0; c < 8; c++) inside |= (unsigned)(cell->value[c] < 0) << c;
     for (int face = 0; face < 6; face++) {
         const unsigned on = inside & corners[face];
-        faces |= (unsigned)(cell->grazed || (on != 0 && on != corners[face])) << face;
+        faces |= (unsigned)(cell->hidden_crossing || (on != 0 && on != corners[face])) << face;
     }
     return faces;
 }
@@ -207,7 +209,7 @@ static inline bool field_sample_at(const field *f, vec3 x, field_order order, fi
     return f->ops->sample(f, x, order, out);
 }
 
-/* As in field_ops, of any field. */
+/* See `sample_near` in field_ops; for any field. */
 static inline bool field_sample_near(const field *f, vec3 x, field_order order, uint32_t *hint,
                                      field_sample *out)
 {
@@ -215,14 +217,13 @@ static inline bool field_sample_near(const field *f, vec3 x, field_order order, 
                                : f->ops->sample(f, x, order, out);
 }
 
-/* As in field_ops, of any field. */
+/* See `sample_lanes` in field_ops; for any field. */
 void field_sample_lanes(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],
                         double value[VEC3_LANES], vec3_lanes *gradient);
 
-/* Principal curvatures of the level set through a sample taken with FIELD_HESSIAN:
- * the eigenvalues in the tangent plane of P H P / |grad F|, P = I - n n'.
- * *kappa1 >= *kappa2, positive where the solid is convex (sphere of radius R: both 1/R); the
- * returned kappa is the Frobenius norm sqrt(kappa1^2 + kappa2^2). 0 where the gradient vanishes.
+/* Principal curvatures of the level set through a sample taken with FIELD_HESSIAN, 1 / world unit: the eigenvalues in
+ * the tangent plane of P H P / |grad F|, P = I - n n'. *kappa1 >= *kappa2, positive where the solid is convex (sphere
+ * of radius R: both 1/R). Returns the Frobenius norm sqrt(kappa1^2 + kappa2^2). All are 0 where the gradient vanishes.
  * Source: Kindlmann et al. 2003, "Curvature-Based Transfer Functions", section 3. */
 double field_curvature(const field_sample *s, double *kappa1, double *kappa2);
 

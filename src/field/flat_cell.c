@@ -4,21 +4,21 @@
 
 #include "base/isa.h"
 
-/* Kuhn's tetrahedra: the corners from 0 to 7 along an order of the axes. */
+/* Kuhn's tetrahedra: the corners on the path from corner 0 to corner 7 for each order of the axes. */
 static const struct {
     uint8_t axis[3], corner[4];
 } tetrahedra[6] = {{{0, 1, 2}, {0, 1, 3, 7}}, {{0, 2, 1}, {0, 1, 5, 7}}, {{1, 0, 2}, {0, 2, 3, 7}},
                    {{1, 2, 0}, {0, 2, 6, 7}}, {{2, 0, 1}, {0, 4, 5, 7}}, {{2, 1, 0}, {0, 4, 6, 7}}};
 
-/* Of an edge: more than rounding moves corners by. */
+/* In edge lengths: larger than the rounding errors of corners. */
 static const double HAIR = 1e-3;
 
 enum { LANES = 8 };
 
-/* Cells side by side. */
+/* Cells in SIMD lanes. */
 typedef struct cell_lanes {
     double value[8][LANES];
-    double edge[3][3][LANES]; /* of an axis, its coordinates */
+    double edge[3][3][LANES]; /* axis, coordinate */
 } cell_lanes;
 
 static inline double least(double a, double b)
@@ -31,8 +31,8 @@ static inline double largest(double a, double b)
     return a > b ? a : b;
 }
 
-/* By how much the share of a tetrahedron that lies below 0 grows with that, where F is linear between its values. Without branches: all
- * that it may be is computed. */
+/* The derivative, with respect to the level at 0, of the fraction of a tetrahedron in which F, linear between the
+ * values p, q, r, s, is below the level. Computes all cases without branches. */
 static inline double density(double p, double q, double r, double s)
 {
     const double low_p = least(p, q), high_p = largest(p, q), low_r = least(r, s), high_r = largest(r, s),
@@ -46,7 +46,7 @@ static inline double density(double p, double q, double r, double s)
     return 3 * some / (some > 0 ? over : 1);
 }
 
-/* Loops over the lanes: the compiler makes vectors of those. */
+/* The compiler vectorises the loops over the lanes. */
 ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
 {
     double across[3][3][LANES];
@@ -73,14 +73,15 @@ ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
     }
 }
 
-/* From a to b, and not beyond by rounding: roots lie where the corners do, so that a box which holds these holds them. */
+/* Linear interpolation, clamped to [a, b]: a box that contains the corners then contains the roots, in spite of
+ * rounding. */
 static double between(double a, double b, double t)
 {
     const double x = a + t * (b - a);
     return least(largest(x, least(a, b)), largest(a, b));
 }
 
-/* Where F, linear, is zero on the cell's edges. */
+/* Adds the zeros of F, linear along each edge of the cell. */
 static void add_roots(const field_cell *cell, bbox *box)
 {
     for (int from = 0; from < 7; from++)
@@ -120,7 +121,7 @@ void flat_cell_areas(const field_cell *cells, size_t count, double *area)
 void flat_cell_widen(const field_cell *cell, bbox *box)
 {
     const vec3 *low = &cell->corner[0];
-    vec3 reach = {0, 0, 0}; /* from there no corner is farther along any axis, but for rounding */
+    vec3 reach = {0, 0, 0}; /* maximum extent along each axis, except for rounding */
     for (int a = 0; a < 3; a++) {
         const vec3 edge = vec3_sub(cell->corner[1 << a], *low);
         reach = vec3_add(reach, (vec3){fabs(edge.x), fabs(edge.y), fabs(edge.z)});
@@ -130,15 +131,15 @@ void flat_cell_widen(const field_cell *cell, bbox *box)
         add_roots(cell, box);
 }
 
-/* The square of what lies across the normal. */
+/* The squared length of the component of v perpendicular to the unit normal. */
 static double tangent_norm2(vec3 v, vec3 normal)
 {
     const double along = vec3_dot(v, normal);
     return vec3_norm2(v) - along * along;
 }
 
-/* e: what is linear between the corners of a tetrahedron, less F. Its slope along the cell's edges, in the mean over the tetrahedron.
- * bend[i][j]: the second derivative of F along edges i and j. */
+/* The gradient, along the edges of the cell, of e = (linear interpolant in a tetrahedron) - F: mean over the
+ * tetrahedron. bend[i][j]: the second derivative of F along edges i and j. */
 static void mean_slope(const double bend[3][3], const uint8_t axis[3], double out[3])
 {
     const int a = axis[0], b = axis[1], c = axis[2];
@@ -147,9 +148,10 @@ static void mean_slope(const double bend[3][3], const uint8_t axis[3], double ou
     out[c] = 0.25 * (bend[c][c] + bend[a][c] + 2 * bend[b][c]);
 }
 
-/* The surface of linear pieces lies e / |grad F| below that of F. <> is the mean over the cell, H the second derivatives of F across the
- * normal. The area differs by -tr H <e> / |grad F|^2, since the surface bends and this one lies below, and by <|grad e|^2> / (2 |grad F|^2),
- * since this one is tilted. Both means follow from the second moments of the tetrahedra's corners. */
+/* The piecewise linear surface lies e / |grad F| below that of F. <> is the mean over the cell, H the second
+ * derivatives of F in the tangent plane. The areas differ by -tr H <e> / |grad F|^2, because of the offset of a curved
+ * surface, and by <|grad e|^2> / (2 |grad F|^2), because of the tilt. Both means follow from the second moments of the
+ * corners of the tetrahedra. */
 double flat_cell_shortage(const field_cell *cell, const field_sample *middle)
 {
     vec3 edge[3], across[3], turn[3], sum = {0, 0, 0};

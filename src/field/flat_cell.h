@@ -1,23 +1,25 @@
-/* flat_cell: the area of the surface in a cell in which F is all but linear, from the corners' values alone.
+/* flat_cell: the area of the surface in a cell in which F is nearly linear, from the values at the corners.
  *
- * In each tetrahedron of Kuhn's decomposition F is linear: the area of its zero set is the length of the gradient times the
- * change of the volume below it with F, which is a quadratic B-spline of the four values. Source: Curry and Schoenberg 1966.
- * Of a ball of R cells .26 / R^2 of the area is missing.
+ * F is linear in each tetrahedron of Kuhn's decomposition. The area of its zero set is the length of the gradient times
+ * the derivative of the volume below the level with respect to the level. This derivative is a quadratic B-spline of
+ * the four values. Source: Curry and Schoenberg 1966. For a ball with a radius of R cells, the area is too small by the
+ * fraction 0.26 / R^2. Pure functions.
  */
 #ifndef HEXAD_FIELD_FLAT_CELL_H
 #define HEXAD_FIELD_FLAT_CELL_H
 
 #include "field/field.h"
 
-/* Those of so many cells, world units squared. */
+/* The areas of `count` cells, world units squared. */
 void flat_cell_areas(const field_cell *cells, size_t count, double *area);
 
-/* Widens *box by where the surface passes the cell's edges. */
+/* Extends *box to the intersections of the surface with the edges of the cell. */
 void flat_cell_widen(const field_cell *cell, bbox *box);
 
-/* By what share such an area is too small, in the mean over all places of the surface in the cell: to the second order in the cell's size
- * over the radii of curvature. It says nothing of one cell: sums over all cells of a surface are right, and not where others, whose areas
- * are exact, lie beside these. `middle`: F in the cell's middle, with its Hessian; its gradient is not 0. */
+/* The fraction by which flat_cell_areas underestimates the area of the cell: a mean over all positions of the surface
+ * in the cell, to second order in the cell size over the radii of curvature. It is valid for sums over all cells of a
+ * surface. It is not valid for single cells, or where adjacent cells have exact areas. `middle`: F at the centre of the
+ * cell, with its Hessian; the gradient is not 0. */
 double flat_cell_shortage(const field_cell *cell, const field_sample *middle);
 
 #endif

@@ -51,7 +51,7 @@ static const field_ops placement_ops = {.sample = placement_sample,
                                         .cell = placement_cell,
                                         .side = placement_side};
 
-/* Faces of the domain that cut the surface, after the map; false when it does not map axes to axes. */
+/* The faces of the mapped domain that cut the surface. False: the map does not map axes to axes. */
 static bool map_boundary_faces(const placement *p, unsigned *faces)
 {
     *faces = 0;
@@ -71,7 +71,7 @@ static bool map_boundary_faces(const placement *p, unsigned *faces)
     return true;
 }
 
-/* The box round the solid; each of its sides by itself, since some may be infinite. */
+/* The bounding box of the solid. Each side is mapped separately, since sides may be infinite. */
 static bbox place_solid(const placement *p)
 {
     const bbox box = field_solid_box(p->part);
@@ -98,7 +98,7 @@ static void measure(placement *p)
     p->base.sharp = p->part->sharp;
     p->base.extent = p->part->extent * bbox_longest(box) / bbox_longest(p->part->domain);
     p->base.uneven = p->part->uneven;
-    field_cell cell, placed; /* all of a field's cells have one shape */
+    field_cell cell, placed; /* all cells of a field are similar */
     p->part->ops->cell(p->part, 0, &cell);
     placement_cell(&p->base, 0, &placed);
     p->base.cell_size = field_cell_edge(&placed);

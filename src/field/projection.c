@@ -4,7 +4,8 @@
 #include <string.h>
 
 static const double CELLS_MOST = 5;
-/* Of projection_draft. Newton's method takes at most 10 steps in a grid cell; places that are drawn in the whole domain of a formula take up to 50. */
+/* Steps of projection_draft. Newton's method takes at most 10 steps within a grid cell, and up to 50 from random places
+ * in the domain of a formula. */
 enum { DRAFT_STEPS = 50 };
 static const double DRAFT_ACCURACY = 1e-3;
 
@@ -19,7 +20,7 @@ double projection_scale(const field *f, double spacing)
     return fmin(spacing, CELLS_MOST * f->cell_size);
 }
 
-/* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
+/* Clamps x to the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
 static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
 {
     if (!f->open) return;
@@ -43,7 +44,7 @@ unsigned projection_boundary_axes(const field *f, vec3 x)
     return axes;
 }
 
-/* The Newton step of a sample, within the faces that x is pinned to. */
+/* The Newton step of a sample, restricted to the faces in which x is pinned. */
 static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 {
     vec3 g = s->gradient;
@@ -60,7 +61,7 @@ bool projection_find(const field *f, const projection_limits *limits, vec3 *x, v
     return projection_find_near(f, limits, &(uint32_t){FIELD_NO_HINT}, x, normal);
 }
 
-/* Newton's iteration from *x; *s receives the last sample, and *seen whether it is that of the place where it ends. */
+/* Newton's iteration from *x. *s: the last sample. *seen: it was taken at the final *x. */
 static bool find_place(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
                        field_sample *s, bool *seen)
 {
@@ -138,8 +139,8 @@ void projection_find_lanes(const field *f, const projection_limits *limits, cons
     }
 }
 
-bool projection_land(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
-                     field_sample *sample)
+bool projection_sample(const field *f, const projection_limits *limits, uint32_t *hint, vec3 *x,
+                       field_sample *sample)
 {
     vec3 p = *x;
     field_sample s;
@@ -151,7 +152,7 @@ bool projection_land(const field *f, const projection_limits *limits, uint32_t *
     return true;
 }
 
-/* Steps in which the reach is searched for a change of sign, each way; and halvings, to 2^-52 of such a step. */
+/* Steps in each direction in which `reach` is searched for a change of sign; and bisections, to 2^-52 of a step. */
 enum { SEARCH_STEPS = 32, HALVINGS = 52 };
 
 /* The nearest interval [*a, *b] of `x + t along` with a change of sign. */

@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 
-/* Of a cell: how far a surface may bulge out of the cells that it crosses. */
+/* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */
 static const double BULGE = 0.5;
 
 struct region {
@@ -58,7 +58,7 @@ static bbox box_of_cell(const field *f, size_t k)
     return box;
 }
 
-/* Keeps the cells with a part inside of the box, and gives the box of them all and of those that are kept. */
+/* Keeps the cells that reach into the box. *all, *kept: the bounding boxes of all cells and of the kept ones. */
 static bool keep_cells(region *r, bbox box, bbox *all, bbox *kept, error *e)
 {
     size_t cells = r->whole->ops->cell_count(r->whole);
@@ -75,7 +75,7 @@ static bool keep_cells(region *r, bbox box, bbox *all, bbox *kept, error *e)
     return true;
 }
 
-/* A face of the domain cuts the surface if cells reach it and it is a face of the box or one that cuts the whole. */
+/* A face of the domain cuts the surface if cells reach it and it is a face of the box or cuts the whole. */
 static unsigned find_boundary_faces(const region *r, bbox box, bbox kept)
 {
     bbox reached = bbox_grow(kept, BULGE * r->whole->cell_size), whole = r->whole->domain;

@@ -7,9 +7,9 @@
 #include "base/memory.h"
 #include "geometry/affine.h"
 
-/* Of normals, and of the solid's size: planes that differ less are one. */
+/* Tolerance for equal planes: of unit normals, and of offsets in units of the solid's size. */
 static const double SAME_PLANE = 1e-9;
-/* Levels of rules within rules. */
+/* Maximum nesting depth of rules. */
 enum { DEEPEST = 64, ANY = -1, BOTH = -2 };
 
 static bool leaf_sample(const field *f, vec3 x, field_order order, field_sample *out)
@@ -56,7 +56,7 @@ void solid_join(solid *s, solid_rule *rule, bool any)
     add_step(s, rule, any ? ANY : BOTH, false);
 }
 
-/* F of a plane is g x + c: 1 where two are the same, -1 where they face each other, 0 else. */
+/* F of a plane is g x + c. 1: the two planes are equal; -1: they are equal with opposite normals; 0: otherwise. */
 static int same_plane(const solid *s, const field *a, const field *b)
 {
     field_sample f, g;
@@ -77,7 +77,7 @@ static bool is_plane(const solid_leaf *l)
     return l->owned && l->owned->params.shape == ANALYTIC_HALFSPACE;
 }
 
-/* Takes over what is owned. */
+/* Takes ownership of leaf.owned. */
 static void push_leaf(solid *s, solid_rule *rule, solid_leaf leaf, bool inverted)
 {
     leaf.base.ops = &leaf_ops;
@@ -104,7 +104,7 @@ void solid_push_field(solid *s, solid_rule *rule, const field *f, const double t
     push_leaf(s, rule, leaf, inverted);
 }
 
-/* What is outside of all is what is outside of any. */
+/* The complement of an intersection is the union of the complements. */
 void solid_push_shape(solid *s, solid_rule *rule, const analytic_params *shape, const double to_world[3][4],
                       bool inverted)
 {
@@ -163,7 +163,7 @@ int solid_surface(const solid *s, int leaf, uint64_t sides)
     return in ? 1 : -1;
 }
 
-/* Least and greatest distances, as the rule joins them. */
+/* Minima and maxima of distances, as the rule joins them. */
 int solid_nearest(const solid *s, vec3 x, int *sign)
 {
     struct {

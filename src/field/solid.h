@@ -1,8 +1,9 @@
-/* solid: what unions, intersections and differences of solids with smooth surfaces hold, as a rule over the sides of these.
+/* solid: unions, intersections and differences of smooth solids, as Boolean functions of the sides of their surfaces.
  *
- * A leaf is a smooth F with a matrix that places it: of a cube its six planes are leaves. Two rules say which places are
- * inside of the solid, and of the region in which its surface counts. The surface of leaf k counts at x where the first rule
- * depends on k's side there and the second holds. World space. Immutable once built; any thread may ask.
+ * A leaf is a smooth F with a matrix that places it; a cube has six planes as leaves. One rule determines which places
+ * are inside the solid, a second one the region in which its surface counts. Leaf k contributes to the surface at x if
+ * the first rule depends on the side of k there and the second rule holds. World space. Immutable after construction;
+ * any thread.
  */
 #ifndef HEXAD_FIELD_SOLID_H
 #define HEXAD_FIELD_SOLID_H
@@ -15,15 +16,15 @@
 enum { SOLID_LEAVES = 64, SOLID_STEPS = 512 };
 
 typedef struct solid_leaf {
-    field base;           /* F of the leaf in the world */
-    const field *field;   /* in its own space */
-    double to_part[3][4]; /* from the world into that */
-    analytic *owned;      /* the field, if it is a piece of a shape; else NULL */
+    field base;           /* F of the leaf in world space */
+    const field *field;   /* F in the leaf's own space */
+    double to_part[3][4]; /* from world space to the leaf's own space */
+    analytic *owned;      /* the field, if the leaf owns it (a face of a shape); or NULL */
 } solid_leaf;
 
-/* What pushes a leaf's side or joins the two on top. */
+/* A step of a stack machine: pushes the side of a leaf, or joins the two values on top. */
 typedef struct solid_step {
-    int16_t leaf; /* -1: any of the two, -2: both */
+    int16_t leaf; /* >= 0: leaf to push; -1: or; -2: and */
     bool inverted;
 } solid_step;
 
@@ -33,40 +34,41 @@ typedef struct solid_rule {
 } solid_rule;
 
 typedef struct solid {
-    double size; /* of the whole, for what counts as equal */
+    double size; /* longest side of the whole, world units; tolerances are relative to it */
     int count;
     solid_leaf leaf[SOLID_LEAVES];
     solid_rule inside, region;
-    bool full; /* there were more leaves or steps than there is room for */
+    bool full; /* the limits on leaves or steps were exceeded; the solid is not usable */
 } solid;
 
 solid *solid_new(double size);
 void solid_free(solid *s);
 
-/* Pushes a smooth field, which stays the caller's and outlives the solid, or what is outside of it. */
+/* Pushes a smooth field or, if `inverted`, its complement. `f` is not owned and outlives the solid. */
 void solid_push_field(solid *s, solid_rule *rule, const field *f, const double to_world[3][4], bool inverted);
 
-/* The same of a shape, by its smooth pieces. */
+/* Pushes a shape, as the intersection of its smooth faces. */
 void solid_push_shape(solid *s, solid_rule *rule, const analytic_params *shape, const double to_world[3][4],
                       bool inverted);
 
-/* Replaces the two rules on top by one that holds where any of them, or both, do. */
+/* Replaces the two values on top by their disjunction (`any`) or conjunction. */
 void solid_join(solid *s, solid_rule *rule, bool any);
 
-/* ---- a built one; sides are bits, 1: inside of the leaf */
+/* ---- queries; `sides` has bit k set for places inside leaf k */
 
 bool solid_holds(const solid_rule *rule, uint64_t sides);
 
-/* About the distance of x from the leaf's surface, negative inside of it; far from where F is defined only the sign counts. */
+/* The approximate distance of x from the surface of the leaf, negative inside, world units. Where F is not defined only
+ * the sign is valid. */
 double solid_distance(const solid *s, int leaf, vec3 x);
 
 uint64_t solid_sides(const solid *s, vec3 x);
 
-/* How the leaf's surface counts among these sides, its own left out: 0 not at all, 1 with the solid inside of the leaf, -1 with
- * the solid outside of it. */
+/* Whether the leaf's surface belongs to the surface of the solid at a place with these sides (that of the leaf is
+ * ignored): 0 no; 1 yes, and the solid is inside the leaf; -1 yes, and the solid is outside the leaf. */
 int solid_surface(const solid *s, int leaf, uint64_t sides);
 
-/* The leaf on whose surface that of the solid is at x or nearest to it, and on which side of that the solid is, as above. */
+/* The leaf whose part of the surface of the solid is closest to x. *sign: as solid_surface returns it. */
 int solid_nearest(const solid *s, vec3 x, int *sign);
 
 #endif

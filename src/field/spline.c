@@ -5,21 +5,21 @@
 #include <immintrin.h>
 #endif
 
-/* The arithmetic is in doubles whatever the coefficients are, but for lanes. In floats the value jitters by some
- * 1e-7 of the coefficients: fast steps, which do not look at energies, are none the worse, but a minimiser that
- * compares energies to ten digits and differences of values sees that jitter. */
+/* Arithmetic is in doubles for coefficients of both types, except in `gradient_lanes`. In floats the rounding noise of
+ * the value is 1e-7 of the coefficients. That is sufficient for fast steps, which do not compare energies. A minimiser
+ * that compares energies to ten digits is disturbed by it. */
 typedef double lanes __attribute__((vector_size(32)));
 typedef float narrow __attribute__((vector_size(16)));
 
-/* The coefficients of a cell: one of the two pointers. A constant where the functions below are expanded, so
- * that nothing is decided at run time. */
+/* The coefficients of a cell: one of the two pointers is not NULL. It is a compile-time constant where the functions
+ * below are inlined. */
 typedef struct support {
     const float *single;
     const double *wide;
     size_t row, slab;
 } support;
 
-/* Coefficients of t^k, k = 0 to 3, of a particle's four weights along an axis, and of their derivatives. */
+/* Coefficients of t^k, k = 0 to 3, of the four weights along an axis, and of their derivatives. */
 typedef struct cubic {
     narrow value, slope;
 } cubic;
@@ -41,7 +41,7 @@ static const cubic weight_cubics[4] = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0}, {-0.5
 #pragma GCC target("avx2")
 #define VERSION(name) name##_avx2
 #define VERSION_WIDEN(n) \
-    ((lanes)_mm256_cvtps_pd((__m128)(n))) /* the compiler makes five instructions of it */
+    ((lanes)_mm256_cvtps_pd((__m128)(n))) /* the compiler needs five instructions for the generic form */
 #define VERSION_ROWS 2
 #include "field/spline_cell.h"
 #undef VERSION
@@ -49,8 +49,8 @@ static const cubic weight_cubics[4] = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0}, {-0.5
 #undef VERSION_ROWS
 #pragma GCC pop_options
 
-/* A cell's rows have four coefficients: wider vectors have nothing to hold. But there are twice as many, so
- * that the weights stay in them. */
+/* The rows of a cell have four coefficients: wider vectors bring nothing. AVX-512 has twice as many registers, which
+ * hold the weights. */
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=256")
 #define VERSION(name) name##_avx512

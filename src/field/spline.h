@@ -1,10 +1,9 @@
-/* spline: uniform cubic B-splines in three variables, evaluated in one cell of their grid.
+/* spline: evaluates uniform cubic B-splines in three variables in one cell of their grid.
  *
- * A cell of the grid has 4^3 coefficients: `corner` is the one of lowest index along every axis, the third
- * axis is contiguous, and `row` and `slab` are the steps to the next along the second and the first. In
- * axis k the point stands at t[k] in [0, 1] of the way from the node of the second coefficient to that of
- * the third. C2 across cells. Pure functions, safe in any thread.
- * Source: Unser 1999, "Splines: A Perfect Fit for Signal and Image Processing", box 2.
+ * A cell has 4^3 coefficients: `corner` points to the one with the lowest index along every axis, the third axis is
+ * contiguous, and `row` and `slab` are the strides of the second and the first axis. Along axis k the place is at the
+ * fraction t[k], in [0, 1], between the nodes of the second and the third coefficient. C2 across cells. Pure functions,
+ * any thread. Source: Unser 1999, "Splines: A Perfect Fit for Signal and Image Processing", box 2.
  */
 #ifndef HEXAD_FIELD_SPLINE_H
 #define HEXAD_FIELD_SPLINE_H
@@ -21,21 +20,21 @@ typedef struct spline_jet {
     double xx, yy, zz, xy, xz, yz;
 } spline_jet;
 
-/* Places in cells of their own, and what `gradient_lanes` makes of them. */
+/* Input and output of `gradient_lanes`: one place per lane, each in its own cell. */
 typedef struct spline_lanes {
-    const float *corner[VEC3_LANES]; /* NULL: none, all is 0 there */
+    const float *corner[VEC3_LANES]; /* NULL: no place; all outputs are 0 */
     float t[3][VEC3_LANES];
     float f[VEC3_LANES], d[3][VEC3_LANES]; /* as in spline_jet */
 } spline_lanes;
 
-/* The functions for one instruction set; the results are the same to the last bit with any. `gradient` leaves
- * the second derivatives untouched. */
+/* The functions for one instruction set; the results of all sets are bitwise equal. `gradient` does not write the
+ * second derivatives. */
 typedef struct spline {
     void (*gradient)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
     void (*hessian)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
     /* in single precision */
     void (*gradient_lanes)(spline_lanes *lanes, size_t row, size_t slab);
-    /* the same as the first two for coefficients in doubles */
+    /* the first two functions for coefficients in doubles */
     void (*gradient_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
     void (*hessian_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
 } spline;

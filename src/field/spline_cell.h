@@ -1,9 +1,10 @@
-/* spline_cell: what spline.c compiles once for each instruction set, with VERSION(name) the name that it
- * has there, VERSION_WIDEN(n) that turns four floats into doubles, and VERSION_ROWS the rows that a vector of floats holds. Not a header for others, and without
- * a guard: it is included again and again. A function that is inlined into one for a wider instruction set
- * would not do: its vectors have been cut into narrow ones by then. */
+/* spline_cell: the functions that spline.c compiles once for each instruction set. VERSION(name): the name for that
+ * set. VERSION_WIDEN(n): converts four floats to doubles. VERSION_ROWS: rows of four floats in a vector. It is included
+ * several times by spline.c only and has no include guard. Inlining generic functions into one compiled for a wider
+ * instruction set would not work: the compiler has then split their vectors already.
+ */
 
-/* Vectors go by pointer: passed by value, they have one ABI with AVX and another without. */
+/* Vectors are passed by pointer: by value, the ABI with AVX differs from that without. */
 static inline __attribute__((always_inline)) void VERSION(load_rows)(const support *s, int i, lanes rows[4])
 {
     for (int j = 0; j < 4; j++) {
@@ -145,7 +146,7 @@ static void VERSION(hessian_wide)(const double *corner, size_t row, size_t slab,
 
 typedef float VERSION(rows) __attribute__((vector_size(16 * VERSION_ROWS)));
 
-/* The four weights along an axis, and their derivatives: side by side where vectors hold both. */
+/* The four weights along an axis and their derivatives, in one vector where it is wide enough. */
 static inline __attribute__((always_inline)) void VERSION(weigh)(float t, narrow *value, narrow *slope)
 {
     const cubic *of = weight_cubics;
@@ -163,7 +164,8 @@ static inline __attribute__((always_inline)) void VERSION(weigh)(float t, narrow
 #endif
 }
 
-/* Two times the weights along the last axis, and those along the second axis each as often as a row is long. */
+/* The weights along the last axis, repeated for each row; and each weight along the second axis, repeated for the
+ * length of a row. */
 static inline __attribute__((always_inline)) void
 VERSION(spread)(const narrow *along_row, const narrow *across, VERSION(rows) * repeated, VERSION(rows) * each)
 {
@@ -178,7 +180,7 @@ VERSION(spread)(const narrow *along_row, const narrow *across, VERSION(rows) * r
 #endif
 }
 
-/* Rows j and, where vectors hold two, j + 1 of layer i. */
+/* Loads VERSION_ROWS rows of a layer. */
 static inline __attribute__((always_inline)) void VERSION(load_part)(const float *at, size_t row,
                                                                      VERSION(rows) * out)
 {
@@ -191,7 +193,7 @@ static inline __attribute__((always_inline)) void VERSION(load_part)(const float
 #endif
 }
 
-/* The sum over the four rows, which are in `part`; of the rows j + 0 2 and 1 3 first. */
+/* The sum over the four rows in `part`; rows 0 and 2, and rows 1 and 3, are added first. */
 static inline __attribute__((always_inline)) void VERSION(fold)(const VERSION(rows) * part, narrow *out)
 {
 #if VERSION_ROWS == 1
@@ -202,7 +204,7 @@ static inline __attribute__((always_inline)) void VERSION(fold)(const VERSION(ro
 #endif
 }
 
-/* Of four vectors the sums over their entries, pairs first. */
+/* The sums over the entries of four vectors; pairs are added first. */
 static inline __attribute__((always_inline)) void VERSION(sum_each)(const narrow v[4], narrow *out)
 {
     narrow low =
@@ -212,7 +214,7 @@ static inline __attribute__((always_inline)) void VERSION(sum_each)(const narrow
     *out = __builtin_shufflevector(low, high, 0, 2, 4, 6) + __builtin_shufflevector(low, high, 1, 3, 5, 7);
 }
 
-/* The sums along the first axis, of the values and of their slopes: of each part of the rows those over the four layers. */
+/* The sums over the four layers along the first axis, of the values and of their derivatives. */
 typedef struct VERSION(sums) {
     VERSION(rows) value[4 / VERSION_ROWS], along_x[4 / VERSION_ROWS];
 } VERSION(sums);
@@ -261,7 +263,7 @@ static inline __attribute__((always_inline)) void VERSION(lane)(const VERSION(su
     VERSION(sum_each)(sums, out);
 }
 
-/* Lanes that follow each other with the same cell and first coordinate share the sums along that axis. */
+/* Consecutive lanes with the same cell and first coordinate share the sums along the first axis. */
 static void VERSION(gradient_lanes)(spline_lanes *places, size_t row, size_t slab)
 {
     const float *corner = NULL;

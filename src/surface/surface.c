@@ -405,9 +405,9 @@ static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
         for (int i = 0; i < t.count; i++) area += clipped_area(f, t.at[i], 0, box);
         return area;
     }
-    const bool is_later = !cell->grazed && !f->sharp && t.count > 0,
+    const bool is_later = !cell->hidden_crossing && !f->sharp && t.count > 0,
                bent = is_bent(&t, field_cell_size(f, cell));
-    if (cell->grazed || (bent && !is_later)) area = measure_parts(f, cell, &t);
+    if (cell->hidden_crossing || (bent && !is_later)) area = measure_parts(f, cell, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) *box = bbox_include(*box, t.at[i][k].position);
     if (bent && is_later) return -rough_area(&t, field_cell_size(f, cell));
@@ -419,7 +419,7 @@ static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
 static bool is_smooth(const field *f, const field_cell *cell)
 {
     const bool bends_little = cell->bend == FIELD_FLAT || (cell->bend == FIELD_GENTLE && !f->open);
-    return bends_little && !cell->grazed && is_whole(f, cell);
+    return bends_little && !cell->hidden_crossing && is_whole(f, cell);
 }
 
 /* Notes the area of a cell that is known without roots and by itself; any other joins the group. */

@@ -6,15 +6,15 @@
 
 #include "base/memory.h"
 
-enum { BLOCKS = 64 }; /* in a chunk of work */
-/* Bricks after which the memory of samples is looked at: as much as that takes. */
+enum { BLOCKS = 64 }; /* per chunk of work */
+/* Number of bricks after which memory of samples is freed; it costs as much as a batch. */
 enum { BATCH = 4096 };
 
-static const int lowest_voxel[3] = {-1, -1, -1}; /* of a brick */
+static const int lowest_voxel[3] = {-1, -1, -1}; /* of a brick, relative to its block */
 
-/* So many bricks stay near a processor: 40 MB. */
+/* Number of bricks that fit into the caches: 40 MB. */
 static const size_t MANY = 8192;
-/* That a point comes by, in a surface that has more. */
+/* Bricks that a point accesses, on a surface with more bricks. */
 static const size_t PER_POINT = 2;
 
 typedef struct brick_job {
@@ -33,7 +33,7 @@ static void fill_chunk(void *context, int worker, size_t begin, size_t end)
                        job->coefficients + n * BRICK_SIZE);
 }
 
-/* For each batch of bricks the least first coordinate of those in it and after it. */
+/* For each batch of bricks: the lowest first coordinate in it and in all later batches. */
 static void find_lowest(const block_map *map, int32_t *lowest)
 {
     int32_t low = INT32_MAX;
@@ -60,20 +60,20 @@ static bool fill_all(samples *s, const block_map *map, threads *pool, float *coe
     return true;
 }
 
-size_t bricks_room(size_t blocks, size_t points)
+size_t bricks_capacity(size_t blocks, size_t points)
 {
-    const size_t room = MANY + PER_POINT * points;
+    const size_t capacity = MANY + PER_POINT * points;
     if (points == 0 || blocks <= MANY + points) return 0;
-    return room < blocks ? room : blocks;
+    return capacity < blocks ? capacity : blocks;
 }
 
 bool bricks_make(samples *s, const block_map *map, size_t later, threads *pool, bricks *out, error *e)
 {
     const char *what = "the spline's bricks";
-    bricks b = {.map = map, .room = later > 0 ? later : map->count, .coefficients = *s};
+    bricks b = {.map = map, .capacity = later > 0 ? later : map->count, .coefficients = *s};
     memset(s, 0, sizeof *s);
     samples_settle(&b.coefficients);
-    b.memory = mem_array(b.room * BRICK_SIZE, sizeof *b.memory, what, e);
+    b.memory = mem_array(b.capacity * BRICK_SIZE, sizeof *b.memory, what, e);
     bool ok = b.memory;
     if (ok && later > 0) ok = (b.place = mem_array((size_t)map->count + 1, sizeof *b.place, what, e)) != NULL;
     if (ok && later == 0) {
@@ -105,32 +105,33 @@ const float *bricks_wait(const bricks *b, uint32_t n)
             sched_yield();
             continue;
         }
-        if (atomic_load_explicit(made, memory_order_relaxed) >= b->room) return NULL;
+        if (atomic_load_explicit(made, memory_order_relaxed) >= b->capacity) return NULL;
         if (!atomic_compare_exchange_strong(place, &now, BRICK_BEING_MADE)) continue;
-        const unsigned at = atomic_fetch_add(made, 1); /* threads may come to the last one together */
-        if (at < b->room)
+        const unsigned at = atomic_fetch_add(made, 1); /* several threads may claim the last one */
+        if (at < b->capacity)
             samples_window(&b->coefficients, b->map->blocks[n], lowest_voxel, BRICK_SIDE,
                            b->memory + (size_t)at * BRICK_SIZE);
-        atomic_store_explicit(place, at < b->room ? at + BRICK_THERE : BRICK_MISSING, memory_order_release);
+        atomic_store_explicit(place, at < b->capacity ? at + BRICK_THERE : BRICK_MISSING,
+                              memory_order_release);
     }
 }
 
-const float *bricks_glance(const bricks *b, uint32_t n, float room[BRICK_SIZE])
+const float *bricks_read_once(const bricks *b, uint32_t n, float buffer[BRICK_SIZE])
 {
     if (!b->place || atomic_load_explicit(&b->place[n], memory_order_acquire) >= BRICK_THERE)
         return bricks_at(b, n);
-    samples_window(&b->coefficients, b->map->blocks[n], lowest_voxel, BRICK_SIDE, room);
-    return room;
+    samples_window(&b->coefficients, b->map->blocks[n], lowest_voxel, BRICK_SIDE, buffer);
+    return buffer;
 }
 
-void bricks_gather_cell(const bricks *b, uint32_t n, const int cell[3], float room[BRICK_CELL])
+void bricks_gather_cell(const bricks *b, uint32_t n, const int cell[3], float buffer[BRICK_CELL])
 {
     float cube[4][4][4];
     const int low[3] = {cell[0] - 1, cell[1] - 1, cell[2] - 1};
     samples_window(&b->coefficients, b->map->blocks[n], low, 4, cube[0][0]);
     for (int x = 0; x < 4; x++)
         for (int y = 0; y < 4; y++)
-            memcpy(room + x * BRICK_SLAB + y * BRICK_SIDE, cube[x][y], sizeof cube[x][y]);
+            memcpy(buffer + x * BRICK_SLAB + y * BRICK_SIDE, cube[x][y], sizeof cube[x][y]);
 }
 
 void bricks_forget(const bricks *b)

@@ -7,7 +7,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 
-enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* in a chunk of work */ };
+enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* per chunk of work */ };
 
 static const char what[] = "the cells that the surface crosses";
 
@@ -18,12 +18,12 @@ typedef struct making {
     bool smooth;
 } making;
 
-/* Along the last axis: the first corner of cells, and behind the last one. */
+/* A range of corners along the last axis: from the first to the last one plus 1. */
 typedef struct span {
     int from, end;
 } span;
 
-/* Of the corners (x, y) those between the first and the last that a cell has. */
+/* The range of corners (x, y, .) that cells of the block have. */
 static span span_of(const cell_block *b, int x, int y)
 {
     const uint64_t cells = (x > 0 ? b->layer[x - 1] : 0) | (x < SIDE ? b->layer[x] : 0);
@@ -32,7 +32,7 @@ static span span_of(const cell_block *b, int x, int y)
     return (span){__builtin_ctz(any), 33 - __builtin_clz(any)};
 }
 
-/* What is known of a block alone: `cells` and `values` are its own as yet. */
+/* Counts within each block: `cells` and `values` are its own numbers at this stage. */
 ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *job = context;
@@ -56,7 +56,7 @@ ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size
     }
 }
 
-/* Turns what each block has into what those before it have. */
+/* Prefix sums: replaces the numbers of each block by the totals of the blocks before it. */
 static bool add_up(crossed_cells *c, error *e)
 {
     size_t cells = 0, values = 0;
@@ -102,7 +102,8 @@ static void value_chunk(void *context, int worker, size_t begin, size_t end)
         const block_map *map = job->out->map;
         if (i + 1 < end) samples_fetch(job->samples, map->blocks[b[1].block]);
         samples_corners(job->samples, map->blocks[b->block], job->smooth, corners);
-        for (int k = 0; k < CORNERS * CORNERS; k++) { /* whole rows: what is too much the next one replaces */
+        /* copies whole rows: the excess is overwritten by the next row */
+        for (int k = 0; k < CORNERS * CORNERS; k++) {
             const int from = span_of(b, k / CORNERS, k % CORNERS).from;
             memcpy(packed + (b->row[k] + from), corners + CORNERS * k + from, CORNERS * sizeof *packed);
         }
@@ -157,7 +158,7 @@ void crossed_cells_add_late(crossed_cells *c, crossed_cell *late, size_t count)
     c->count += count;
 }
 
-/* The place of the bit that has so many set bits below it: of a layer few have. */
+/* The index of the set bit with n set bits below it; n is small. */
 static int nth_bit(uint64_t bits, unsigned n)
 {
     for (; n > 0; n--) bits &= bits - 1;
@@ -171,7 +172,7 @@ const cell_block *crossed_cells_block(const crossed_cells *c, size_t k)
     return b;
 }
 
-/* The block of a cell that is in one, and where in it. */
+/* The block of cell k, and the position within it. */
 static const cell_block *find_in_blocks(const crossed_cells *c, size_t k, int within[3])
 {
     const cell_block *b = crossed_cells_block(c, k);

@@ -9,7 +9,7 @@
 
 #define SIDE VDB_LEAF_SIDE
 
-/* Blocks around a crossed one that are kept: volume.c reads 13 voxels around the crossed cells. */
+/* Number of blocks kept around a crossed one: volume.c reads 13 voxels around crossed cells. */
 enum { AROUND = 2 };
 
 static const uint32_t NONE = UINT32_MAX;
@@ -17,17 +17,17 @@ static const uint32_t NONE = UINT32_MAX;
 typedef struct work {
     slices *source;
     double isovalue;
-    double on; /* the value in the file that the isovalue means: among floats the nearest */
+    double on; /* the isovalue in the type of the file: the nearest float */
     int64_t size[3];
-    int64_t blocks[3];  /* along each axis, AROUND beyond either end included */
-    int64_t stride;     /* of a row of `inside`: rows end in zeroes that a word may read */
-    double *values;     /* a slice */
+    int64_t blocks[3];  /* along each axis, with AROUND at both ends */
+    int64_t stride;     /* of a row of `inside`; rows end with zeros, so that whole words can be read */
+    double *values;     /* one slice */
     uint8_t *inside[2]; /* two slices: 1 where the value is above the isovalue */
-    uint32_t *number;   /* of each block: 1 where it is crossed, at first; the number of its leaf, or NONE */
+    uint32_t *number;   /* per block: first 1 if it is crossed; then the index of its leaf, or NONE */
     vdb_grid *grid;
 } work;
 
-/* Blocks from -AROUND on, the third axis fastest. */
+/* Index of a block; coordinates start at -AROUND, the third axis is fastest. */
 static size_t block_at(const work *w, int64_t x, int64_t y, int64_t z)
 {
     return (size_t)(((x + AROUND) * w->blocks[1] + y + AROUND) * w->blocks[2] + z + AROUND);
@@ -65,7 +65,7 @@ static void end(work *w)
     free(w->number);
 }
 
-/* ---- first pass: where the surface passes */
+/* ---- first pass: finds crossed blocks */
 
 static void note_values(const work *w, int64_t z, uint8_t *inside, dense_grid_facts *facts)
 {
@@ -91,7 +91,7 @@ static uint64_t word_at(const uint8_t *bytes)
     return word;
 }
 
-/* The blocks that have crossed cells between slices z and z + 1. */
+/* Marks the blocks that have crossed cells between slices z and z + 1. */
 static void mark_layer(work *w, int64_t z)
 {
     for (int64_t y = 0; y + 1 < w->size[1]; y++)
@@ -124,14 +124,14 @@ static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
     return true;
 }
 
-/* Numbers the blocks to keep, those around crossed ones; returns how many. */
+/* Numbers the blocks to keep; returns their number. */
 static size_t number_blocks(work *w)
 {
     enum { CROSSED = 1, NEAR = 2 };
     size_t all = (size_t)(w->blocks[0] * w->blocks[1] * w->blocks[2]), count = 0;
     const size_t step = (size_t)w->blocks[2], leap = step * (size_t)w->blocks[1];
     for (size_t k = 0; k < all; k++) {
-        if (w->number[k] != CROSSED) continue; /* AROUND or more from every end of the table */
+        if (w->number[k] != CROSSED) continue; /* at least AROUND from every end of the table */
         size_t low = k - AROUND * (leap + step + 1);
         for (size_t x = 0; x <= 2 * AROUND; x++)
             for (size_t y = 0; y <= 2 * AROUND; y++)
@@ -144,7 +144,7 @@ static size_t number_blocks(work *w)
     return count;
 }
 
-/* ---- second pass: the voxels there */
+/* ---- second pass: fills leaves */
 
 static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
 {
@@ -185,7 +185,7 @@ static float level_of(const work *w, double value)
     return value == w->on ? 0 : (float)(value - w->isovalue);
 }
 
-/* The slice z into the leaves of its layer. */
+/* Copies slice z to the leaves of its layer. */
 static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
 {
     vdb_grid *g = w->grid;
@@ -215,8 +215,8 @@ static bool fill_leaves(work *w, const dense_grid_facts *facts, error *e)
     return true;
 }
 
-/* The value of any voxel near the data; false where no leaf has what it comes from. */
-static bool continued(const work *w, const int64_t at[3], double *value)
+/* The extrapolated value of a voxel near the data. False: no leaf has the values that it depends on. */
+static bool extrapolate(const work *w, const int64_t at[3], double *value)
 {
     for (int axis = 0; axis < 3; axis++) {
         int64_t last = w->size[axis] - 1, end = at[axis] < 0 ? 0 : last;
@@ -226,9 +226,9 @@ static bool continued(const work *w, const int64_t at[3], double *value)
         edge[axis] = end;
         mirror[axis] = 2 * end - at[axis];
         if (mirror[axis] < 0 || mirror[axis] > last)
-            mirror[axis] = last - end; /* a volume thinner than that */
-        if (!continued(w, edge, &there)) return false;
-        *value = continued(w, mirror, &back) ? 2 * there - back : there;
+            mirror[axis] = last - end; /* a volume thinner than the distance */
+        if (!extrapolate(w, edge, &there)) return false;
+        *value = extrapolate(w, mirror, &back) ? 2 * there - back : there;
         return true;
     }
     uint32_t n = w->number[block_at(w, at[0] / SIDE, at[1] / SIDE, at[2] / SIDE)];
@@ -247,7 +247,7 @@ static void continue_leaves(work *w, const dense_grid_facts *facts)
             const int32_t *origin = g->leaf_origin[n];
             const int64_t at[3] = {origin[0] + (k >> 6), origin[1] + (k >> 3 & 7), origin[2] + (k & 7)};
             double value = (double)level_of(w, facts->lowest);
-            continued(w, at, &value);
+            extrapolate(w, at, &value);
             g->leaf_values[n * VDB_LEAF_VOXELS + (size_t)k] = (float)value;
         }
 }

@@ -9,14 +9,15 @@
 #include "geometry/vec3.h"
 #include "vdb/vdb.h"
 
-/* Half-width of the narrow band in voxels: what OpenVDB's own tools write. */
+/* Half-width of the narrow band, voxels: the default of OpenVDB's tools. */
 #define BAND_VOX 3
 
-/* Chords of the closed curve: the longest is 0.009 and departs from the curve by 5e-6 of a unit, less
- * than the steps of a half float at the band's edge. */
+/* Number of chords of the closed curve: the longest is 0.009 units and deviates from the curve by 5e-6 units, less than
+ * the resolution of a half float at the edge of the band. */
 #define CHORDS 1500
 
-/* Index bounds of the knot with its tube and band: 1 + 0.15 + 0.06 units across, 0.34 + 0.21 up. */
+/* Half sizes of the index box of the knot with tube and band: 1 + 0.15 + 0.06 units horizontally, 0.34 + 0.21
+ * vertically. */
 enum { HALF_XY = 62, HALF_Z = 29, SIDE_XY = 2 * HALF_XY + 1, SIDE_Z = 2 * HALF_Z + 1 };
 #define VOXELS ((size_t)SIDE_XY * SIDE_XY * SIDE_Z)
 
@@ -36,7 +37,7 @@ static int clip(double v, int half)
     return v < -half ? -half : v > half ? half : (int)v;
 }
 
-/* Lowers `distance` to the distance from the chord a b, where that can be within the band. */
+/* Sets `distance` to the minimum of itself and the distance from the chord a b, near the chord. */
 static void add_chord(vec3 a, vec3 b, float *distance)
 {
     const double reach = EXAMPLE_TUBE_RADIUS + (BAND_VOX + 1) * EXAMPLE_VOXEL;

@@ -5,10 +5,10 @@
 
 #include "vdb/plain_vdb.h"
 
-/* What fits into a message beside the rest of it. */
+/* Maximum length of the list in a message. */
 #define LIST_SIZE 600
 
-/* How many grids have the name, and the place of `index` among them. */
+/* Number of grids with the name, and the index of `index` among them. */
 static size_t equals(const vdb_listing *l, size_t index, size_t *place)
 {
     size_t count = 0;
@@ -23,14 +23,14 @@ static size_t equals(const vdb_listing *l, size_t index, size_t *place)
 void grid_selection_name(const vdb_listing *l, size_t index, char out[VDB_NAME_SIZE])
 {
     size_t place = 0;
-    /* The digits must stay whole: a name that leaves no room for them is cut. */
+    /* the name is truncated so that the digits fit */
     if (equals(l, index, &place) > 1)
         snprintf(out, VDB_NAME_SIZE, "%.*s[%zu]", VDB_NAME_SIZE - 24, l->entries[index].name, place);
     else
         snprintf(out, VDB_NAME_SIZE, "%s", l->entries[index].name);
 }
 
-/* `"density" (float), "vel" (vec3s)`; from the first that does not fit on they are counted. */
+/* `"density" (float), "vel" (vec3s)`; the number of grids that do not fit follows. */
 static void describe(const vdb_listing *l, bool scalars_only, char out[LIST_SIZE])
 {
     size_t used = 0, left_out = 0;

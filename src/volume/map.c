@@ -12,8 +12,8 @@
 struct map {
     double to_index[3][4];
     vdb_grid *grid;
-    grid_view grid_view; /* as a level set at 0: its values are the grid's own */
-    bool everywhere;     /* the background is a value like any other */
+    grid_view grid_view; /* as a level set at 0, so that values are unchanged */
+    bool everywhere;     /* the background counts as a value */
 };
 
 static bool check_finite(const vdb_grid *g, error *e)
@@ -49,7 +49,7 @@ static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, cha
     return NULL;
 }
 
-/* Tiles that are not active are like nothing. */
+/* Removes inactive tiles, which count as absent. */
 static void drop_inactive_tiles(vdb_grid *g)
 {
     size_t kept = 0;
@@ -93,7 +93,7 @@ size_t map_memory(const map *m)
            m->grid->tile_count * sizeof(vdb_tile);
 }
 
-/* Whether a voxel counts, and its value. */
+/* The value of a voxel. False: it is ignored. */
 static bool voxel(const map *m, const int32_t at[3], double *value)
 {
     grid_view_block b = grid_view_find(&m->grid_view, at[0] >> 3, at[1] >> 3, at[2] >> 3);

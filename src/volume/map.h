@@ -1,7 +1,8 @@
-/* map: a scalar grid of a VDB file as a function of space, for what is painted beside a surface.
+/* map: a scalar grid of a VDB file as a function of space, for painted maps.
  *
- * Between voxels the value is trilinear. Where nothing is painted the value is the background's if that is above 0;
- * otherwise inactive voxels do not count. The grid has a transform of its own. World space. Immutable once open, safe in any thread.
+ * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if that is
+ * above 0; otherwise inactive voxels are ignored. The grid has its own transform. World space. Immutable after
+ * construction, any thread.
  */
 #ifndef HEXAD_VOLUME_MAP_H
 #define HEXAD_VOLUME_MAP_H
@@ -13,14 +14,14 @@
 
 typedef struct map map;
 
-/* `fd` is open for reading and stays the caller's; `grid` as in volume_request; `path` is for messages only.
- * Errors: those of grid_selection_find and vdb_load_grid, input_damaged for an active voxel that is not finite;
- * each names the file and the grid. */
+/* `fd` is open for reading and is not closed; `grid` as in volume_request; `path` is for messages only. The caller
+ * frees the map with map_close. Errors: those of grid_selection_find and vdb_load_grid, input_damaged (an active voxel
+ * is not finite); messages have the file and the grid. */
 map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, error *e);
 void map_close(map *m);
-size_t map_memory(const map *m); /* bytes that it holds; 0 for NULL */
+size_t map_memory(const map *m); /* bytes; NULL: 0 */
 
-/* The value at x; NaN where no voxel around it counts. `m` is a map, void for a callback's sake. */
+/* The value at x; NaN if all voxels around it are ignored. `m` is a map; the type is that of a callback's context. */
 double map_value(const void *m, vec3 x);
 
 #endif

@@ -5,20 +5,21 @@
 #include "geometry/bbox.h"
 #include "packing/packing.h"
 
-/* Voxels along the longest side that show a scanned mesh: nine tenths of it lie within 0.05 voxel. */
+/* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of the level
+ * set. */
 static const double usual_resolution = 256;
-/* What the surface takes at the peak while it is opened, for each square voxel of the mesh: measured at 350 to 450
- * bytes between 256 and 2048 voxels, thin sheets at less. */
+/* Peak memory while the surface is opened, bytes per voxel squared of the mesh's area. Measured: 350 to 450 from 256 to
+ * 2048 voxels; less for thin walls. */
 static const double bytes_per_square = 450;
-/* Shares of the memory: of what the points leave, for voxels as small as the spacing; of all, for thin parts, which
- * cost time that has nothing to do with the number of points. */
+/* Fractions of memory: for voxels as small as the spacing, of the memory that the points leave; for thin parts, of all
+ * memory, since their cost does not depend on the number of points. */
 static const double share_for_spacing = 0.5, share_for_thickness = 0.125;
-/* A step of voxels that took too much memory. */
-static const double relenting = 1.4;
-/* Gains below this are not worth another try. */
+/* Factor of the voxel size after it exceeded the memory. */
+static const double coarsening = 1.4;
+/* Maximum ratio of voxel sizes for another attempt. */
 static const double least_gain = 0.95;
 
-/* The smallest voxels within the bounds, and which bound that is. */
+/* The minimum voxel size, and the name of the bound that determines it. */
 static double finest_voxel(const resolution *r, const resolution_request *q, double bytes, const char **bound)
 {
     double size = r->longest / q->max_resolution, fitting = sqrt(bytes_per_square * r->area / fmax(bytes, 1));
@@ -70,8 +71,8 @@ bool resolution_refine(resolution *r, const resolution_request *q, double all, d
     return true;
 }
 
-void resolution_relent(resolution *r, double enough)
+void resolution_coarsen(resolution *r, double enough)
 {
-    r->voxel_size = fmin(enough, r->voxel_size * relenting);
+    r->voxel_size = fmin(enough, r->voxel_size * coarsening);
     r->limited_by = "memory";
 }

@@ -8,11 +8,11 @@
 
 #define SIDE VDB_LEAF_SIDE
 
-/* Slopes within this of 1 are those of distances, stored as half floats or bent. */
+/* Tolerance for a slope of 1: distances in half floats, or on curved surfaces. */
 static const double still_one = 0.02;
-/* Of distances the upper quartile is as large as the lower one; creases spoil fewer than a quarter. */
+/* Maximum ratio of the upper and the lower quartile for distances; creases affect less than a quarter of the voxels. */
 static const double widest = 1.25;
-/* By how much the slope may differ between the surface and that at the offset. */
+/* Maximum relative difference of the slopes at the surface and at the offset. */
 static const double farthest = 0.1;
 
 static bool is_active(const vdb_grid *g, size_t leaf, int at)
@@ -20,7 +20,7 @@ static bool is_active(const vdb_grid *g, size_t leaf, int at)
     return g->leaf_active[8 * leaf + (size_t)(at >> 6)] >> (at & 63) & 1;
 }
 
-/* |grad| at the voxel, or 0 where its neighbours above are not all active and in the leaf, or on one side. */
+/* |grad| at the voxel; 0 if its upper neighbours are not all active and in the leaf, or if all have one sign. */
 static double slope_at(const vdb_grid *g, size_t leaf, int at, double value, const double to_index[3][4])
 {
     static const int step[3] = {SIDE * SIDE, SIDE, 1};

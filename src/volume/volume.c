@@ -16,7 +16,7 @@
 #include "volume/brick.h"
 #include "volume/crossed_cells.h"
 #include "volume/dense_grid.h"
-#include "volume/grazed.h"
+#include "volume/hidden_crossing.h"
 #include "volume/grid_selection.h"
 #include "volume/slope.h"
 #include "volume/volume_field.h"
@@ -27,42 +27,43 @@
 #include "voxels/reach.h"
 #include "voxels/samples.h"
 
-/* How far around the crossed cells voxels are read that all count: bricks see two beyond the margin, and what is wrong where voxels
- * end arrives at a coefficient as 0.268 to the number of voxels from there, counted along all axes: of any values that takes 11
- * voxels beyond the coefficients of a crossed cell (5e-7). Of a level set the known voxels alone count, wherever they end, and bricks
- * go on by themselves: 3 voxels from the surface and farther two that meet may differ, in what trial steps alone see. */
+/* Distances, in voxels from crossed cells, within which voxels are read. Bricks depend on two voxels beyond the margin.
+ * An error at the end of the voxels decays as 0.268 to the number of voxels, counted along all axes; for arbitrary
+ * values 11 voxels beyond the coefficients of a crossed cell give 5e-7. For a level set only the known voxels are used,
+ * wherever they end, and bricks extrapolate them independently: from 3 voxels off the surface adjacent bricks may
+ * differ, which only affects trial steps. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
-/* Smoothing asks all bricks where they are crossed, their margin too: a brick reaches up to 7 voxels beyond it, its apron 1
- * more, and the crossing may move by a cell. */
+/* With smoothing, all bricks are searched for crossings, margin included: a brick extends up to 7 voxels beyond the
+ * margin, its apron 1 more, and a crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
 static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
 
-/* What exists only while a volume is opened. */
+/* State while a volume is opened. */
 typedef struct loading {
-    char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
-    int fd;         /* of a file of grids */
-    size_t index;   /* of the grid there */
+    char name[300]; /* name of the input in messages: `grid "NAME"` or `its level set` */
+    int fd;         /* file of grids */
+    size_t index;   /* index of the grid */
     bool is_grid;
-    bool flooded; /* sides of inactive voxels are not the file's */
+    bool flooded; /* signs of inactive voxels were recomputed */
     size_t memory_limit;
     vdb_grid *grid;
     grid_view_kind kind;
     dense_grid_facts facts; /* of a dense volume */
-    double lowest, highest; /* of its finite values */
-    size_t solids;          /* of a mesh */
+    double lowest, highest; /* range of the finite values */
+    size_t solids;          /* number of solids of a mesh */
     grid_view grid_view;
     crossings crossings;
     block_map reach;
-    samples_leaves leaves; /* that the samples take over */
+    samples_leaves leaves; /* ownership moves to `samples` */
     samples samples;
     bool smooth;
-    size_t points; /* that are asked for; 0: not known */
+    size_t points; /* number that will be sampled; 0: unknown */
     threads *pool;
 } loading;
 
-/* ---- opening, step by step */
+/* ---- stages of opening */
 
 static void warn(volume_info *info, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
@@ -75,7 +76,7 @@ static void warn(volume_info *info, const char *format, ...)
     va_end(arguments);
 }
 
-/* The isovalue of the surface at an offset. */
+/* Sets the isovalue for a surface at an offset. */
 static bool move_isovalue(loading *l, volume *v, double offset, error *e)
 {
     double to_world[3][4], to_index[3][4], unit;
@@ -90,7 +91,7 @@ static bool move_isovalue(loading *l, volume *v, double offset, error *e)
     return true;
 }
 
-/* Metadata that say where or how large a grid is, and are not applied. */
+/* Warns of metadata on position or size of a grid, which are not applied. */
 static void warn_of_space(volume_info *info, const vdb_grid *g)
 {
     if (*g->unit)
@@ -103,7 +104,7 @@ static void warn_of_space(volume_info *info, const vdb_grid *g)
              info->grid);
 }
 
-/* Chooses the grid and decides what it is; on return l->grid is loaded. */
+/* Selects the grid, determines its kind, and loads it. */
 static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
     vdb_class class;
@@ -174,7 +175,7 @@ static void set_transform(volume *v, const double m[16])
 static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
-    if (v->info.triangles && v->info.isovalue < 0) /* an offset */
+    if (v->info.triangles && v->info.isovalue < 0) /* with an offset */
         return error_set(e, ERROR_NO_SURFACE,
                          "an offset of %g leaves no part of the mesh as thick as a voxel of %g; its deepest "
                          "voxel is %g below the surface: reduce the offset",
@@ -200,7 +201,7 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
                      l->name, v->info.isovalue, l->lowest, l->highest, more);
 }
 
-/* Of the crossed cells: from this share on the surface is the edge of a plateau at the isovalue. */
+/* Fraction of the crossed cells from which the surface counts as the edge of a plateau at the isovalue. */
 static const double plateau_from = 0.1;
 
 static bool check_plateau(const loading *l, const volume *v, error *e)
@@ -215,8 +216,8 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
                      l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
 }
 
-/* Why a crossed cell of a level set has a corner that is inactive or clamped, in a grid whose inactive voxels are on the right
- * side. */
+/* Sets the error for a crossed cell of a level set with an inactive or clamped corner, in a grid whose inactive voxels
+ * have the right sign. */
 static bool refuse_open(const loading *l, const volume *v, error *e)
 {
     const crossings *c = &l->crossings;
@@ -241,8 +242,8 @@ static bool refuse_open(const loading *l, const volume *v, error *e)
 
 static bool look_for_crossings(loading *l, volume *v, error *e);
 
-/* Loads the grid again, with sides of inactive voxels that follow from the active ones: some programs leave the inside of a narrow
- * band on the side of the outside, so that the band ends there as if the surface passed. */
+/* Reloads the grid and computes the signs of inactive voxels from the active ones by flood fill. Some programs give the
+ * inside of a narrow band the sign of the outside, so that the end of the band looks like a surface. */
 static bool flood(loading *l, volume *v, error *e)
 {
     const uint64_t open = l->crossings.open_cells;
@@ -269,7 +270,7 @@ static bool look_for_crossings(loading *l, volume *v, error *e)
         !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
-    const bool dense = l->kind == GRID_VIEW_DENSE; /* not those of the voxels beyond the data's end */
+    const bool dense = l->kind == GRID_VIEW_DENSE; /* without the extrapolated voxels */
     l->lowest = dense ? l->facts.lowest : (double)l->grid_view.lowest + l->grid->zero;
     l->highest = dense ? l->facts.highest : (double)l->grid_view.highest + l->grid->zero;
     if (c->cells == 0) return no_crossing(l, v, e);
@@ -284,14 +285,14 @@ static bool find_crossings(loading *l, volume *v, error *e)
     return l->is_grid && l->grid_view.not_finite == 0 ? flood(l, v, e) : refuse_open(l, v, e);
 }
 
-/* Without the cells. */
+/* Bytes of a volume without its cells. */
 static size_t held_bytes(size_t blocks, size_t made)
 {
     return sizeof(volume) + made * BRICK_SIZE * sizeof(float) +
            blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
-/* Whether the blocks of samples are those of the bricks, with the same numbers: of others there are more. */
+/* Whether the blocks of samples are those of the bricks, with the same indices. Otherwise there are more. */
 static bool reaches_bricks_alone(const loading *l)
 {
     return l->kind == GRID_VIEW_LEVEL_SET && !l->smooth;
@@ -317,9 +318,9 @@ static bool plan(loading *l, volume *v, error *e)
     l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
-    const size_t room = bricks_room(v->map.count, l->points);
-    size_t held = held_bytes(v->map.count, room > 0 ? room : v->map.count) + crossed_cells_bytes(&v->cells) +
-                  l->leaves.spare,
+    const size_t stored = bricks_capacity(v->map.count, l->points);
+    size_t held = held_bytes(v->map.count, stored > 0 ? stored : v->map.count) +
+                  crossed_cells_bytes(&v->cells) + l->leaves.spare,
            limit = l->memory_limit;
     size_t peak = samples_bytes(l->reach.count, false) + (grid > held ? grid : held);
     if (peak <= limit) return true;
@@ -330,7 +331,7 @@ static bool plan(loading *l, volume *v, error *e)
                      limit >> 20);
 }
 
-/* Smoothing moves the surface: its crossings are those of the spline itself, near the samples' own. */
+/* Smoothing moves the surface: finds the crossings of the spline, near those of the samples. */
 static bool find_smooth_crossings(loading *l, volume *v, error *e)
 {
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
@@ -367,7 +368,7 @@ static bool read_samples(loading *l, volume *v, error *e)
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
-/* What tells far from the surface on which side of it one is. */
+/* Sets the data that determine the side of places far from the surface. */
 static bool note_sides(loading *l, volume *v, error *e)
 {
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
@@ -386,7 +387,7 @@ static bool note_sides(loading *l, volume *v, error *e)
 static bool make_bricks(loading *l, volume *v, error *e)
 {
     if (!l->smooth && !prefilter_run(&l->samples, l->kind == GRID_VIEW_LEVEL_SET, l->pool, e)) return false;
-    if (!bricks_make(&l->samples, &v->map, bricks_room(v->map.count, l->points), l->pool, &v->bricks, e))
+    if (!bricks_make(&l->samples, &v->map, bricks_capacity(v->map.count, l->points), l->pool, &v->bricks, e))
         return false;
     for (int axis = 0; axis < 3; axis++) {
         int32_t low = INT32_MAX, high = INT32_MIN;
@@ -401,21 +402,21 @@ static bool make_bricks(loading *l, volume *v, error *e)
     return true;
 }
 
-static bool add_grazed_cells(const loading *l, volume *v, error *e)
+static bool add_hidden_crossings(const loading *l, volume *v, error *e)
 {
-    grazed found = {0};
-    bool ok = grazed_find(&v->bricks, v->info.size, affine_aspect(v->to_world, v->to_index), l->pool,
-                          v->crossed, &found, e);
+    hidden_crossing found = {0};
+    bool ok = hidden_crossing_find(&v->bricks, v->info.size, affine_aspect(v->to_world, v->to_index), l->pool,
+                                   v->crossed, &found, e);
     if (ok) {
         crossed_cells_add_late(&v->cells, found.cell, found.count);
         found.cell = NULL;
     }
     v->base.joined = found.joined;
-    v->grazed = found.passed;
+    v->hidden_crossing = found.passed;
     v->flat = found.flat;
     v->gentle = found.gentle;
     found.passed = found.flat = found.gentle = NULL;
-    grazed_free(&found);
+    hidden_crossing_free(&found);
     return ok;
 }
 
@@ -435,18 +436,18 @@ static void measure(volume *v)
     v->info.surface_box = box;
     v->info.crossing_cells = v->cells.count;
     v->info.bricks = v->map.count;
-    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.room) + crossed_cells_bytes(&v->cells) +
+    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.capacity) + crossed_cells_bytes(&v->cells) +
                            samples_bytes(v->bricks.coefficients.map.count, true) +
                            v->bricks.coefficients.spare;
 }
 
-/* From a loaded grid to bricks. */
+/* Builds the bricks of a loaded grid. */
 static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) ||
         !crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e) || !note_sides(l, v, e) ||
-        !make_bricks(l, v, e) || !add_grazed_cells(l, v, e))
+        !make_bricks(l, v, e) || !add_hidden_crossings(l, v, e))
         return false;
     measure(v);
     return true;
@@ -477,12 +478,12 @@ volume *volume_open(const volume_request *request, error *e)
 
 /* ---- meshes */
 
-/* What the level set does not follow is said from this share of the area on: less is a crease here or there. */
+/* Minimum fraction of the area that is reported as not represented: less is at single creases. */
 static const double unresolved_from = 0.001;
-/* Spacings smaller than this, in voxels, are warned of: creases are rounded over a voxel. */
+/* Spacing, in voxels, below which there is a warning: creases are rounded over a voxel. */
 static const double spacing_below = 0.8;
 
-/* Half-widths of bands, in voxels: what is left on either side of a surface at an offset, and the widest. */
+/* Half-widths of bands, voxels: minimum on both sides of a surface at an offset; maximum. */
 enum { BAND_BESIDE = 3, BAND_WIDEST = 32 };
 
 double volume_mesh_least_voxel(double offset)
@@ -499,7 +500,8 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
                          "an offset of %g is %.4g voxels, more than the maximum of %d: set voxel_size to at "
                          "least %.3g",
                          r->offset, away, BAND_WIDEST - BAND_BESIDE,
-                         1.005 * volume_mesh_least_voxel(r->offset)); /* three digits may be less */
+                         /* the message rounds to three digits */
+                         1.005 * volume_mesh_least_voxel(r->offset));
     const levelset_params params = {.voxel_size = choice->voxel_size,
                                     .band_vox = (int)fmax(band, r->band_vox),
                                     .weld = r->weld,
@@ -528,7 +530,8 @@ static bool keep_faces(volume *v, mesh *m, bool hides, threads *pool, error *e)
     return v->faces != NULL;
 }
 
-/* One level set of the mesh, which stays as it is. *measured also where there is no surface, all being too thin. */
+/* Converts the mesh, which does not change, to one level set. *measured is set also if there is no surface because
+ * everything is too thin. */
 static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, const mesh *whole,
                         fidelity *measured, error *e)
 {
@@ -557,7 +560,7 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
     return NULL;
 }
 
-/* Finer voxels where the first ones do not show thin parts, as far as memory allows. */
+/* Opens a mesh; repeats with finer voxels if thin parts are not represented, as far as memory allows. */
 static volume *open_mesh(const volume_mesh_request *r, const mesh *whole, resolution *choice, fidelity *f,
                          error *e)
 {
@@ -569,7 +572,7 @@ static volume *open_mesh(const volume_mesh_request *r, const mesh *whole, resolu
         volume_close(v);
         while (!(v = try_mesh(r, choice, whole, f, e)) && e->code == ERROR_LIMIT_MEMORY &&
                choice->voxel_size < enough)
-            resolution_relent(choice, enough);
+            resolution_coarsen(choice, enough);
     }
     if (!v && e->code == ERROR_NO_SURFACE && f->thin_voxel > 0 && f->thin_voxel < choice->voxel_size)
         error_set(e, ERROR_NO_SURFACE,
@@ -643,11 +646,11 @@ volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, co
 
 /* ---- dense volumes */
 
-/* Data whose corners stray this far, of a voxel, from a box aligned with the world's axes count as aligned:
- * matrices are stored in single precision, and a boundary that is off by as much shows in no measure. */
+/* Maximum deviation of the corners of data, in voxels, from an axis-aligned box: matrices are stored in single
+ * precision, and such an error of a boundary affects no measure. */
 static const double stray_limit = 1e-3;
 
-/* Along which world axis each axis of the data lies, 0 to 2, or false. */
+/* The world axis, 0 to 2, of each axis of the data. False: not axis-aligned. */
 static bool find_axes(const volume *v, int world_of[3])
 {
     bool used[3] = {false, false, false};
@@ -666,7 +669,7 @@ static bool find_axes(const volume *v, int world_of[3])
     return true;
 }
 
-/* The faces of the data, 2 axis + end, that the surface meets in cell k. */
+/* The faces of the data (bit 2 axis + end) that the surface meets in cell k. */
 static unsigned faces_met(const volume *v, size_t k)
 {
     crossed_cell c;
@@ -689,7 +692,7 @@ static bbox data_box(const volume *v)
                       (bbox){.max = {(double)(size[0] - 1), (double)(size[1] - 1), (double)(size[2] - 1)}});
 }
 
-/* Whether the middle of a face of the data is inside. */
+/* Whether the centre of a face of the data is inside. */
 static bool is_solid_at(const volume *v, int face)
 {
     double at[3];
@@ -701,8 +704,8 @@ static bool is_solid_at(const volume *v, int face)
     return side < 0 || (side == 0 && field_sample_at(&v->base, x, FIELD_GRADIENT, &s) && s.value < 0);
 }
 
-/* The domain ends where the surface meets the end of the data. A face that it does not meet is inside or outside as a
- * whole, and the solid goes on to it where it is inside. */
+/* Sets the boundary: the domain ends where the surface meets the end of the data. A face that the surface does not meet
+ * is entirely inside or outside; if inside, the solid extends to it. */
 static void set_ends(volume *v)
 {
     field *f = &v->base;
@@ -755,7 +758,7 @@ bool volume_align(volume *v, double to_world[16])
     }
     for (int k = 0; k < 3; k++)
         if (fabs(vec3_dot(axis[k], axis[(k + 1) % 3])) * most > stray_limit) return false;
-    if (vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0) { /* mirrored data stay so */
+    if (vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0) { /* mirrored data remain mirrored */
         axis[2] = vec3_scale(axis[2], -1);
         length[2] = -length[2];
     }
@@ -773,7 +776,7 @@ bool volume_align(volume *v, double to_world[16])
     return true;
 }
 
-/* What an index coordinate changes by within a box along the world's axes with these half sides. */
+/* The range of an index coordinate within an axis-aligned world box with these half sizes. */
 static double index_reach(const volume *v, int axis, vec3 half)
 {
     const double *m = v->to_index[axis];
@@ -854,7 +857,7 @@ void volume_close(volume *v)
     bricks_free(&v->bricks);
     free(v->inside);
     free(v->crossed);
-    free(v->grazed);
+    free(v->hidden_crossing);
     free(v->flat);
     free(v->gentle);
     crossed_cells_free(&v->cells);

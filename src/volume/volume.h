@@ -1,10 +1,9 @@
-/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse bricks around the
- * isosurface.
+/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse bricks around the isosurface.
  *
- * A volume is read whole, in one call, through the shim in src/vdb; once it is open no file and no library
- * object is left, only bricks (8^3 cells plus the apron of coefficients that their splines need) wherever
- * the surface passes, with a margin in which Newton's method and a particle's trial steps stay defined.
- * Sampling is safe in any number of threads. Where few places will be looked at, it makes the bricks that it comes by.
+ * A volume is read completely by one call, through src/vdb. An open volume keeps no file and no library object, only
+ * bricks (8^3 cells and the coefficients around them that their splines need) around the surface, with a margin within
+ * which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few places will be
+ * sampled, bricks are made on first access.
  */
 #ifndef HEXAD_VOLUME_VOLUME_H
 #define HEXAD_VOLUME_VOLUME_H
@@ -27,42 +26,44 @@
 typedef struct volume volume;
 
 typedef enum volume_reconstruction {
-    VOLUME_INTERPOLATING, /* the spline has the samples, but beside the clamp of a narrow band */
-    VOLUME_SMOOTHING      /* the samples are the spline's coefficients: blurs, for noisy data */
+    /* the spline interpolates the samples, except beside the clamped values of a narrow band */
+    VOLUME_INTERPOLATING,
+    VOLUME_SMOOTHING /* the samples are the spline's coefficients: blurs noisy data */
 } volume_reconstruction;
 
 typedef struct volume_request {
-    int fd;           /* the file, open for reading, at any offset; stays the caller's */
+    int fd;           /* the file, open for reading, at any offset; not closed */
     const char *path; /* for messages only */
-    const char *grid; /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
+    const char *grid; /* see grid_selection.h; NULL: the only scalar grid */
     bool has_isovalue;
     double isovalue; /* in the grid's own unit */
-    double offset;   /* outwards, of a level set, whose values are distances; of another it must be 0 */
+    double offset;   /* outwards, world units; only for level sets, whose values are distances; otherwise 0 */
     volume_reconstruction reconstruction;
-    size_t memory_limit; /* bytes that opening and holding the volume may take */
-    size_t points;       /* about so many will be asked for, 0: not known; shows in memory_bytes alone */
-    threads *pool;       /* that opens it, or NULL; does not show in the volume */
-    isa isa;             /* what sampling runs on */
+    size_t memory_limit; /* for opening and keeping the volume, bytes */
+    /* approximate number of points that will be sampled, 0: unknown; affects memory_bytes only */
+    size_t points;
+    threads *pool; /* used by opening; or NULL. The volume does not depend on it */
+    isa isa;       /* instruction set for sampling */
 } volume_request;
 
 typedef struct volume_mesh_request {
     int fd;                        /* as above */
-    const char *path;              /* for messages, and its ending for the format */
-    const char *reader;            /* the program that reads meshes; NULL: this one (see mesh_reader.h) */
-    resolution_request resolution; /* its memory_limit as above, the process that reads included */
-    int band_vox;                  /* half-width of the band of distances */
+    const char *path;              /* for messages; its extension determines the format */
+    const char *reader;            /* program that reads meshes; NULL: this one (see mesh_reader.h) */
+    resolution_request resolution; /* memory_limit includes the reader process */
+    int band_vox;                  /* half-width of the band of distances, voxels */
     double weld;                   /* as in levelset_params */
-    const mesh_edges *edges;       /* as in levelset_params, of a mesh that was read already */
-    double offset;                 /* of the surface from the mesh, outwards */
-    bool keep_faces;               /* the triangles stay, see volume_faces */
+    const mesh_edges *edges;       /* as in levelset_params, for a mesh that was read before */
+    double offset;                 /* of the surface from the mesh, outwards, world units */
+    bool keep_faces;               /* keep the triangles, see volume_faces */
     threads *pool;                 /* as in levelset_params */
     isa isa;                       /* as above */
 } volume_mesh_request;
 
 typedef struct volume_dense_request {
-    slices *source;   /* owned by the caller; no longer needed once the volume is open */
+    slices *source;   /* owned by the caller; not used after the volume is open */
     const char *path; /* as above */
-    double isovalue;  /* above it is inside */
+    double isovalue;  /* larger values are inside */
     volume_reconstruction reconstruction;
     size_t memory_limit;
     size_t points;
@@ -74,60 +75,60 @@ typedef struct volume_dense_request {
 
 typedef struct volume_info {
     char grid[256]; /* the grid's unique name; "" for a mesh */
-    bool level_set; /* else fog: inside is above the isovalue */
+    bool level_set; /* otherwise a fog volume: larger values are inside */
     double isovalue;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1) */
     double voxel_size;         /* cube root of the volume of a voxel */
     uint64_t active_voxels;
     uint64_t crossing_cells;
     uint64_t bricks;
-    size_t memory_bytes;        /* what the volume holds */
+    size_t memory_bytes;        /* bytes of the volume */
     bbox surface_box;           /* of the crossing cells */
-    size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
-    fidelity fidelity;          /* of a mesh, where it is not moved by an offset */
-    resolution resolution;      /* of a mesh: its voxels, and why these */
-    int64_t size[3];            /* samples of a dense volume; 0 for another */
+    size_t triangles;           /* used triangles of a mesh; 0 for a grid */
+    fidelity fidelity;          /* of a mesh without an offset */
+    resolution resolution;      /* of a mesh: voxel size, and how it was chosen */
+    int64_t size[3];            /* samples of a dense volume; otherwise 0 */
     char format[12], space[64]; /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
 
-/* Memory is estimated from the grid's leaves before it is taken; over the limit is limit_memory.
- * Errors: input_damaged, input_unsupported, grid_missing, grid_ambiguous, isovalue_required,
- * no_surface, limit_memory; each names the file, the grid and the reason. */
+/* Opens a grid. The caller frees the volume with volume_close. Memory is estimated from the grid's leaves before it is
+ * allocated. Errors, with file, grid and reason: input_damaged, input_unsupported, grid_missing, grid_ambiguous,
+ * isovalue_required, no_surface, limit_memory, cancelled. */
 volume *volume_open(const volume_request *request, error *e);
 
-/* The same for a closed triangle mesh, which is converted into a level set (see levelset.h). Oddities of the mesh
- * become warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
- * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
+/* Opens a closed triangle mesh, which is converted to a level set (see levelset.h). Defects of the mesh become
+ * warnings. Errors, with file and reason: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels
+ * that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 
-/* The same for a mesh that was read already, with what was noted then; `fd` and `reader` are not used. */
+/* volume_open_mesh for a mesh that was read before, with its notes; `fd` and `reader` are not used. */
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
 
-/* The triangles of a mesh that keeps them, or NULL: at an offset there are none. */
+/* The triangles, if they were kept; otherwise, and with an offset, NULL. Owned by the volume. */
 const mesh_faces *volume_faces(const volume *v);
 
-/* The smallest voxels with which a band reaches around an offset. */
+/* The minimum voxel size with which a band extends around an offset, world units. */
 double volume_mesh_least_voxel(double offset);
 
-/* The same for a dense volume. Where the surface meets the end of the data it is open, with a boundary on that
- * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).
- * Errors: those of the slices; no_surface; limit_memory; input_damaged for a transform that cannot be
- * inverted. */
+/* Opens a dense volume. Where the surface meets the end of the data it is open, with a boundary on that face of the
+ * data's box (see volume_loose_ends for boxes that are not axis-aligned). Errors: those of the slices, no_surface,
+ * limit_memory, cancelled, input_damaged (the transform is not invertible). */
 volume *volume_open_dense(const volume_dense_request *request, error *e);
 
-/* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
- * world's axes: the solver cannot follow a boundary there. */
+/* The number of crossed cells within `box` at an end of dense data whose faces are not axis-aligned: the solver cannot
+ * follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 
-/* Moves the field of dense data into a space along their own axes, in which their ends are faces of the domain. Lengths and
- * orientation stay. `to_world` is the way back, as in placement_new. False where the axes are not at right angles. */
+/* Transforms the field of dense data to a space along the data's axes, in which their ends are faces of the domain.
+ * Lengths and orientation do not change. `to_world`: the inverse, as in placement_new. False: the axes are not
+ * orthogonal. */
 bool volume_align(volume *v, double to_world[16]);
 
-/* A box along the world's axes about the middle of dense data that is clear of the cells at their end, in the
- * proportions of the box around them. Empty where the data are too small for one. */
+/* An axis-aligned box around the centre of dense data that contains no cell at their ends, with the proportions of the
+ * bounding box. Empty if the data are too small. */
 bbox volume_clear_box(const volume *v);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);

@@ -7,14 +7,14 @@
 #include "base/isa.h"
 #include "geometry/affine.h"
 
-/* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
+/* Distance from a crossed cell, in voxels, within which the spline determines the side of a point. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)
-/* One in so many blocks: when their box is known, most of the others lie within. */
+/* Every SPARSE-th block is added first to the bounding box; most others then lie within it. */
 enum { SPARSE = 61 };
-/* Voxels by which a place at the end of dense data may lie beyond it. */
+/* Tolerance for places at the end of dense data, voxels. */
 static const double ROUNDING = 1e-6;
 
-/* The largest whole number that is not above `at`, which has one. */
+/* floor(at), for values in the range of int32_t. */
 static inline int32_t voxel_of(double at)
 {
     const int32_t i = (int32_t)at;
@@ -30,7 +30,7 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     int cell[3];
     double t[3];
     for (int axis = 0; axis < 3; axis++) {
-        if (!(p[axis] >= v->low[axis] && p[axis] < v->high[axis])) return false; /* NaN as well */
+        if (!(p[axis] >= v->low[axis] && p[axis] < v->high[axis])) return false; /* also for NaN */
         const int32_t i = voxel_of(p[axis]);
         block[axis] = i >> 3;
         cell[axis] = i & 7;
@@ -38,8 +38,8 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCK_MAP_NONE) return false;
-    float room[BRICK_CELL];
-    const float *corner = bricks_find_cell(&v->bricks, n, cell, room);
+    float buffer[BRICK_CELL];
+    const float *corner = bricks_find_cell(&v->bricks, n, cell, buffer);
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
         v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
@@ -70,7 +70,7 @@ static void cell(const field *f, size_t k, field_cell *out)
         out->value[corner] = (double)c.value[corner];
     }
     const size_t row = 64 * (size_t)c.block + 8 * (size_t)(c.at[0] & 7) + (size_t)(c.at[1] & 7);
-    out->grazed = v->grazed[row] >> (c.at[2] & 7) & 1;
+    out->hidden_crossing = v->hidden_crossing[row] >> (c.at[2] & 7) & 1;
     const bool flat = v->flat[row] >> (c.at[2] & 7) & 1, gentle = v->gentle[row] >> (c.at[2] & 7) & 1;
     out->bend = flat ? FIELD_FLAT : gentle ? FIELD_GENTLE : FIELD_BENT;
 }
@@ -96,7 +96,7 @@ static bool cell_group(const field *f, size_t k, size_t *end, vec3 *middle, doub
     return true;
 }
 
-/* The box round so many voxels from this one on. */
+/* The world bounding box of side^3 voxels from `low`. */
 static bbox box_of_voxels(const volume *v, const int32_t low[3], int side)
 {
     const vec3 from = {low[0], low[1], low[2]};
@@ -113,11 +113,11 @@ static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
     return box;
 }
 
-/* Together with the box of the cells of block `b`, unless its whole box lies within. */
+/* Extends `box` by the cells of block `b`, unless it contains the bounding box of the block. */
 static bbox add_block(const volume *v, const cell_block *b, bbox of_first, bbox box)
 {
     const int32_t *at = v->map.blocks[b->block];
-    vec3 way = {0, 0, 0}; /* to the block from the first */
+    vec3 way = {0, 0, 0}; /* from the first block */
     for (int axis = 0; axis < 3; axis++) way = vec3_axpy(8.0 * at[axis], affine_axis(v->to_world, axis), way);
     if (bbox_contains(box, vec3_add(of_first.min, way)) && bbox_contains(box, vec3_add(of_first.max, way)))
         return box;
@@ -134,7 +134,7 @@ bbox volume_field_cells_box(const volume *v)
     return box;
 }
 
-/* Whether a cell of the box, ends included, is crossed. */
+/* Whether a cell from `low` to `high`, inclusive, is crossed. */
 static bool any_crossed(const volume *v, const int32_t low[3], const int32_t high[3])
 {
     for (int32_t bx = low[0] >> 3; bx <= high[0] >> 3; bx++)
@@ -171,7 +171,7 @@ static bool is_near(const volume *v, const int32_t cell[3])
     return any_crossed(v, cell, cell) || any_crossed(v, low, high);
 }
 
-/* How many more steps from p surely stay in the block of its voxel. */
+/* A lower bound of the number of steps from p that remain in the block of its voxel. */
 static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
 {
     double steps = INFINITY;
@@ -182,7 +182,7 @@ static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
     return fmax(floor(steps) - 1, 0);
 }
 
-/* The share of the way from a place into the bricks' box, that is before the box. */
+/* The fraction of the way from a place to the bounding box of the bricks. */
 static double way_to_bricks(const volume *v, vec3 from, vec3 way)
 {
     double share = 0;
@@ -194,7 +194,7 @@ static double way_to_bricks(const volume *v, vec3 from, vec3 way)
     return share;
 }
 
-/* The voxel of a place, and the number of its brick. */
+/* The voxel of a place, and the index of its brick. */
 static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
 {
     for (int axis = 0; axis < 3; axis++) voxel[axis] = voxel_of(vec3_get(index, axis));
@@ -207,7 +207,8 @@ static double side_of_voxel(const volume *v, uint32_t brick, const int32_t voxel
     return v->inside[8 * (size_t)brick + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
-/* Of the first brick on the way, where there are fewer bricks than blocks on the way: each brick is held against it. */
+/* The side in the first brick on the way, found by testing all bricks: used if there are fewer bricks than blocks on
+ * the way. */
 static double side_of_first(const volume *v, vec3 from, vec3 way)
 {
     double first = INFINITY;
@@ -236,13 +237,14 @@ static double side_of_first(const volume *v, vec3 from, vec3 way)
     return side_of_voxel(v, found, voxel);
 }
 
-/* That of the first voxel of a brick on the straight way from a place that is in none to the first cell. */
+/* The side in the first voxel of a brick on the straight line from a place outside all bricks to the first cell. */
 static double side_on_way(const volume *v, vec3 from)
 {
     crossed_cell to;
     crossed_cells_get(&v->cells, 0, &to);
     const vec3 way = vec3_sub((vec3){to.at[0] + 0.5, to.at[1] + 0.5, to.at[2] + 0.5}, from);
-    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
+    /* one voxel each */
+    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1);
     if (steps > 8.0 * v->map.count) return side_of_first(v, from, way);
     for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
@@ -268,9 +270,8 @@ double volume_field_side_beyond(const volume *v)
     return side;
 }
 
-/* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
- * on any straight way to one. Splines are no judge far from the surface, where a band is only
- * continued. */
+/* Every crossing lies in a brick, at least NEAR from its faces: the side is that of the first voxel of a brick on any
+ * straight line to a brick. The spline is not used far from the surface, where it extrapolates a band. */
 static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;
@@ -290,21 +291,22 @@ static double side(const field *f, vec3 x)
     return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
 }
 
-/* Where the lanes are along one axis: in which voxel of which block, and how far into it; out of `low` to `high` in none. */
+/* Positions of the lanes along one axis: block, voxel, and fraction within the voxel. Lanes outside `low` .. `high` are
+ * in no block. */
 typedef struct lane_places {
     int32_t block[VEC3_LANES], voxel[VEC3_LANES], within[VEC3_LANES];
-    int32_t way[VEC3_LANES]; /* in a brick, to the voxel's cell */
+    int32_t way[VEC3_LANES]; /* offset of the voxel's cell in a brick */
     float t[VEC3_LANES];
 } lane_places;
 
-/* Loops of one kind of number each: the compiler makes vectors of those. */
+/* The compiler vectorises loops over numbers of one type. */
 ISA_CLONES static void place_lanes(const double m[4], double low, double high, int32_t step,
                                    const vec3_lanes *x, lane_places *out)
 {
     double at[VEC3_LANES], within[VEC3_LANES], whole[VEC3_LANES];
     for (int l = 0; l < VEC3_LANES; l++) {
         const double p = m[0] * x->x[l] + m[1] * x->y[l] + m[2] * x->z[l] + m[3];
-        within[l] = (p >= low) & (p < high) ? 1 : 0; /* NaN: not */
+        within[l] = (p >= low) & (p < high) ? 1 : 0; /* false for NaN */
         at[l] = within[l] > 0 ? p : low;
     }
     for (int l = 0; l < VEC3_LANES; l++) whole[l] = (double)(int32_t)at[l];
@@ -316,9 +318,9 @@ ISA_CLONES static void place_lanes(const double m[4], double low, double high, i
     for (int l = 0; l < VEC3_LANES; l++) out->way[l] = out->voxel[l] * step;
 }
 
-/* The lanes' cells; those that are not defined get none. `room`: of those whose brick is not there. */
+/* Finds the cells of the lanes; lanes that are not defined get none. `buffer`: for cells of bricks that are not stored. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out,
-                       float room[VEC3_LANES][BRICK_CELL])
+                       float buffer[VEC3_LANES][BRICK_CELL])
 {
     static const int32_t step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
     lane_places at[3];
@@ -326,7 +328,7 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
     int32_t last[3] = {0};
     int32_t way[VEC3_LANES], all_within[VEC3_LANES];
     uint32_t n = BLOCK_MAP_NONE;
-    const float *brick = NULL; /* of the block `last`: particles side by side often share one */
+    const float *brick = NULL; /* brick of block `last`: adjacent lanes often share one */
     for (int axis = 0; axis < 3; axis++) {
         place_lanes(v->to_index[axis], v->low[axis], v->high[axis], step[axis], x, &at[axis]);
         memcpy(out->t[axis], at[axis].t, sizeof out->t[axis]);
@@ -345,11 +347,11 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
         out->corner[l] = defined[l] && brick ? brick + way[l] : NULL;
         if (!defined[l] || brick) continue;
         const int voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]};
-        out->corner[l] = bricks_find_cell(&v->bricks, n, voxel, room[l]);
+        out->corner[l] = bricks_find_cell(&v->bricks, n, voxel, buffer[l]);
     }
 }
 
-/* Derivatives of all lanes by place from those by voxel. */
+/* Converts the derivatives of all lanes from index to world space. */
 ISA_CLONES static void pull_lanes(const double m[3][4], const spline_lanes *lanes, double *value,
                                   vec3_lanes *gradient)
 {
@@ -367,8 +369,8 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
 {
     const volume *v = (const volume *)f;
     spline_lanes lanes;
-    float room[VEC3_LANES][BRICK_CELL];
-    find_cells(v, x, defined, &lanes, room);
+    float buffer[VEC3_LANES][BRICK_CELL];
+    find_cells(v, x, defined, &lanes, buffer);
     v->spline->gradient_lanes(&lanes, BRICK_SIDE, BRICK_SLAB);
     pull_lanes(v->to_index, &lanes, value, gradient);
 }

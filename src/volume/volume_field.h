@@ -1,5 +1,6 @@
-/* volume_field: a volume once it is open, as a field. Between volume.c, which makes it, and the functions that sample it;
- * others use volume.h. Reading is safe in any number of threads. */
+/* volume_field: the struct of an open volume, and its functions as a field. Internal to volume.c and volume_field.c;
+ * others use volume.h. Reading: any thread.
+ */
 #ifndef HEXAD_VOLUME_VOLUME_FIELD_H
 #define HEXAD_VOLUME_VOLUME_FIELD_H
 
@@ -7,39 +8,39 @@
 #include "geometry/block_map.h"
 #include "volume/brick.h"
 #include "volume/crossed_cells.h"
-#include "volume/grazed.h"
+#include "volume/hidden_crossing.h"
 #include "volume/volume.h"
 
-/* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
- * that goes farther than this has left its surface anyway. */
+/* Voxels around the crossed cells within which F is defined. A longer Newton or trial step has left the surface. */
 #define VOLUME_FIELD_MARGIN 4
 
 struct volume {
     field base; /* first: the field's functions get this pointer */
     double to_index[3][4], to_world[3][4];
-    double cell_radius;     /* from a cell's middle to its farthest corner, world units */
-    double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
-    double
-        beyond; /* the side of all that is there, 1 or -1; 0 where the surface may part it, at the data's end */
+    double cell_radius;     /* from the centre of a cell to its farthest corner, world units */
+    double low[3], high[3]; /* bounding box of the bricks in index space; no lookup is needed outside */
+    /* Side of all places outside that box, 1 or -1; 0 if the surface may cross its faces, at the end of the data. */
+    double beyond;
     block_map map;
-    bricks bricks;          /* of the map's blocks */
-    uint64_t *inside;       /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
-    uint8_t *crossed;       /* 64 bytes a block: crossed cells, as in crossing_block's rows */
-    uint8_t *grazed;        /* likewise: those with a face that the surface passes between its corners */
-    uint8_t *flat, *gentle; /* likewise: cells by their field_bend */
+    bricks bricks;            /* of the map's blocks */
+    uint64_t *inside;         /* 8 words per block: voxels that are inside, as the active flags of vdb.h */
+    uint8_t *crossed;         /* 64 bytes per block: crossed cells, as rows of crossing_block */
+    uint8_t *hidden_crossing; /* likewise: cells with a crossed face whose corners have one sign */
+    uint8_t *flat, *gentle;   /* likewise: cells by their field_bend */
     const spline *spline;
     crossed_cells cells; /* of the map's blocks */
-    mesh_faces *faces;   /* of a mesh that keeps them, or NULL */
-    bool loose;          /* dense data whose faces are not aligned with the world's axes */
+    mesh_faces *faces;   /* of a mesh, if kept; or NULL */
+    bool loose;          /* dense data whose faces are not axis-aligned */
     volume_info info;
 };
 
 extern const field_ops volume_field_ops;
 
-/* The least box round the boxes of all cells, in world space. */
+/* The bounding box of the boxes of all cells, world space. */
 bbox volume_field_cells_box(const volume *v);
 
-/* The side of what lies beyond the bricks' box, once bricks, sides and cells are there; 0 where its corners differ. */
+/* The side of all places outside the bounding box of the bricks, or 0 if its corners differ. Bricks, sides and cells
+ * have been set. */
 double volume_field_side_beyond(const volume *v);
 
 #endif

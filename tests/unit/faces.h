@@ -102,7 +102,7 @@ static void faces_cell(const field *f, size_t k, field_cell *out)
     bbox box = bbox_empty();
     faces_cell_triangles(f, k, t);
     for (int c = 0; c < 6; c++) box = bbox_include(box, t[c / 3][c % 3]);
-    *out = (field_cell){.grazed = false};
+    *out = (field_cell){.hidden_crossing = false};
     for (int c = 0; c < 8; c++)
         out->corner[c] = (vec3){c & 1 ? box.max.x : box.min.x, c & 2 ? box.max.y : box.min.y,
                                 c & 4 ? box.max.z : box.min.z};

@@ -1,5 +1,5 @@
 /* Bricks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
- * as grazed says of many cells at once. */
+ * as hidden_crossing says of many cells at once. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +13,7 @@
 #include "shapes.h"
 #include "field/field.h"
 #include "volume/brick.h"
-#include "volume/grazed.h"
+#include "volume/hidden_crossing.h"
 
 enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 
@@ -45,7 +45,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         float room[BRICK_SIZE];
         const uint32_t n = (uint32_t)(k * 2654435761u % job->once->map->count);
-        const float *brick = k % 3 ? bricks_at(job->later, n) : bricks_glance(job->later, n, room),
+        const float *brick = k % 3 ? bricks_at(job->later, n) : bricks_read_once(job->later, n, room),
                     *right = bricks_at(job->once, n);
         const bool differs = brick ? memcmp(brick, right, BRICK_SIZE * sizeof *brick) != 0
                                    : job->has_room || !cell_is(job->later, n, k, right);
@@ -95,13 +95,13 @@ static void bricks_are_the_same_whenever_they_are_made(void **state)
     (void)state;
     check_bricks(1);
     check_bricks(3);
-    assert_int_equal(bricks_room(1000, 10), 0);
-    assert_int_equal(bricks_room(1000000, 0), 0);
-    assert_true(bricks_room(1000000, 10) > 10 && bricks_room(1000000, 10) < 1000000);
-    assert_int_equal(bricks_room(1000000, 900000), 1000000);
+    assert_int_equal(bricks_capacity(1000, 10), 0);
+    assert_int_equal(bricks_capacity(1000000, 0), 0);
+    assert_true(bricks_capacity(1000000, 10) > 10 && bricks_capacity(1000000, 10) < 1000000);
+    assert_int_equal(bricks_capacity(1000000, 900000), 1000000);
 }
 
-/* Differences along an axis: at most two, so that nothing is rounded otherwise than in grazed.c. */
+/* Differences along an axis: at most two, so that nothing is rounded otherwise than in hidden_crossing.c. */
 static float change(const float *c, const int at[3], int axis, int then)
 {
     static const int step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
@@ -140,7 +140,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
 {
     float brick[BRICK_SIZE];
     uint8_t crossed[64];
-    const bricks b = {.map = map, .memory = brick, .room = 1};
+    const bricks b = {.map = map, .memory = brick, .capacity = 1};
     const double bend = 0.01 * rng_uniform(r), noise = 0.003 * rng_uniform(r), aspect = 1 + rng_uniform(r);
     const vec3 slope = {rng_uniform(r) - 0.5, rng_uniform(r) - 0.5, rng_uniform(r) - 0.5};
     const int wild = (int)(BRICK_SIZE * rng_uniform(r)); /* noise from here on */
@@ -153,7 +153,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
     uint8_t asked[64];
     memcpy(asked, crossed, sizeof asked);
     error e = {0};
-    grazed found = {0};
+    hidden_crossing found = {0};
     field_bend bends[512];
     size_t cells = 0, bent = 0;
     for (int k = 0; k < 512; k++) {
@@ -163,7 +163,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
         bent += bends[k] == FIELD_BENT;
     }
     const bool is_gentle = 100 * bent <= cells; /* but for one cell in a hundred */
-    assert_true(grazed_find(&b, (const int64_t[]){0, 0, 0}, aspect, pool, crossed, &found, &e));
+    assert_true(hidden_crossing_find(&b, (const int64_t[]){0, 0, 0}, aspect, pool, crossed, &found, &e));
     for (int k = 0; k < 512; k++) {
         const bool is_asked = asked[k >> 3] >> (k & 7) & 1;
         assert_int_equal(found.flat[k >> 3] >> (k & 7) & 1, is_asked && bends[k] == FIELD_FLAT);
@@ -172,7 +172,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
         *flat += is_asked && bends[k] == FIELD_FLAT;
         *gentle += is_asked && is_gentle && bends[k] == FIELD_GENTLE;
     }
-    grazed_free(&found);
+    hidden_crossing_free(&found);
 }
 
 static void cells_are_flat_one_by_one_or_together(void **state)

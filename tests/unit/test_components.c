@@ -62,7 +62,7 @@ static void fill_cell(const balls *b, int64_t linear, field_cell *out)
                                    b->base.domain.min.z + b->cell * (double)(at[2] + (c >> 2)));
         out->value[c] = distance(b, out->corner[c], &ignored);
     }
-    out->grazed = false;
+    out->hidden_crossing = false;
     out->bend = FIELD_BENT;
 }
 
@@ -186,7 +186,7 @@ typedef struct few {
     size_t count;
     int at[FEW][3];
     unsigned inside[FEW]; /* corners, bit by bit */
-    bool grazed[FEW];
+    bool hidden_crossing[FEW];
 } few;
 
 static size_t few_count(const field *f)
@@ -203,7 +203,7 @@ static void few_cell(const field *f, size_t k, field_cell *out)
         out->corner[c] = affine_apply(edges, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
         out->value[c] = p->inside[k] >> c & 1 ? -1 : 1;
     }
-    out->grazed = p->grazed[k];
+    out->hidden_crossing = p->hidden_crossing[k];
     out->bend = FIELD_BENT;
 }
 
@@ -216,13 +216,13 @@ static few few_make(void)
     return (few){.base = {.ops = &few_ops, .cell_size = 2.01}};
 }
 
-static void few_add(few *p, int x, int y, int z, unsigned inside, bool grazed)
+static void few_add(few *p, int x, int y, int z, unsigned inside, bool hidden_crossing)
 {
     p->at[p->count][0] = x;
     p->at[p->count][1] = y;
     p->at[p->count][2] = z;
     p->inside[p->count] = inside;
-    p->grazed[p->count++] = grazed;
+    p->hidden_crossing[p->count++] = hidden_crossing;
 }
 
 static size_t parts_of(const few *p)
@@ -242,7 +242,7 @@ static void parts_are_joined_through_faces(void **state)
     static const struct {
         int by[3];
         unsigned inside;
-        bool grazed;
+        bool hidden_crossing;
         size_t parts;
     } cases[] = {
         {{1, 0, 0}, LOW_Z, false, 1},  {{-1, 0, 0}, LOW_Z, false, 1}, {{0, 1, 0}, LOW_Z, false, 1},
@@ -256,7 +256,7 @@ static void parts_are_joined_through_faces(void **state)
             few p = few_make();
             few_add(&p, first, first + 1, first + 2, cases[k].inside, false);
             few_add(&p, first + by[0], first + 1 + by[1], first + 2 + by[2], cases[k].inside,
-                    cases[k].grazed);
+                    cases[k].hidden_crossing);
             if (parts_of(&p) != cases[k].parts) fail_msg("case %zu at %d: %zu parts", k, first, parts_of(&p));
         }
 }

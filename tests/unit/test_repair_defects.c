@@ -68,7 +68,7 @@ static void fill_cell(const ball *b, uint32_t linear, field_cell *out)
                                    b->base.domain.min.z + CELL * (at[2] + (c >> 2)));
         out->value[c] = value_at(out->corner[c]);
     }
-    out->grazed = false;
+    out->hidden_crossing = false;
     out->bend = FIELD_BENT;
 }
 

@@ -77,7 +77,7 @@ static void half_as_many_parts_tell_nearly_as_much(void **state)
     analytic *a = analytic_new(&shapes[0], NULL, &e);
     double whole = 0, half = 0;
     for (int k = 0; k < SIDE * SIDE * SIDE; k++) {
-        field_cell cell = {.grazed = false};
+        field_cell cell = {.hidden_crossing = false};
         for (int c = 0; c < 8; c++) {
             const int at[3] = {k % SIDE + (c & 1), k / SIDE % SIDE + (c >> 1 & 1),
                                k / SIDE / SIDE + (c >> 2)};
@@ -133,7 +133,7 @@ static bool sample_kinds(const field *f, vec3 x, field_order order, field_sample
 
 static void fill_cell(uint32_t n, field_cell *out)
 {
-    *out = (field_cell){.grazed = false};
+    *out = (field_cell){.hidden_crossing = false};
     for (uint32_t c = 0; c < 8; c++) {
         field_sample s;
         out->corner[c] =

@@ -70,7 +70,7 @@ static void the_spline_goes_through_the_samples(void **state)
                 worst = fmax(worst, fabs(s.value - cell.value[c]));
                 *(cell.value[c] < 0 ? &inside : &outside) = true;
             }
-            assert_true((inside && outside) || cell.grazed);
+            assert_true((inside && outside) || cell.hidden_crossing);
         }
         if (worst > tolerance) fail_msg("transform %zu: a sample is missed by %g", t, worst);
         volume_close(v);

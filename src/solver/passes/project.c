@@ -49,7 +49,7 @@ static bool project_with_sample(const field *f, double h, vec3 along, uint32_t *
     const projection_limits limits = to_rounding(h);
     const double farthest = MAX_DISPLACEMENT * h;
     vec3 q = *x;
-    if (projection_land(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_sample(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         return true;
     }

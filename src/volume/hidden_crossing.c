@@ -1,4 +1,4 @@
-#include "volume/grazed.h"
+#include "volume/hidden_crossing.h"
 
 #include <endian.h>
 #include <math.h>
@@ -13,13 +13,13 @@
 #include "volume/brick.h"
 #include "voxels/grid_view.h"
 
-enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells, along each axis */, BLOCKS = 16 /* in a chunk of work */ };
-/* Of the largest coefficient that a face depends on: what passes by less is rounding, or too little of the surface to
- * count. A face in a plane of voxels that the surface lies in has nothing but such values itself. */
+enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells along each axis */, BLOCKS = 16 /* per chunk of work */ };
+/* Depth of a crossing, in units of the largest coefficient on which the face depends, below which it is ignored as
+ * rounding or as insignificant. A face in a plane of voxels that contains the surface has only such values. */
 static const double LEAST_DEPTH = 1e-3;
-/* The areas of gentle cells are right in the mean over all places. Beside cells whose area comes from roots, which part the surface
- * in another way, they are not: of a torus half of which is bent it would be 6e-4 too small. So where more than this share is bent, no
- * cell of the volume is gentle. */
+/* Maximum fraction of bent cells; above it no cell of the volume is classified as gentle. The areas of gentle cells are
+ * right in the mean over all positions. This is not so next to cells whose area is computed from roots, which divide
+ * the surface in another way: the area of a torus with half of its cells bent would be 6e-4 too small. */
 static const double BENT_MOST = 0.01;
 static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
 
@@ -29,23 +29,21 @@ typedef struct search {
     const int64_t *size;
     double aspect;
     uint8_t *crossed;
-    uint8_t
-        *leaky; /* likewise: cells to look at in turn, which have a face that is passed or were found late */
-    atomic_size_t cells,
-        bent; /* how many were looked at, and how many of these are neither flat nor gentle */
-    grazed *out;
+    uint8_t *pending; /* Likewise: cells to process, which have a crossed face or were found later. */
+    atomic_size_t cells, bent; /* number of cells tested, and of those neither flat nor gentle */
+    hidden_crossing *out;
 } search;
 
-void grazed_free(grazed *g)
+void hidden_crossing_free(hidden_crossing *g)
 {
     free(g->cell);
     free(g->passed);
     free(g->flat);
     free(g->gentle);
-    *g = (grazed){0};
+    *g = (hidden_crossing){0};
 }
 
-/* Of a cubic from its B-spline coefficients. */
+/* Converts the B-spline coefficients of a cubic to Bezier coefficients. */
 static void to_bezier(double *c, int step)
 {
     double a = c[0], b = c[step], d = c[2 * step], e = c[3 * step];
@@ -71,14 +69,14 @@ static void widen(range *r, double value)
     r->high = value > r->high ? value : r->high;
 }
 
-/* Whether corners on one side, within `depth`, have something on the other among `all`. */
+/* Whether the corners have one sign, within `depth`, and `all` has a value of the other sign. */
 static bool is_passed(const range *corners, const range *all, double depth)
 {
     return (corners->high < depth && all->high > depth) || (corners->low > -depth && all->low < -depth);
 }
 
-/* Whether the face's corners are on one side, and some place of it is on the other. Its Bezier coefficients bound it:
- * most faces need no look at places. */
+/* Whether the corners of the face have one sign and some place of it has the other. The bound by Bezier coefficients
+ * avoids most evaluations. */
 static bool dips(const double bezier[16], double depth)
 {
     const range none = {INFINITY, -INFINITY};
@@ -94,7 +92,7 @@ static bool dips(const double bezier[16], double depth)
     return is_passed(&corners, &places, depth);
 }
 
-/* What counts of a face with coefficients from `first` on, and in two layers across. */
+/* The minimum depth of a crossing of a face; its coefficients start at `first`, in two layers along `across`. */
 static double least_depth(const float *first, int across, const int along[2])
 {
     float largest = 0;
@@ -105,7 +103,7 @@ static double least_depth(const float *first, int across, const int along[2])
     return LEAST_DEPTH * (double)largest;
 }
 
-/* `first`: of the cell's coefficients. */
+/* `first`: the first coefficient of the cell. */
 static bool face_is_passed(const float *first, int face)
 {
     int axis = face >> 1, across = step_along[axis];
@@ -117,14 +115,14 @@ static bool face_is_passed(const float *first, int face)
         c[k] = ((double)p[0] + 4 * (double)p[across] + (double)p[2 * across]) / 6;
         below += c[k] < 0;
     }
-    if (below == 0 || below == 16) return false; /* and so have the Bezier coefficients one sign */
+    if (below == 0 || below == 16) return false; /* the Bezier coefficients then have one sign, too */
     for (int k = 0; k < 4; k++) to_bezier(c + 4 * k, 1);
     for (int k = 0; k < 4; k++) to_bezier(c + k, 4);
     for (int k = 0; k < 16; k++) inside += c[k] < 0;
     return inside > 0 && inside < 16 && dips(c, least_depth(first + (face & 1) * across, across, along));
 }
 
-/* F at the corners of the cell whose coefficients begin with `first`, by one axis after the other. */
+/* F at the corners of the cell whose coefficients start at `first`; one axis at a time. */
 static void corner_values(const float *first, double out[8])
 {
     double z[4][4][2], y[4][2][2];
@@ -143,10 +141,10 @@ static void corner_values(const float *first, double out[8])
     }
 }
 
-static bool append(grazed *g, const int32_t at[3], uint32_t block, const float *first, error *e)
+static bool append(hidden_crossing *g, const int32_t at[3], uint32_t block, const float *first, error *e)
 {
     crossed_cell *cells =
-        mem_grow(g->cell, g->count, &g->room, 256, sizeof *cells, "the cells that the surface grazes", e);
+        mem_grow(g->cell, g->count, &g->capacity, 256, sizeof *cells, "the cells with hidden crossings", e);
     if (!cells) return false;
     g->cell = cells;
     double value[8];
@@ -158,22 +156,22 @@ static bool append(grazed *g, const int32_t at[3], uint32_t block, const float *
     return true;
 }
 
-/* The byte of the row of cells that this one lies in. */
+/* The byte with the row of cells that contains this one. */
 static uint8_t *row_of(uint8_t *rows, uint32_t n, const int32_t at[3])
 {
     return &rows[64 * (size_t)n + 8 * (size_t)(at[0] & 7) + (size_t)(at[1] & 7)];
 }
 
-static const float *cell_of(const search *s, uint32_t n, const int32_t at[3], float room[BRICK_CELL])
+static const float *cell_of(const search *s, uint32_t n, const int32_t at[3], float buffer[BRICK_CELL])
 {
-    return bricks_find_cell(s->bricks, n, (const int[]){at[0] & 7, at[1] & 7, at[2] & 7}, room);
+    return bricks_find_cell(s->bricks, n, (const int[]){at[0] & 7, at[1] & 7, at[2] & 7}, buffer);
 }
 
-/* Follows the surface out of a cell of block n, into cells that are not known yet. */
-static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
+/* Follows the surface from a cell of block n through its faces to new cells. */
+static bool follow_faces(search *s, uint32_t n, const int32_t at[3], error *e)
 {
-    float room[BRICK_CELL], beyond[BRICK_CELL];
-    const float *first = cell_of(s, n, at, room);
+    float buffer[BRICK_CELL], beyond[BRICK_CELL];
+    const float *first = cell_of(s, n, at, buffer);
     for (int face = 0; face < FACES; face++) {
         int axis = face >> 1;
         int32_t to[3] = {at[0], at[1], at[2]};
@@ -187,23 +185,23 @@ static bool leave(search *s, uint32_t n, const int32_t at[3], error *e)
         unsigned bit = 1u << (to[2] & 7);
         if (*row & bit) continue;
         *row = (uint8_t)(*row | bit);
-        *row_of(s->leaky, there, to) |= (uint8_t)bit;
+        *row_of(s->pending, there, to) |= (uint8_t)bit;
         if (!append(s->out, to, there, cell_of(s, there, to, beyond), e)) return false;
     }
     return true;
 }
 
-/* ---- which faces need no closer look */
+/* ---- fast tests for faces */
 
-/* Four in a row, by the last axis that is left. */
+/* Four values along the remaining axis. */
 typedef float row __attribute__((vector_size(16)));
 
-/* What single precision is off by in what follows, of the largest coefficient: far more than it is. */
-static const float ROUGHLY = 1e-5f;
+/* Upper bound of the rounding errors of the following, in units of the largest coefficient. */
+static const float ROUNDING = 1e-5f;
 
 typedef int32_t row_mask __attribute__((vector_size(16)));
 
-/* A loop that is not unrolled early becomes a single instruction. */
+/* A loop that is not unrolled early compiles to a single instruction. */
 ISA_INLINE row row_larger(row a, row b)
 {
 #pragma GCC unroll 1
@@ -235,7 +233,7 @@ ISA_INLINE void transpose(row r[4])
     r[3] = __builtin_shufflevector(c, d, 2, 3, 6, 7);
 }
 
-/* As to_bezier, of each lane. */
+/* to_bezier in each lane. */
 ISA_INLINE void rows_to_bezier(row r[4])
 {
     const row a = r[0], b = r[1], c = r[2], d = r[3];
@@ -245,11 +243,11 @@ ISA_INLINE void rows_to_bezier(row r[4])
     r[3] = (b + 4 * c + d) * (1.0f / 6);
 }
 
-/* Whether face_is_passed may be true, of a face in four rows of coefficients of its own; `largest`: no coefficient of the
- * cell is larger. Of a face that is not passed it may say either. */
+/* Whether face_is_passed may return true for a face with these four rows of coefficients. `largest`: an upper bound of
+ * the coefficients of the cell. May return true for a face that is not crossed. */
 ISA_INLINE bool may_be_passed(row face[4], float largest)
 {
-    const float off = ROUGHLY * largest, depth = (float)LEAST_DEPTH * largest + off;
+    const float off = ROUNDING * largest, depth = (float)LEAST_DEPTH * largest + off;
     rows_to_bezier(face);
     transpose(face);
     rows_to_bezier(face);
@@ -261,9 +259,9 @@ ISA_INLINE bool may_be_passed(row face[4], float largest)
     return !((above || inside) && (below || outside));
 }
 
-/* How the coefficients of a cell change along the axes, and the most by which such a change changes. */
+/* Bounds of the differences of the coefficients of a cell along the axes, and of their second differences. */
 typedef struct slopes {
-    row fall[3], rise[3], bend; /* the most of each */
+    row fall[3], rise[3], bend; /* maxima of -difference, of +difference, and of |second difference| */
 } slopes;
 
 ISA_INLINE void add_slope(slopes *s, int axis, row slope)
@@ -313,12 +311,13 @@ ISA_INLINE float largest_of(row r)
     return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
 }
 
-/* Whether the spline surely rises, or falls, along each axis: then no face is passed between corners on one side. *bends receives
- * how much it bends in the world, where voxels of this `aspect` make a bend so many times as large beside a slope. */
+/* Whether the spline is monotone along each axis; then no face with corners of one sign is crossed. *bends: the class
+ * of curvature in the world. For voxels with this `aspect`, second differences relative to the slope are up to `aspect`
+ * times as large as in index space. */
 ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *bends)
 {
     const double bend = (double)largest_of(s->bend) * aspect;
-    double slope2 = 0; /* floats' squares may be too small for floats, or too large */
+    double slope2 = 0; /* squares of floats may exceed the range of float */
     int steep = 0;
     for (int axis = 0; axis < 3; axis++) {
         const float low = -largest_of(s->fall[axis]), high = largest_of(s->rise[axis]),
@@ -335,12 +334,12 @@ ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *bends)
     return steep == 3;
 }
 
-/* As slopes, of rows of eight along the last axis, of which a group of cells depends on seven. */
+/* slopes for rows of eight along the last axis; a group of cells depends on seven. */
 typedef struct long_slopes {
     lanes fall[3], rise[3], bend;
 } long_slopes;
 
-/* As slopes_of, over all cells of a group: of each cell the slopes are within those, and the bend is not larger. */
+/* slopes_of over all cells of a group: bounds of the slopes and second differences of each cell. */
 ISA_INLINE void add_long_slope(long_slopes *s, int axis, lanes slope)
 {
     s->fall[axis] = lanes_larger(s->fall[axis], -slope);
@@ -359,7 +358,7 @@ ISA_INLINE lanes along_long(lanes r)
            __builtin_shufflevector(r, r, 0, 1, 2, 3, 4, 5, 6, 6);
 }
 
-/* Of a group's coefficients with one first index, with so many `more` first indices behind it. */
+/* Adds the coefficients of a group with one first index; `more` first indices follow. */
 ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
 {
     lanes c = {0}, x = c, y = c;
@@ -388,10 +387,10 @@ ISA_INLINE row folded(lanes r)
     return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
 }
 
-/* Whether doubtful_faces finds no face in any cell of a group, and each flat. The group has so many cells along the first axis,
- * GROUP along the others; its coefficients are in rows of eight from `first` on. Larger numbers stay so when they are rounded:
- * what is true of the group's least slopes and largest bend is so of each cell's, to the bit. */
-ISA_CLONES static bool group_is_calm(const float *first, int length, double aspect)
+/* Whether doubtful_faces would find no face in any cell of a group, and all cells would be flat. The group has `length`
+ * cells along the first axis and GROUP along the others; its coefficients are rows of eight from `first`. Rounding is
+ * monotone: a comparison that holds for the group's bounds holds for each cell, to the last bit. */
+ISA_CLONES static bool group_is_flat(const float *first, int length, double aspect)
 {
     const lanes zero = {0}, none = zero - INFINITY;
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
@@ -403,7 +402,7 @@ ISA_CLONES static bool group_is_calm(const float *first, int length, double aspe
     return is_monotone(&all, aspect, &bend) && bend == FIELD_FLAT;
 }
 
-/* The faces of a cell that may be passed, by bits. */
+/* The faces of a cell that may be crossed although their corners have one sign, as bits. */
 ISA_CLONES_OF_128 static unsigned doubtful_faces(const float *first, double aspect, field_bend *bend)
 {
     row c[4][4], turned[4][4], face[4], size = {0};
@@ -440,9 +439,9 @@ ISA_CLONES_OF_128 static unsigned doubtful_faces(const float *first, double aspe
     return faces;
 }
 
-/* Whether one of the cell's `faces` is passed. Those with corners on both sides, farther from the surface than any depth that
- * is asked for, are not: `bound` is not below their coefficients. */
-static bool leaks(const float *first, unsigned faces, double bound)
+/* Whether one of `faces` is crossed. A face with corners of both signs, all farther from 0 than the maximum depth, is
+ * not. `bound`: upper bound of its coefficients. */
+static bool has_crossed_face(const float *first, unsigned faces, double bound)
 {
     const double depth = LEAST_DEPTH * bound;
     double value[8];
@@ -458,7 +457,7 @@ static bool leaks(const float *first, unsigned faces, double bound)
     return false;
 }
 
-/* Not below any coefficient of a brick. */
+/* An upper bound of the coefficients of a brick. */
 static double brick_bound(const float *brick)
 {
     float bound = 0;
@@ -469,36 +468,36 @@ static double brick_bound(const float *brick)
     return (double)bound;
 }
 
-/* A block that is looked at. */
-typedef struct looking {
+/* The scan of a block. */
+typedef struct block_scan {
     const search *s;
     const float *brick;
-    double bound; /* of the brick; below 0: not known */
-    bool calm;    /* what was looked at last was flat and without doubt: so may be what is beside it */
-} looking;
+    double bound;  /* bound of the brick's coefficients; < 0: unknown */
+    bool was_flat; /* the previous group was flat: the next one probably is, too */
+} block_scan;
 
-/* Of cells of a row. */
-static void note_bend(const looking *l, size_t at, unsigned bits, field_bend bend)
+/* Records the class of cells of a row. */
+static void note_bend(const block_scan *l, size_t at, unsigned bits, field_bend bend)
 {
     if (bend == FIELD_FLAT) l->s->out->flat[at] |= (uint8_t)bits;
     if (bend == FIELD_GENTLE) l->s->out->gentle[at] |= (uint8_t)bits;
 }
 
-/* `at`: the cell's row, of all blocks' rows. */
-static void look_at_cell(looking *l, size_t at, int z)
+/* `at`: index of the cell's row among the rows of all blocks. */
+static void scan_cell(block_scan *l, size_t at, int z)
 {
     const float *first = brick_cell(l->brick, at >> 3 & 7, at & 7, z);
     field_bend bend;
     const unsigned faces = doubtful_faces(first, l->s->aspect, &bend);
     note_bend(l, at, 1u << z, bend);
-    l->calm = bend == FIELD_FLAT && faces == 0;
+    l->was_flat = bend == FIELD_FLAT && faces == 0;
     if (faces == 0) return;
     if (l->bound < 0) l->bound = brick_bound(l->brick);
-    if (leaks(first, faces, l->bound)) l->s->leaky[at] |= (uint8_t)(1u << z);
+    if (has_crossed_face(first, faces, l->bound)) l->s->pending[at] |= (uint8_t)(1u << z);
 }
 
-/* The crossed cells of a group of block n: together, or one by one. */
-static void look_at_group(looking *l, size_t n, int x, int y, int z)
+/* Scans the crossed cells of a group of block n: together if possible, otherwise one by one. */
+static void scan_group(block_scan *l, size_t n, int x, int y, int z)
 {
     const uint64_t group = htole64(UINT64_C(0x0f0f0f0f) << (8 * y + z));
     uint64_t layer[8];
@@ -507,14 +506,14 @@ static void look_at_group(looking *l, size_t n, int x, int y, int z)
     while (x < end && !(layer[x] & group)) x++;
     while (x < end && !(layer[end - 1] & group)) end--;
     if (x == end) return;
-    if (l->calm)
-        l->calm = group_is_calm(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
-    const bool together = l->calm;
+    if (l->was_flat)
+        l->was_flat = group_is_flat(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
+    const bool together = l->was_flat;
     for (int k = GROUP * x; k < GROUP * end; k++) {
         const size_t at = 64 * n + (size_t)(8 * (k / GROUP) + y + k % GROUP);
         unsigned bits = l->s->crossed[at] & 0xfu << z;
         if (together) note_bend(l, at, bits, FIELD_FLAT);
-        for (; bits && !together; bits &= bits - 1) look_at_cell(l, at, __builtin_ctz(bits));
+        for (; bits && !together; bits &= bits - 1) scan_cell(l, at, __builtin_ctz(bits));
     }
 }
 
@@ -537,41 +536,41 @@ static void count_bent(search *s, size_t begin, size_t end)
 static void leak_chunk(void *context, int worker, size_t begin, size_t end)
 {
     search *s = context;
-    looking l = {.s = s, .calm = true};
+    block_scan l = {.s = s, .was_flat = true};
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         static const uint8_t none[64] = {0};
-        float room[BRICK_SIZE];
+        float buffer[BRICK_SIZE];
         if (memcmp(s->crossed + 64 * n, none, sizeof none) == 0) continue;
-        l.brick = bricks_glance(s->bricks, (uint32_t)n, room);
+        l.brick = bricks_read_once(s->bricks, (uint32_t)n, buffer);
         l.bound = -1;
         for (int k = 0; k < 8; k++)
-            look_at_group(&l, n, GROUP * (k >> 2), GROUP * (k >> 1 & 1), GROUP * (k & 1));
+            scan_group(&l, n, GROUP * (k >> 2), GROUP * (k >> 1 & 1), GROUP * (k & 1));
     }
     count_bent(s, begin, end);
 }
 
-/* In the order of blocks and cells, so that what is found comes in an order of its own. */
+/* In the order of blocks and cells, so that the order of the result is fixed. */
 static bool follow(search *s, error *e)
 {
     for (size_t k = 0; k < 64 * (size_t)s->map->count; k++) {
         static const uint8_t none[8] = {0};
-        if (k % 8 == 0 && memcmp(s->leaky + k, none, sizeof none) == 0) k += 7;
-        for (int z = 0; s->leaky[k] >> z; z++) { /* cells are added as it goes */
+        if (k % 8 == 0 && memcmp(s->pending + k, none, sizeof none) == 0) k += 7;
+        for (int z = 0; s->pending[k] >> z; z++) { /* the loop may add cells */
             const uint32_t n = (uint32_t)(k >> 6);
             const int32_t *b = s->map->blocks[n];
             const int32_t at[3] = {8 * b[0] + (int)(k >> 3 & 7), 8 * b[1] + (int)(k & 7), 8 * b[2] + z};
-            if (s->leaky[k] >> z & 1 && !leave(s, n, at, e)) return false;
+            if (s->pending[k] >> z & 1 && !follow_faces(s, n, at, e)) return false;
         }
     }
     for (size_t k = 0; k < s->out->count; k++) {
-        const crossed_cell c = s->out->cell[k]; /* the list may move */
-        if (!leave(s, c.block, c.at, e)) return false;
+        const crossed_cell c = s->out->cell[k]; /* the list may be reallocated */
+        if (!follow_faces(s, c.block, c.at, e)) return false;
     }
     return true;
 }
 
-/* The cells as they were, without those that are found. */
+/* Flood fill over the cells, without those that were found. */
 typedef struct flooding {
     const search *search;
     bool ok;
@@ -584,8 +583,8 @@ static void flood_cells(void *context)
     f->ok = flood_reaches_all(f->search->map, f->search->crossed, &f->search->out->joined, f->e);
 }
 
-bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads *pool, uint8_t *crossed,
-                 grazed *out, error *e)
+bool hidden_crossing_find(const bricks *b, const int64_t size[3], double aspect, threads *pool,
+                          uint8_t *crossed, hidden_crossing *out, error *e)
 {
     const char *what = "the cells that the surface grazes";
     const block_map *map = b->map;
@@ -595,23 +594,23 @@ bool grazed_find(const bricks *b, const int64_t size[3], double aspect, threads 
                 .size = size,
                 .aspect = aspect,
                 .crossed = crossed,
-                .leaky = mem_array(bytes, 1, what, e),
+                .pending = mem_array(bytes, 1, what, e),
                 .out = out};
     out->passed = mem_array(bytes, 1, what, e);
     out->flat = mem_array(bytes, 1, what, e);
     out->gentle = mem_array(bytes, 1, what, e);
-    bool ok = s.leaky && out->passed && out->flat && out->gentle;
+    bool ok = s.pending && out->passed && out->flat && out->gentle;
     flooding all = {&s, true, e};
     if (ok) {
         threads_run_beside(pool, flood_cells, &all, map->count, BLOCKS, leak_chunk, &s);
         if ((double)s.bent > BENT_MOST * (double)s.cells) memset(out->gentle, 0, bytes);
     }
     ok = ok && all.ok && follow(&s, e);
-    /* what was found is beside what was there: parts may hang together now, and never fall apart */
+    /* found cells are adjacent to others: they can only connect components */
     if (ok && !out->joined && out->count > 0) {
         flood_cells(&all);
         ok = all.ok;
     }
-    free(s.leaky);
+    free(s.pending);
     return ok;
 }
