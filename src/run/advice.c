@@ -7,10 +7,10 @@
 #include "packing/packing.h"
 #include "source/plan.h"
 
-/* Of the spacing, where no factor is known: this is tried next. */
+/* Factor of the spacing that is tried if the required factor is unknown. */
 static const double BLIND_FACTOR = 0.5;
 
-/* Up to two digits. */
+/* The value rounded up to two digits. */
 static double rounded_up(double value)
 {
     double unit = pow(10, floor(log10(value)) - 1);
@@ -38,15 +38,15 @@ json *advice_append(json *list, const char *code, const char *message)
     return json_put_object(item, "set");
 }
 
-/* The value with three digits, and not above it. */
+/* The value rounded down to three digits. */
 static double rounded_down(double value)
 {
     double unit = pow(10, floor(log10(value)) - 2);
     return floor(value / unit * (1 + 1e-12)) * unit;
 }
 
-/* The member of the spec that asks for the points, and its value for this resolution. NULL: it is a time, and the count is
- * what that allows. */
+/* The member of the spec that determines the number of points, and its value at this resolution. NULL: the target is a
+ * time. */
 static const char *choose_target(const spec *s, double area, advice_resolution to, double *value)
 {
     *value = s->spacing > 0   ? rounded_down(to.spacing)

@@ -1,7 +1,7 @@
-/* advice: what to change in a spec so that its result is better, as members of the spec with values computed from the data.
+/* advice: changes of a spec that would improve its result, as members of the spec with values computed from the data.
  *
- * Reports, estimates and descriptions of files have it as `advice: [{code, message, set}]`: a stable code, a sentence that
- * says all to people, and the members that it would set, by their JSON Pointers. Pure functions, any thread.
+ * Reports, estimates and descriptions of files contain it as `advice: [{code, message, set}]`: a stable code, a
+ * complete sentence for people, and the members to set, by their JSON Pointers. Pure functions, any thread.
  */
 #ifndef HEXAD_RUN_ADVICE_H
 #define HEXAD_RUN_ADVICE_H
@@ -12,22 +12,24 @@
 #include "spec/spec.h"
 
 typedef struct advice_resolution {
-    double spacing; /* of an even packing on the surface */
-    double count;   /* that many points; rounded up to two digits, what `spacing` and `count` say agrees */
+    double spacing; /* of a uniform packing, world units */
+    /* number of points at that spacing; rounded up to two digits, and consistent with `spacing` */
+    double count;
 } advice_resolution;
 
-/* What separates the walls of a surface of this area, on which `count` points have a spacing that is to become `factor` times as large. A
- * factor of 1 is not known, and taken for a half. */
+/* The resolution that separates the walls of a surface: `area` in world units squared, `count` points at present, whose
+ * spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used. */
 advice_resolution advice_resolve(double area, size_t count, double factor);
 
-/* The warning that this share of the surface are walls thinner than the spacing, and what separates them; to be freed. */
+/* A warning with the fraction of the surface in walls thinner than the spacing, and the resolution that separates them.
+ * The caller frees it. */
 char *advice_warn_of_walls(double share, advice_resolution to);
 
-/* Appends an item, and returns its object `set`. */
+/* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);
 
-/* Appends an item that sets the target of the spec so, with the code `unresolved`. `memory_mb`: what so many points need of limits.memory_mb; set, too,
- * where it is more than `limit_mb`. */
+/* Appends an item with the code `unresolved` that sets the target of the spec. `memory_mb`: limits.memory_mb needed for
+ * that number of points; the item sets it, too, if it exceeds `limit_mb`. */
 void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
                               double limit_mb);
 

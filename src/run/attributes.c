@@ -13,17 +13,17 @@
 #include "geometry/affine.h"
 
 struct attributes_entry {
-    const spec_attribute *spec; /* NULL: one that the points of patches have */
+    const spec_attribute *spec; /* NULL: a property of points on patches */
     char *name;
-    int fd; /* of its file, or -1 */
+    int fd; /* descriptor of its file, or -1 */
     attribute_request request;
-    exr_stack_params stack; /* of a surface that is one */
+    exr_stack_params stack; /* if the surface is an EXR stack */
     slices_files files;
     attribute_counts counts;
-    double least, most; /* of the components; vectors: of each */
+    double least, most; /* range of the components; for vectors, of each component */
 };
 
-/* ---- which file, and where it lies ---- */
+/* ---- files and their transforms ---- */
 
 static const char *file_of(const spec_surface *s)
 {
@@ -34,7 +34,7 @@ static const char *file_of(const spec_surface *s)
                                             : NULL;
 }
 
-/* m becomes m times the transform's matrix. */
+/* Multiplies m by the matrix of the transform, from the right. */
 static void append_transform(const spec_surface *s, double m[3][4])
 {
     double product[3][4];
@@ -46,7 +46,7 @@ static void append_transform(const spec_surface *s, double m[3][4])
     memcpy(m, product, sizeof product);
 }
 
-/* The first part that has this file (NULL: any), and the map from its space to the world. */
+/* The first part of the surface with this file (NULL: any), and the map from its space to the world. */
 static const spec_surface *find_part(const spec_surface *s, const char *path, double m[3][4])
 {
     const char *own = file_of(s);
@@ -63,14 +63,15 @@ static const spec_surface *find_part(const spec_surface *s, const char *path, do
     return NULL;
 }
 
-/* A file that no part has moves with the surface as a whole: with the transforms outside of any combination. */
+/* The map of a file that no part of the surface uses: the transforms outside any combination, which move the whole
+ * surface. */
 static void place_beside(const spec_surface *s, double m[3][4])
 {
     for (; s->part_count == 1; s = s->parts[0])
         if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
 }
 
-/* Files that other files name are opened beside them. */
+/* Opens a file that another file refers to, relative to that file. */
 static int open_beside(void *context, const char *path, error *e)
 {
     return source_open_file(context, path, e);
@@ -101,7 +102,7 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
     return out->fd >= 0;
 }
 
-/* ---- finding ---- */
+/* ---- locating ---- */
 
 static char *name_of(const spec_attribute *a)
 {
@@ -111,7 +112,8 @@ static char *name_of(const spec_attribute *a)
     return name;
 }
 
-/* What points of patches carry: solver_feature, and the index of the patch; of interfaces the two labels, too. */
+/* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also the two
+ * labels. */
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
@@ -123,12 +125,12 @@ static size_t place_count(const source *from)
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
 {
     const char *name = a->entries[index].name;
-    bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points have one of their own */
+    bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points of a sequence have a velocity */
     if (columns_is_own(name) || moves || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
         return error_set(e, ERROR_SPEC_INVALID,
                          "the attribute name \"%.80s\" is reserved or empty: give another one as `as`", name);
     for (size_t k = 0; k < index; k++)
-        if (strcasecmp(a->entries[k].name, name) == 0) /* glTF has capitals */
+        if (strcasecmp(a->entries[k].name, name) == 0) /* glTF converts names to upper case */
             return error_set(e, ERROR_SPEC_INVALID,
                              "two attributes have the name \"%s\": give one of them another name as `as`",
                              name);
@@ -184,8 +186,7 @@ static bool check_preview(const spec *s, const attributes *a, error *e)
                      s->preview_attribute, *list ? list : "none, and add it to /attributes");
 }
 
-/* Whether the points will have what the outputs ask for: of a set of no points, which has each array that the job's will
- * have. */
+/* Checks that the points will have what the outputs require, by a set of zero points with the same arrays. */
 static bool check_outputs(const spec *s, const attributes *a, error *e)
 {
     static const vec3 vector;
@@ -245,7 +246,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 
 /* ---- values ---- */
 
-/* Where points of patches lie. */
+/* Values of a property of points on patches. */
 static void read_place(const char *name, const source *from, const solver_points *solved, double *values)
 {
     size_t which = 0;
@@ -259,8 +260,8 @@ static void read_place(const char *name, const source *from, const solver_points
     }
 }
 
-/* Unit vectors along the principal directions, of the larger curvature and of the smaller. They have no sense: of two
- * opposite ones that with a positive first component that is not nearly zero. */
+/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary: the first
+ * component that is not nearly zero is positive. */
 static vec3 principal_direction(const field_sample *s, bool larger)
 {
     static const double zero = 1e-9;
@@ -331,7 +332,7 @@ static bool read_one(attributes_entry *entry, const source *from, const solver_p
     return true;
 }
 
-/* What formats want as arrays of their own: the first of the kind. */
+/* Sets color and uv, which formats need as separate arrays, from the first attribute of each kind. */
 static bool derive(attributes *a, points *set, error *e)
 {
     free(a->color);
@@ -373,7 +374,7 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
     return ok && derive(a, set, e);
 }
 
-/* ---- what the report says ---- */
+/* ---- report ---- */
 
 static void warn(json *warnings, const attributes_entry *entry, size_t count, const char *what)
 {

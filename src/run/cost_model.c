@@ -4,26 +4,27 @@
 
 #include "solver/schedule.h"
 
-/* Of the time that is left, what a run is expected to take: the number of sweeps varies by a few tenths. */
+/* Fraction of the remaining time that a run may be predicted to take: the number of sweeps varies by a few tenths. */
 static const double FILL = 0.75;
-/* A run has at most so many times the points of the one before it: each costs a sixth of the next. */
+/* Maximum ratio of the counts of consecutive runs: each run costs a sixth of the next. */
 static const double LONGEST_STRIDE = 6;
-/* A run with fewer more points is not worth its time. */
+/* Minimum ratio of the counts: a smaller gain is not worth a run. */
 static const double LEAST_GAIN = 1.05;
-/* The power by which time goes with the count: of the first run, and what two runs may say. A part that does
- * not depend on the count makes it small, sweeps that become more make it large. */
+/* Exponent of time over count: assumed after the first run, and the range accepted from two runs. Work that does not
+ * depend on the count reduces it; an increasing number of sweeps raises it. */
 static const double POWER_FIRST = 1.1, POWER_LOW = 0.7, POWER_HIGH = 1.4;
-/* Clocks count milliseconds. */
+/* Minimum time of a run: the resolution of clocks. */
 static const double SHORTEST_S = 1e-3;
 
-/* Time of a level of schedule.defects_count points and more over that of its least sweeps. Most such levels take 3.5 times as many
- * sweeps, but with fewer guarded steps than coarser levels, and points at rest are skipped. Median of the meshes of
- * doc/measured/estimates.md. Larger: longer estimates from 5 000 points on. */
+/* Time of a level of at least schedule.defects_count points, over the time of its minimum number of sweeps. Most such
+ * levels take 3.5 times as many sweeps, but these have fewer guarded steps than those of coarser levels, and converged
+ * points are skipped. Median over the meshes of doc/measured/estimates.md. Larger: longer estimates from 5 000 points. */
 static const double LONGER = 1.5;
-/* Updates that take as long as all that is done once for a point: to insert it, to project and to measure it. With 50 000 points
- * meshes take 1.7 times as long as with 10 000 (median of doc/measured/meshes.md). Larger: longer estimates from 50 000 points on. */
+/* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000 points,
+ * meshes take 1.7 times as long as with 10 000 (median of doc/measured/meshes.md). Larger: longer estimates from 50 000
+ * points. */
 static const double PER_POINT = 30;
-/* The coarsest level has at least this many points (doc/method.md, multilevel schedule). */
+/* Minimum number of points of the coarsest level (doc/method.md, multilevel schedule). */
 enum { LEVEL_LEAST = 100 };
 
 cost_model cost_model_begin(size_t most)
@@ -45,7 +46,7 @@ void cost_model_note(cost_model *p, size_t count, double run_s, double rest_s)
 static double power(const cost_model *p)
 {
     if (p->runs < 2 || p->count[0] == p->count[1]) return POWER_FIRST;
-    /* of two runs that are not far apart the noise says more than the slope */
+    /* if the counts of two runs are close, noise dominates the slope */
     double apart = fabs(log((double)p->count[0] / (double)p->count[1])), weight = apart / (apart + 1);
     double slope = log(p->run_s[0] / p->run_s[1]) / log((double)p->count[0] / (double)p->count[1]);
     return fmin(fmax(POWER_FIRST + weight * (slope - POWER_FIRST), POWER_LOW), POWER_HIGH);
@@ -55,7 +56,7 @@ size_t cost_model_next(const cost_model *p, double left_s)
 {
     double ratio = pow(FILL * left_s / p->run_s[0], 1 / power(p));
     if (!(ratio >= LEAST_GAIN)) return 0;
-    if (ratio > LONGEST_STRIDE) ratio = fmin(sqrt(ratio), LONGEST_STRIDE); /* and the rest in a second */
+    if (ratio > LONGEST_STRIDE) ratio = fmin(sqrt(ratio), LONGEST_STRIDE); /* two steps instead of one */
     double count = fmin(floor(ratio * (double)p->count[0]), (double)p->most);
     return count >= LEAST_GAIN * (double)p->count[0] ? (size_t)count : 0;
 }

@@ -1,4 +1,4 @@
-/* estimate: what a job would take, see run_estimate. */
+/* estimate: see run_estimate. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -17,35 +17,36 @@
 #include "sizing/clearance.h"
 #include "surface/surface.h"
 
-/* Counts of the runs that tell what the job's own would take: the count over a power of 4, as the counts of levels are, so that the
- * coarsest level is that of the job. A run has at most REHEARSAL_MOST points, which takes about a sixth of the time of 10 000, and
- * no fewer than COST_MODEL_FIRST. */
+/* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the coarsest
+ * level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10 000, and at least
+ * COST_MODEL_FIRST. */
 enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
-/* Seconds of processor time, which others on the machine do not stretch: the first run ends after the first number, and those with fewer
- * points, which are made only if it had not come to its end, together with it. Longer: slow jobs have an estimate, too, but later. */
+/* Limits of CPU time, which does not depend on other processes: for the first trial, and for all trials together.
+ * Trials with fewer points follow only if the first one did not end. Larger: slower jobs get an estimate, which takes
+ * longer. */
 static const double REHEARSAL_S[2] = {3, 4};
-/* With fewer points threads, of which the finest levels have several, still gain little of the whole. */
+/* Minimum number of points for which threads, used by the finest levels, reduce the total time significantly. */
 static const size_t SHARED_FROM = 20000;
-/* What a worker holds at least once it has used OpenVDB: the library, and the heap that is in place from the start (mem_begin). */
+/* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
-/* While the result is measured: of each triangle or cell of the surface its place in the order, its piece, its normal and its share of the
- * nodes (measures/facets); of each point the longer neighbour lists of at most LISTED_MOST points at a time (voronoi/partitions). */
+/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal and part of
+ * the tree nodes (measures/facets). Per point: the longer neighbour lists of at most LISTED_MOST points at a time
+ * (voronoi/partitions). */
 static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
-/* Seconds of a run: up to its last sweep, and after it, which is mostly spent on the surface, whatever the count. */
+/* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on the count. */
 typedef struct run_cost {
     double relax_s, measure_s;
 } run_cost;
 
-/* One run of j->count points, unless the time is up before its end; whether it came to its end. That it fails is no fault of the
- * job's. */
+/* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of the job. */
 static bool rehearse_once(job *j, double end_s, run_cost *out)
 {
     solution s = {0};
     double begin_s = clock_processor_s();
     bool ok = job_place(j, &s, NULL);
     while (ok && !solver_ended(s.solver))
-        ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
+        ok = job_may_continue(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
     double relaxed_s = clock_processor_s();
     ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
     if (ok) *out = (run_cost){relaxed_s - begin_s, clock_processor_s() - relaxed_s};
@@ -53,7 +54,7 @@ static bool rehearse_once(job *j, double end_s, run_cost *out)
     return ok;
 }
 
-/* Why no runs of fewer points tell what the job takes; NULL: they do. */
+/* The reason why trial runs cannot predict the job; NULL: they can. */
 static const char *rehearsal_obstacle(const job *j)
 {
     return j->spec->has_control ? "sampling.control determines the count during the run"
@@ -63,7 +64,7 @@ static const char *rehearsal_obstacle(const job *j)
                : NULL;
 }
 
-/* Seconds from the first point to the last measure; NAN when that cannot be told, since no run came to its end. */
+/* Predicted seconds from the placement of points to the last measure; NAN if no trial run ended. */
 static double rehearse(job *j)
 {
     const size_t count = j->count;
@@ -93,8 +94,8 @@ static double measuring_memory(const job *j, double count)
     return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
 }
 
-/* At the peak of a job of so many points, which is that of loading or that of sampling; `held`: the surface, before there
- * were points. */
+/* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the surface
+ * without points. */
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
@@ -102,7 +103,7 @@ static double memory_for(const job *j, int64_t held, double count)
                                                 measuring_memory(j, count) + plan_picture_memory(j->spec));
 }
 
-/* Walls thinner than the spacing. A spacing that varies is not known before the job has begun. */
+/* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before the job. */
 static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
 {
     clearance c;
@@ -119,7 +120,7 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
                              (double)j->memory / (1 << 20));
 }
 
-/* `missing`: why there are no seconds, NULL when there are. */
+/* `missing`: the reason why there are no seconds, or NULL. */
 static json *describe_estimate(const job *j, int64_t held, double seconds, const char *missing)
 {
     json *o = json_new_object();
@@ -151,20 +152,20 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
-        /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which
-         * others stretch, nor than all of its threads together */
+        /* Some work uses all threads, some only one. Its time is at most that of the clock, which other processes
+         * lengthen, and at most the CPU time of all threads. */
         int64_t held = job_held_memory();
         double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);
         const char *missing = NULL;
-        double seconds = s->time_s; /* as the target it holds for all of the job */
+        double seconds = s->time_s; /* the target limits the whole job */
         if (s->time_s <= 0) {
             missing = rehearsal_obstacle(&j);
             seconds = missing ? NAN : opened_s + rehearse(&j);
             if (isnan(seconds) && !missing)
                 missing = "a trial run with few points did not end within its time limit";
         }
-        if (job_may_go_on(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
+        if (job_may_continue(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
     }
     progress_end(&j.progress);
     job_free(&j);

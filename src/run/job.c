@@ -36,8 +36,8 @@ void job_free_solution(solution *s)
     *s = (solution){0};
 }
 
-/* Also after a loop that was told to stop, which then says cancelled whatever the reason. */
-bool job_may_go_on(const job *j, error *e)
+/* Replaces the code cancelled, which stopped loops report for any reason. */
+bool job_may_continue(const job *j, error *e)
 {
     int stop = j->options->cancel ? *j->options->cancel : 0;
     if (stop == SIGALRM)
@@ -83,8 +83,8 @@ static int64_t peak_of(int who)
     return (int64_t)usage.ru_maxrss * 1024;
 }
 
-/* Of this process alone, a row of what the kernel tells of it: what rusage says is at least what the process that started
- * it held. */
+/* A row of /proc/self/status, bytes. rusage is not used: its maximum includes that of the process which started this
+ * one. */
 static int64_t own_memory(const char *row)
 {
     char line[128];
@@ -102,7 +102,7 @@ static int64_t own_peak(void)
     return own_memory("VmHWM:");
 }
 
-/* A file a label is meant for some labels, and found out before anything is solved. */
+/* Refuses one mesh file per label if there are too many labels, before anything is solved. */
 static bool check_label_meshes(const job *j, error *e)
 {
     const size_t count =
@@ -129,7 +129,7 @@ bool job_load(job *j, error *e)
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
               check_label_meshes(j, e) && attributes_find(s, &j->source, j->memory, &j->attributes, e);
-    j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
+    j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */
     return ok;
 }
 
@@ -151,23 +151,24 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
     return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
-/* From this share of unresolved points on a picture's discs are smaller: they would hide that they overlap. */
+/* From this fraction of unresolved points, the discs of a picture are smaller, so that overlaps are visible. */
 static const double UNRESOLVED_PICTURE = 0.25;
-/* The distances over which curvature is taken unless the job says otherwise: for amplitudes in even spacings, for a sizing
- * field in those of the place. Amplitudes that vary within less ask for what no packing gives: on creased meshes
+/* Default distances over which curvature is averaged: for amplitudes, in mean spacings; for a sizing field, in local
+ * spacings. Amplitudes that vary over shorter distances cannot be met by any packing: on meshes with creases
  * energy_excess is 0.08 with one spacing and 0.04 with two. */
 static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 
-/* Features ask for no spacing below so many voxels: where sheets meet at an acute angle they are less than a voxel apart,
- * and the spline between voxels says how they part. With one, and a ratio of 1, 13 of fertility's 2 524 points stay unresolved; with a
- * quarter, none of 3 107. Cells of a mesh that is to be resolved are as large as voxels would be, and its triangles are exact. */
+/* Minimum spacing that features may request, in voxels. Where walls meet at an acute angle they are less than a voxel
+ * apart, and the spline determines how they separate. With 1 and a ratio of 1, 13 of 2 524 points of the mesh fertility
+ * are unresolved; with a quarter, none of 3 107. A mesh with `resolve` uses 1: its cells are as large as voxels would
+ * be, and its triangles are exact. */
 static const double DEFAULT_FLOOR = 0.25;
-/* Curves are looked at in steps of this share of the spacing there, which puts that off by a tenth of it. */
+/* Step along curves, in local spacings; the error of the spacing is a tenth of it. */
 static const double CURVE_STEP = 0.05;
-/* A frame of a sequence is to rest with no more than this times the excess of energy of one that begins without points. */
+/* Maximum excess energy of a frame of a sequence, relative to a frame that starts without points. */
 static const double MORE_DISORDER = 1.5;
 
-/* The spacing by place that the job asks for, for `count` points or for as many as it takes: 0. */
+/* Makes the sizing field of the job for `count` points. 0: for as many as the request needs. */
 static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
@@ -195,7 +196,7 @@ static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e
     return *out != NULL;
 }
 
-/* Where the spacing is finer at curves: how far places are from these. The count may not be known yet. */
+/* Computes distances from curves, if the spacing is finer there. The count may be unknown. */
 static bool find_curves(job *j, error *e)
 {
     const field *f = j->source.field;
@@ -212,8 +213,7 @@ bool job_survey(job *j, error *e)
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan) return source_prefix_origin(&j->source, e);
     if (!find_curves(j, e)) return false;
-    if (j->spec->time_s > 0)
-        return fits_memory(j, COST_MODEL_FIRST, e); /* the first of runs of several counts */
+    if (j->spec->time_s > 0) return fits_memory(j, COST_MODEL_FIRST, e); /* the first of several runs */
     double wanted = 0;
     if (j->spec->resolve) {
         if (!make_sizing(j, 0, &j->by_features, e)) return false;
@@ -224,7 +224,7 @@ bool job_survey(job *j, error *e)
            (!j->spec->has_feature || j->by_features || make_sizing(j, j->count, &j->by_features, e));
 }
 
-/* That of j->count points, unless they are even. */
+/* Makes the sizing field for j->count points, unless the spacing is uniform. */
 static bool start_sizing(const job *j, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
@@ -234,7 +234,7 @@ static bool start_sizing(const job *j, sizing_field **out, error *e)
     return *out != NULL;
 }
 
-/* The curvature of sampling.alpha, unless it is that of the field at each point. */
+/* Makes the curvature for sampling.alpha, unless it is the field's own at each point. */
 static bool start_curvature(const job *j, scaled_curvature **out, error *e)
 {
     const spec *s = j->spec;
@@ -252,7 +252,7 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
     return *out != NULL;
 }
 
-/* The packing by levels that a solve with `params` may start from: even, or by its sizing field, and at rest. */
+/* Solves a packing by levels, uniform or by its sizing field, from which a solve with `params` may start. */
 static solver *pack_by_levels(const job *j, const solver_params *params, error *e)
 {
     solver_params packed = *params;
@@ -265,13 +265,13 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     packed.sigma = packed.max_sigma = 0;
     solver *s = solver_new(j->source.field, j->scan, &packed, j->pool, e);
     bool ok = s != NULL;
-    while (ok && !solver_ended(s)) ok = job_may_go_on(j, e) && solver_step(s, e);
+    while (ok && !solver_ended(s)) ok = job_may_continue(j, e) && solver_step(s, e);
     if (ok && solver_finalize(s, e)) return s;
     solver_free(s);
     return NULL;
 }
 
-/* A solve from where `params` says, or from a packing by levels. */
+/* Starts a solve with `params`, or from a packing by levels. */
 static solver *start_solve(const job *j, solver_params params, error *e)
 {
     solver *packed = NULL;
@@ -290,7 +290,7 @@ static solver *start_solve(const job *j, solver_params params, error *e)
     return s;
 }
 
-/* Places j->count particles: those of the frame before, if there are any. */
+/* */
 bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
@@ -330,7 +330,8 @@ bool job_place(job *j, solution *out, error *e)
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
-        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1), /* 0: no limit */
+        /* 0 would be no limit */
+        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1),
         .start = brought.position              ? SOLVER_START_GIVEN
                  : s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM
                                                : SOLVER_START_SURFACE,
@@ -376,11 +377,11 @@ static void show_progress(job *j, const solver *s, const solver_sweep *last, siz
                                         last->rms_step, last->mean_log10_lambda});
 }
 
-/* Until the system is at rest, or, when time is the target, no more than `reserve_s` of it are left. */
+/* */
 bool job_relax(job *j, solver *s, double reserve_s, error *e)
 {
     while (!solver_ended(s)) {
-        if (!job_may_go_on(j, e) || !solver_step(s, e)) return false;
+        if (!job_may_continue(j, e) || !solver_step(s, e)) return false;
         size_t sweeps;
         const solver_sweep *last = solver_sweeps(s, &sweeps) + sweeps - 1;
         show_progress(j, s, last, sweeps);
@@ -404,7 +405,7 @@ bool job_finalize(job *j, solution *s, error *e)
     return true;
 }
 
-/* The mesh that the triangles between the points lie along: it is closed and to be resolved; else NULL. */
+/* The closed mesh that has to be resolved by the triangles between the points; otherwise NULL. */
 static const mesh *mesh_to_resolve(const job *j)
 {
     return j->spec->resolve ? source_closed_mesh(&j->source) : NULL;
@@ -417,7 +418,7 @@ static void drop_triangles(solution *s)
     s->triangles = 0;
 }
 
-/* Of a step that is left out where memory does not suffice: true then, too; else hands on why it failed. */
+/* For an optional step: true if it succeeded or lacked memory; otherwise false with its error. */
 static bool may_lack_memory(bool ok, const error *why, error *e)
 {
     if (ok || why->code == ERROR_LIMIT_MEMORY) return true;
@@ -425,7 +426,8 @@ static bool may_lack_memory(bool ok, const error *why, error *e)
     return false;
 }
 
-/* The triangles between the points on a mesh. They stay NULL where memory does not suffice: the points alone tell most. */
+/* Makes the triangles between the points on a mesh. They remain NULL if memory does not suffice: most measures need the
+ * points only. */
 static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
@@ -448,26 +450,26 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
     return may_lack_memory(ok, &why, e);
 }
 
-/* What the triangles may leave out of the mesh, in spacings: a third of the feature size is what users are promised. */
-static const double LEFT_OUT = 0.3;
-/* How often points are held where they leave out more; and of how many points one may be, beside a few of any job: of five that
- * are held one makes a narrow triangle. */
-enum { HOLDINGS = 4, HELD_OF = 400, HELD_FEW = 50 };
+/* Maximum deviation of the triangles from the mesh, in spacings. The documented limit is a third of the feature size. */
+static const double MOST_DEVIATION = 0.3;
+/* Maximum rounds of pinning. Maximum pinned points: one in PINNED_OF of all, plus PINNED_FEW. One of five pinned points
+ * causes a narrow triangle. */
+enum { PIN_ROUNDS = 4, PINNED_OF = 400, PINNED_FEW = 50 };
 
-/* How many are held next, of those that still may be: first the worst half, since places beside these are seen once they are
- * reached. */
-static size_t held_next(size_t left)
+/* Number of points to pin next, of those still permitted: the worst half, because pinning one may resolve its
+ * neighbours. */
+static size_t pinned_next(size_t left)
 {
-    const size_t half = (left + 1) / 2, most = half > HELD_FEW ? half : HELD_FEW;
+    const size_t half = (left + 1) / 2, most = half > PINNED_FEW ? half : PINNED_FEW;
     return most < left ? most : left;
 }
 
-bool job_reach(job *j, solution *s, error *e)
+bool job_pin_unrepresented(job *j, solution *s, error *e)
 {
     const mesh *on = mesh_to_resolve(j);
-    const size_t share = solver_result_points(s->solver)->count / HELD_OF;
-    size_t left = share > HELD_FEW ? share : HELD_FEW;
-    for (int k = 0; on && k < HOLDINGS && left > 0; k++) {
+    const size_t share = solver_result_points(s->solver)->count / PINNED_OF;
+    size_t left = share > PINNED_FEW ? share : PINNED_FEW;
+    for (int k = 0; on && k < PIN_ROUNDS && left > 0; k++) {
         const solver_points *p = solver_result_points(s->solver);
         vec3 *place = NULL;
         size_t count = 0;
@@ -478,7 +480,8 @@ bool job_reach(job *j, solution *s, error *e)
             on,          p->count, p->position, p->patch_points.spacing, (const uint32_t(*)[3])s->corner,
             s->triangles};
         error why = {0};
-        const bool found = left_out_find(&in, LEFT_OUT, held_next(left), j->pool, &place, &count, &why);
+        const bool found =
+            left_out_find(&in, MOST_DEVIATION, pinned_next(left), j->pool, &place, &count, &why);
         const bool ok = may_lack_memory(found, &why, e) && solver_pin(s->solver, place, count, &goes_on, e);
         free(place);
         if (!ok || !goes_on) return ok;
@@ -530,7 +533,7 @@ bool job_measure(job *j, solution *s, error *e)
     return ok;
 }
 
-/* Places and normals in world space; to be freed. */
+/* Positions and normals in world space, in one array that the caller frees. */
 static bool turn_points(const source *from, points *set, vec3 **out, error *e)
 {
     vec3 *place = mem_array(set->count, 2 * sizeof *place, "the result", e), *normal = place + set->count;
@@ -586,18 +589,18 @@ bool job_write_points(job *j, error *e)
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
     bool ok =
         attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
-        job_may_go_on(j, e) &&
+        job_may_continue(j, e) &&
         results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
     free(turned);
     return ok;
 }
 
-/* The job is still busy; what it holds goes with the process. */
+/* Ends the process while the job is still running; the kernel frees its memory. */
 static void leave_job(void *context)
 {
     const job *j = context;
     error e = {0};
-    job_may_go_on(j, &e);
+    job_may_continue(j, &e);
     results_clear(j->options->output);
     snapshot_end(&j->snapshot);
     j->options->leave(&e);
@@ -611,7 +614,7 @@ bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e)
     bool ok = w != NULL;
     for (size_t k = 0; ok && k < count; k++) {
         ok = phases[k](j, e);
-        if (!job_may_go_on(j, e)) ok = false;
+        if (!job_may_continue(j, e)) ok = false;
     }
     watchdog_end(w);
     return ok;

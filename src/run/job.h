@@ -1,5 +1,6 @@
 /* job: a running job and its phases. Private to run.c (runs the phases), time_target.c (relaxation when the target is a
- * time) and estimate.c (what a job would take). One thread at a time; phases use the job's pool. */
+ * time) and estimate.c (resources that a job would take). One thread at a time; phases use the job's pool.
+ */
 #ifndef HEXAD_RUN_JOB_H
 #define HEXAD_RUN_JOB_H
 
@@ -13,19 +14,19 @@
 #include "source/source.h"
 #include "solver/solver.h"
 
-/* A particle system at rest and its measures. */
+/* A converged particle system and its measures. */
 typedef struct solution {
-    sizing_field *sizing;        /* NULL: even, or by alpha */
-    scaled_curvature *curvature; /* of alpha; NULL: the field's own */
+    sizing_field *sizing;        /* NULL: uniform spacing, or by alpha */
+    scaled_curvature *curvature; /* with alpha at a scale; NULL: the field's own curvature */
     solver *solver;
     double *spacing_local;
-    double *degree; /* NULL: no picture shows it */
-    uint32_t (
-        *corner)[3]; /* the triangles between the points on a closed mesh that is to be resolved; else NULL */
+    double *degree;        /* number of Voronoi neighbours of each point; NULL: no picture shows it */
+    uint32_t (*corner)[3]; /* triangles between the points on a closed mesh with `resolve`; otherwise NULL */
     size_t triangles;
     measures measures;
-    double *farthest; /* the coverage of each patch */
-    double landed;    /* the largest distance by which points were moved onto a mesh; 0 without one */
+    double *farthest; /* coverage of each patch, see coverage_measure */
+    /* largest distance by which a point was projected onto a mesh, world units; 0 without a mesh */
+    double landed;
 } solution;
 
 typedef struct job {
@@ -33,20 +34,20 @@ typedef struct job {
     const run_options *options;
     progress progress;
     snapshot snapshot;
-    size_t memory; /* bytes, the job's limit */
+    size_t memory; /* limit of the job, bytes */
     threads *pool;
     isa isa;
     source source;
-    attributes attributes; /* that the points carry */
-    int64_t
-        load_peak; /* bytes of memory while inputs were loaded: of this process and of the largest of its readers */
+    attributes attributes; /* carried by the points */
+    /* Bytes of memory while inputs were loaded: this process plus the largest of its readers. */
+    int64_t load_peak;
     surface *scan;
-    curve_distance *curves;    /* where they are finer than the rest; else NULL */
-    sizing_field *by_features; /* with sampling.feature, of the whole count */
-    size_t count; /* points that the target asks for; with a time as target: points of the next run */
+    curve_distance *curves;    /* distance from curves, if the spacing is finer at curves; otherwise NULL */
+    sizing_field *by_features; /* with sampling.feature: sizing field for the total count */
+    size_t count;              /* points for the target; if the target is a time: points of the next run */
     solution solution;
     sequence sequence; /* with queue.coherent */
-    int64_t end_ms;    /* with a time as target: when the job must end */
+    int64_t end_ms;    /* if the target is a time: when the job must end, monotonic */
     json *report;
     results_facts results;
 } job;
@@ -54,29 +55,29 @@ typedef struct job {
 /* A phase of a job. Errors: those of run_job. */
 typedef bool job_phase(job *j, error *e);
 
-/* False once the job must stop; the error is cancelled or limit_time. Call it after every loop that a stop ends: such a
+/* False if the job must stop; the error is cancelled or limit_time. Called after every loop that can be stopped: such a
  * loop reports cancelled for both. */
-bool job_may_go_on(const job *j, error *e);
+bool job_may_continue(const job *j, error *e);
 
-/* Opens the inputs: the pool, the instruction set, the frame before, and the source. */
+/* Creates the pool, chooses the instruction set, and opens the previous frame and the source. */
 bool job_load(job *j, error *e);
 
-/* Scans the surface and computes the count from the target, unless the target is a time; makes the sizing field where
+/* Scans the surface and computes the count from the target, unless the target is a time. Makes the sizing field if
  * features bound it. */
 bool job_survey(job *j, error *e);
 
-/* Places j->count particles; with a previous frame, that frame's points. Free *out after failure, too. */
+/* Places j->count particles, or the points of the previous frame. Free *out after failure, too. */
 bool job_place(job *j, solution *out, error *e);
 
-/* Sweeps until the system is at rest. With a time as target, ends also when only `reserve_s` of it are left. */
+/* Sweeps until the system has converged. If the target is a time, ends also when only `reserve_s` seconds are left. */
 bool job_relax(job *j, solver *s, double reserve_s, error *e);
 
-/* Makes the points final: on the surface to rounding, or on the triangles of its mesh. */
+/* Projects the points onto the surface to rounding, or onto the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
 
-/* Of points that are final, on a closed mesh that is to be resolved: where their triangles leave out too much of it points are held,
- * and all come to rest again. */
-bool job_reach(job *j, solution *s, error *e);
+/* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from the mesh,
+ * pins points at the deviations and relaxes all others again. */
+bool job_pin_unrepresented(job *j, solution *s, error *e);
 
 /* Measures a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);
@@ -87,16 +88,17 @@ bool job_write_points(job *j, error *e);
 /* Runs phases in order, with a watchdog, until one fails or the job must stop. */
 bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e);
 
-/* With a time as target: seconds that are left. */
+/* Seconds that are left; requires a time as target. */
 double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
 double job_bytes_per_particle(const job *j);
 
-/* Bytes of memory at the peak: the worker's, or while it loaded the worker's and its reader's together, if that is more. */
+/* Peak bytes of memory: of the worker alone, or of the worker and its reader while inputs were loaded, whichever is
+ * larger. */
 int64_t job_peak_memory(const job *j);
 
-/* Bytes of memory that the worker holds now. */
+/* Current bytes of memory of the worker. */
 int64_t job_held_memory(void);
 
 void job_free_solution(solution *s);

@@ -7,17 +7,17 @@
 #include "run/advice.h"
 #include "spec/spec_table.h"
 
-/* Groups whose text a message has; those of more are in `set` alone. */
+/* Maximum number of groups in the text of a message; `set` has all of them. */
 enum { MOST_TOLD = 10 };
 
-/* A majority of so many spacings, or so many times as wide as the one before, is tried next. The slices of a frog, up to ten voxels
- * apart, converge with 1.5 spacings of 10 000 points. */
+/* The majority filter to try next, in spacings, or relative to the previous filter. The slices of a frog, up to ten
+ * voxels apart, converge with 1.5 spacings of 10 000 points. */
 static const double WIDER = 1.5;
 
-/* The thin labels of a surface: how many unite with another one, and how many are rows. */
+/* The thin labels of a surface: the number that merge with another label, and the number that are rows of voxels. */
 typedef struct thin_labels {
     const label_thin *list;
-    size_t count, united, rows, alone; /* alone: rows that do not unite */
+    size_t count, united, rows, alone; /* alone: rows that do not merge */
 } thin_labels;
 
 static thin_labels find_thin(const label_surface *labels)
@@ -38,7 +38,7 @@ bool label_advice_is_hopeless(const label_surface *labels)
     return thin.count > 0 && thin.alone == thin.count;
 }
 
-/* The label, and those that the spec unites with it. */
+/* Appends the label, and those that the spec merges with it. */
 static void append_members(json *group, const spec_labels *s, int64_t label)
 {
     json_append_number(group, (double)label);
@@ -47,7 +47,7 @@ static void append_members(json *group, const spec_labels *s, int64_t label)
             if (s->groups[g].number[0] == (double)label) json_append_number(group, s->groups[g].number[k]);
 }
 
-/* The thin labels that go into one, which has a group already, or none. */
+/* Appends the group of thin labels that merge into one label, if that has no group yet. */
 static void append_group(json *groups, const spec_labels *s, const label_thin *thin, size_t count,
                          int64_t into)
 {
@@ -58,11 +58,11 @@ static void append_group(json *groups, const spec_labels *s, const label_thin *t
     json_append(groups, group);
 }
 
-/* All groups, where each thin label is in that of the one that takes it. */
+/* All groups; each thin label is in the group of the label that it merges with. */
 static json *make_groups(const spec_labels *s, const label_thin *thin, size_t count)
 {
     json *groups = json_new_array();
-    for (size_t g = 0; g < s->group_count; g++) { /* those that stay as they are */
+    for (size_t g = 0; g < s->group_count; g++) { /* unchanged groups */
         bool changed = false;
         for (size_t k = 0; k < count; k++) {
             const double first = s->groups[g].number[0];

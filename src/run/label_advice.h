@@ -1,4 +1,4 @@
-/* label_advice: what to do about labels that are too thin for points on them to be in order. */
+/* label_advice: advice on labels that are too thin for a regular packing on them. */
 #ifndef HEXAD_RUN_LABEL_ADVICE_H
 #define HEXAD_RUN_LABEL_ADVICE_H
 
@@ -6,16 +6,17 @@
 #include "labels/label_surface.h"
 #include "spec/spec.h"
 
-/* Appends the item `thin_labels`, if there are such: which groups leave their voxels to labels that they touch; or that
- * there is nothing to do. */
+/* Appends the item `thin_labels` if there are thin labels: groups that merge them with adjacent labels, or the
+ * statement that nothing can be done. */
 void label_advice_append(json *list, const spec_labels *s, const label_surface *labels);
 
-/* Appends the item `ragged_labels`, where points that are `spacing` apart cannot show what most labels are in places, and these are larger
- * than what it takes to even that out: a majority, or a wider one. */
+/* Appends the item `ragged_labels` if most labels have places too rough for points at distance `spacing` (world units),
+ * and the labels are larger than the majority filter that would smooth them: it recommends a filter, or a wider one. */
 void label_advice_append_majority(json *list, const spec_labels *s, const label_surface *labels,
                                   double spacing);
 
-/* Whether few counts bring the points to order: all labels but one are voxels alone, or in rows. */
+/* Whether hardly any number of points can give a regular packing: all labels but one consist of single voxels or rows
+ * of voxels. */
 bool label_advice_is_hopeless(const label_surface *labels);
 
 #endif

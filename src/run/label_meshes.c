@@ -35,7 +35,7 @@ static double volume_of(const label_mesh_part *p)
     return p->open_edges > 0 ? NAN : sum;
 }
 
-/* `number`: of each point of the whole one more than its number here, or 0. */
+/* `number`: for each point of the whole, its index in *p plus 1, or 0. */
 static void gather(const points *whole, int64_t label, uint32_t *number, label_mesh_part *p)
 {
     for (size_t k = 0; k < whole->triangle_count; k++) {

@@ -7,7 +7,7 @@
 #include "base/frames.h"
 #include "base/memory.h"
 
-/* What of the path differs from frame to frame: from the first folder that has the number on. */
+/* The part of the path that differs between frames: from the first folder whose name has the number. */
 static const char *varying_part(const char *pattern)
 {
     const char *at = pattern, *next;
@@ -20,7 +20,7 @@ static const char *varying_part(const char *pattern)
     return at;
 }
 
-/* The way up from a folder of that path, "../../". */
+/* The relative path from a folder up to its root, "../../". */
 static char *way_up(const char *path)
 {
     size_t folders = 0;

@@ -1,5 +1,5 @@
-/* layout: where the frames of a sequence lie, seen from one of them: as output.directory places them, else as clients
- * fetch them, each in a folder of its number.
+/* layout: the folders of the frames of a sequence, relative to one frame. They follow output.directory if it is given;
+ * otherwise each frame is in a folder named by its number, as clients fetch results.
  */
 #ifndef HEXAD_RUN_LAYOUT_H
 #define HEXAD_RUN_LAYOUT_H
@@ -12,12 +12,12 @@
 typedef struct layout {
     size_t count;
     int *frames;    /* ascending */
-    char **folders; /* of each, relative to that of the one: "." or "../7" */
+    char **folders; /* of each frame, relative to the folder of `frame`: "." or "../7" */
 } layout;
 
-/* `pattern`: output.directory, or NULL. Error: spec_invalid where a folder has a name that USD has no quotes for. */
+/* `pattern`: output.directory, or NULL. Error: spec_invalid (a folder has a name that USD cannot quote). */
 bool layout_make(const char *pattern, const int *frames, size_t count, int frame, layout *out, error *e);
 
-void layout_free(layout *l); /* accepts an empty one */
+void layout_free(layout *l); /* accepts a zeroed object */
 
 #endif

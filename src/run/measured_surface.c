@@ -8,7 +8,7 @@
 
 static const char what[] = "the measures of the surface";
 
-/* Patches that meet in a curve are one piece. */
+/* Numbers connected components: patches that meet in a curve belong to the same one. */
 static bool find_patch_pieces(const field_patches *p, uint32_t **out, error *e)
 {
     uint32_t *parent = mem_array(p->count, sizeof *parent, what, e),
@@ -47,7 +47,8 @@ static bool use_labels(const label_surface *labels, measured_surface *out, error
     const mesh_patches *p = label_surface_patches(labels);
     if (!use_patches(p, label_surface_field(labels)->patches, out, e)) return false;
     out->patch_labels = mem_array(p->count, sizeof *out->patch_labels, what, e);
-    for (uint32_t k = 0; out->patch_labels && k < p->count; k++) { /* a kind is the two materials */
+    /* a kind consists of two materials, 16 bits each */
+    for (uint32_t k = 0; out->patch_labels && k < p->count; k++) {
         out->patch_labels[k][0] = p->kind[k] >> 16;
         out->patch_labels[k][1] = p->kind[k] & 0xffff;
     }
@@ -62,7 +63,8 @@ static const mesh_faces *faces_of(const source *s)
     return faces && !mesh_faces_has_hidden(faces) ? faces : NULL;
 }
 
-/* The mesh of a level set, in world units. Of several parts some may lie in others, close below their walls: these are not sampled. */
+/* Uses the mesh of a level set, in world units. Not if there are several components: those inside or close below the
+ * walls of others are not sampled. */
 static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
 {
     const mesh *m = mesh_faces_mesh(faces);

@@ -1,7 +1,8 @@
-/* measured_surface: the triangles or grid cells on which the measures of a job's result are taken.
+/* measured_surface: the triangles or grid cells on which the measures of a result are computed.
  *
- * A mesh and the interfaces of labels are measured on their triangles, also where a mesh was sampled through a level set, if it has one
- * part, so that none can lie inside another, and hides nothing. All other surfaces are measured on the cells of their scan.
+ * Meshes and interfaces of labels are measured on their triangles. A mesh that was sampled through a level set is
+ * measured on its triangles if no part of it can be hidden: it has one component. All other surfaces are measured on
+ * the cells of their scan.
  */
 #ifndef HEXAD_RUN_MEASURED_SURFACE_H
 #define HEXAD_RUN_MEASURED_SURFACE_H
@@ -11,16 +12,17 @@
 
 typedef struct measured_surface {
     facets_input facets;
-    bool own_normals; /* points take the normals of the triangles: those of the level set may differ */
+    bool own_normals; /* measure with the normals of the triangles: those of the level set may differ */
     uint32_t *patch_piece;
-    uint32_t (*patch_labels)[2]; /* of the interfaces of labels, else NULL */
-    const vec3 *lost_place; /* of a mesh that is measured on its level set: places that this leaves out */
+    uint32_t (*patch_labels)[2]; /* for interfaces of labels; otherwise NULL */
+    /* for a mesh that is measured on its level set: places that the level set does not represent */
+    const vec3 *lost_place;
     size_t lost_places;
-    vec3 *vertex; /* of a mesh whose vertices are kept in another unit */
+    vec3 *vertex; /* vertices in world units, if the mesh has another unit; otherwise NULL */
 } measured_surface;
 
-/* Refers to the source and the scan, which must outlive *out. Release *out also after failure. Error: limit_memory. */
+/* Refers to the source and the scan, which outlive *out. Close *out also after failure. Error: limit_memory. */
 bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e);
-void measured_surface_close(measured_surface *m); /* a zeroed one will do */
+void measured_surface_close(measured_surface *m); /* accepts a zeroed object */
 
 #endif

@@ -1,4 +1,4 @@
-/* Instead of pictures.c in a build without pictures. The spec's parser refuses what would call these. */
+/* Replaces pictures.c in a build without pictures. The parser of the spec refuses jobs that would call these. */
 #include "base/build_part.h"
 #include "run/pictures.h"
 

@@ -8,65 +8,65 @@
 
 static const char what[] = "the meshes of patches";
 
-/* Fewer points make no surface. */
+/* Minimum number of points of a surface. */
 enum { FEWEST_POINTS = 3 };
 
-/* What belongs to patch p: item[first[p]] .. item[first[p + 1]]. */
+/* The items of patch p are item[first[p]] .. item[first[p + 1] - 1]. */
 typedef struct by_patch {
     size_t *first;
     uint32_t *item;
 } by_patch;
 
-/* A patch by itself; its points are numbered anew. */
+/* A patch with its own numbering of points. */
 typedef struct piece {
     size_t points, sides, triangles;
-    uint32_t *stand; /* of each point: which of the input's it is */
+    uint32_t *input_index; /* index in the input of each point */
     vec3 *position, *normal;
     double *spacing;
-    uint32_t *name; /* of each point itself */
+    uint32_t *name; /* identity: the index of each point */
     uint32_t (*side)[2];
     uint32_t (*corner)[3];
 } piece;
 
-typedef struct mending {
+typedef struct repair {
     const triangulation_input *in;
     const mesh_patches *on;
     const triangulation *made;
     threads *pool;
     by_patch points, sides, triangles;
-    uint32_t *own;    /* of each of the input's points its number in the patch at hand */
-    uint32_t *vertex; /* of each vertex of the patches its number in the mesh at hand */
+    uint32_t *own;    /* for each point of the input: its index in the current patch */
+    uint32_t *vertex; /* for each vertex of the patches: its index in the current mesh */
     uint32_t (*corner)[3];
     uint32_t *label;
-    size_t count, corner_room, label_room; /* of the result */
-    size_t mended;
-} mending;
+    size_t count, corner_capacity, label_capacity; /* of the result */
+    size_t repaired;
+} repair;
 
 size_t patch_meshes_faults(const triangulation_facts *f)
 {
     return f->nonmanifold_edges - f->seam_edges + f->nonmanifold_vertices + f->boundary_edges - f->rim_edges;
 }
 
-/* ---- what belongs to which patch ---- */
+/* ---- items of each patch ---- */
 
-typedef uint32_t patch_of(const mending *m, size_t k);
+typedef uint32_t patch_of(const repair *m, size_t k);
 
-static uint32_t patch_of_stand(const mending *m, size_t k)
+static uint32_t patch_of_point(const repair *m, size_t k)
 {
     return m->in->label[k];
 }
 
-static uint32_t patch_of_side(const mending *m, size_t k)
+static uint32_t patch_of_side(const repair *m, size_t k)
 {
     return m->in->label[m->in->side[k][0]];
 }
 
-static uint32_t patch_of_triangle(const mending *m, size_t k)
+static uint32_t patch_of_triangle(const repair *m, size_t k)
 {
     return m->made->label[k];
 }
 
-static bool sort_by_patch(const mending *m, size_t count, patch_of *patch, by_patch *out, error *e)
+static bool sort_by_patch(const repair *m, size_t count, patch_of *patch, by_patch *out, error *e)
 {
     out->first = mem_array(m->on->count + 2, sizeof *out->first, what, e);
     out->item = mem_array(count, sizeof *out->item, what, e);
@@ -82,7 +82,7 @@ static size_t count_of(const by_patch *b, size_t patch)
     return b->first[patch + 1] - b->first[patch];
 }
 
-/* ---- a patch by itself ---- */
+/* ---- one patch ---- */
 
 static void piece_free(piece *p)
 {
@@ -94,7 +94,7 @@ static void piece_free(piece *p)
     free(p->corner);
 }
 
-static bool take_piece(mending *m, size_t patch, piece *out, error *e)
+static bool take_piece(repair *m, size_t patch, piece *out, error *e)
 {
     const triangulation_input *in = m->in;
     const uint32_t *side = m->sides.item + m->sides.first[patch],
@@ -102,7 +102,7 @@ static bool take_piece(mending *m, size_t patch, piece *out, error *e)
     *out = (piece){.points = count_of(&m->points, patch),
                    .sides = count_of(&m->sides, patch),
                    .triangles = count_of(&m->triangles, patch),
-                   .stand = m->points.item + m->points.first[patch]};
+                   .input_index = m->points.item + m->points.first[patch]};
     out->position = mem_array(out->points, sizeof *out->position, what, e);
     out->normal = mem_array(out->points, sizeof *out->normal, what, e);
     out->spacing = mem_array(out->points, sizeof *out->spacing, what, e);
@@ -112,11 +112,11 @@ static bool take_piece(mending *m, size_t patch, piece *out, error *e)
     if (!out->position || !out->normal || !out->spacing || !out->name || !out->side || !out->corner)
         return false;
     for (uint32_t i = 0; i < out->points; i++) {
-        const uint32_t stand = out->stand[i];
-        out->position[i] = in->position[stand];
-        out->normal[i] = in->normal[stand];
-        out->spacing[i] = in->spacing[stand];
-        out->name[i] = m->own[in->point[stand]] = i;
+        const uint32_t input_index = out->input_index[i];
+        out->position[i] = in->position[input_index];
+        out->normal[i] = in->normal[input_index];
+        out->spacing[i] = in->spacing[input_index];
+        out->name[i] = m->own[in->point[input_index]] = i;
     }
     for (size_t k = 0; k < out->sides; k++)
         for (int i = 0; i < 2; i++) out->side[k][i] = m->own[in->point[in->side[side[k]][i]]];
@@ -125,7 +125,7 @@ static bool take_piece(mending *m, size_t patch, piece *out, error *e)
     return true;
 }
 
-/* Two points, as the lower and the higher, between which there is a side of a triangle, or a step along a curve. */
+/* A pair of points, the lower index first, joined by a side of a triangle or by a step along a curve. */
 typedef struct tie {
     uint32_t low, high;
     bool is_step;
@@ -143,7 +143,7 @@ static tie tie_of(uint32_t a, uint32_t b, bool is_step)
     return (tie){a < b ? a : b, a < b ? b : a, is_step};
 }
 
-/* A patch has one triangle at each step along its curves: how many it lacks, or has too much. */
+/* A patch must have one triangle at each step along its curves. *out: the number of missing and excess triangles. */
 static bool count_off_curves(const piece *p, const triangulation *made, size_t *out, error *e)
 {
     const size_t count = 3 * made->facts.triangles + p->sides;
@@ -167,8 +167,8 @@ static bool count_off_curves(const piece *p, const triangulation *made, size_t *
     return true;
 }
 
-/* How many faults the triangles of a patch have. */
-static bool survey_piece(const mending *m, const piece *p, triangulation *made, size_t *faults, error *e)
+/* *faults: the number of faults of the triangles of a patch. */
+static bool survey_piece(const repair *m, const piece *p, triangulation *made, size_t *faults, error *e)
 {
     const triangulation_input in = {.count = p->points,
                                     .position = p->position,
@@ -183,8 +183,8 @@ static bool survey_piece(const mending *m, const piece *p, triangulation *made, 
     return true;
 }
 
-/* The triangles of a patch as a mesh; its vertices are of no other. */
-static bool mesh_of_patch(mending *m, size_t patch, mesh *out, error *e)
+/* The triangles of a patch as a mesh with its own vertices. */
+static bool mesh_of_patch(repair *m, size_t patch, mesh *out, error *e)
 {
     const size_t begin = m->on->first[patch];
     *out = (mesh){.triangle_count = m->on->first[patch + 1] - begin};
@@ -202,8 +202,9 @@ static bool mesh_of_patch(mending *m, size_t patch, mesh *out, error *e)
     return true;
 }
 
-/* Those along the patch's triangles take the place of a piece's triangles, if they have fewer faults. */
-static bool make_along(mending *m, size_t patch, size_t faults, piece *p, error *e)
+/* Triangulates the points along the triangles of the patch, and replaces the triangles of *p if the result has fewer
+ * faults. */
+static bool make_along(repair *m, size_t patch, size_t faults, piece *p, error *e)
 {
     mesh along;
     triangulation other = {0};
@@ -220,39 +221,40 @@ static bool make_along(mending *m, size_t patch, size_t faults, piece *p, error 
         p->corner = other.corner;
         p->triangles = other.facts.triangles;
         other.corner = kept;
-        m->mended++;
+        m->repaired++;
     }
     triangulation_free(&other);
     return ok;
 }
 
-/* ---- the whole ---- */
+/* ---- all patches ---- */
 
-/* The corner of the least number comes first. */
+/* Rotates the corners so that the lowest index comes first. */
 static void put_triangle(const uint32_t vertex[3], uint32_t out[3])
 {
     const int least = vertex[0] < vertex[1] ? (vertex[0] < vertex[2] ? 0 : 2) : vertex[1] < vertex[2] ? 1 : 2;
     for (int c = 0; c < 3; c++) out[c] = vertex[(least + c) % 3];
 }
 
-static bool keep_piece(mending *m, uint32_t patch, const piece *p, error *e)
+static bool keep_piece(repair *m, uint32_t patch, const piece *p, error *e)
 {
     for (size_t k = 0; k < p->triangles; k++) {
-        uint32_t(*corner)[3] = mem_grow(m->corner, m->count, &m->corner_room, 4096, sizeof *corner, what, e);
+        uint32_t(*corner)[3] =
+            mem_grow(m->corner, m->count, &m->corner_capacity, 4096, sizeof *corner, what, e);
         if (!corner) return false;
         m->corner = corner;
-        uint32_t *label = mem_grow(m->label, m->count, &m->label_room, 4096, sizeof *label, what, e);
+        uint32_t *label = mem_grow(m->label, m->count, &m->label_capacity, 4096, sizeof *label, what, e);
         if (!label) return false;
         m->label = label;
         uint32_t vertex[3];
-        for (int c = 0; c < 3; c++) vertex[c] = m->in->point[p->stand[p->corner[k][c]]];
+        for (int c = 0; c < 3; c++) vertex[c] = m->in->point[p->input_index[p->corner[k][c]]];
         put_triangle(vertex, m->corner[m->count]);
         m->label[m->count++] = patch;
     }
     return true;
 }
 
-static bool mend_patch(mending *m, uint32_t patch, error *e)
+static bool repair_patch(repair *m, uint32_t patch, error *e)
 {
     piece p;
     bool ok = take_piece(m, patch, &p, e);
@@ -265,17 +267,17 @@ static bool mend_patch(mending *m, uint32_t patch, error *e)
     return ok;
 }
 
-static bool mend_all(mending *m, error *e)
+static bool repair_all(repair *m, error *e)
 {
     m->own = mem_array(m->in->points, sizeof *m->own, what, e);
     m->vertex = mem_array(m->on->m.vertex_count, sizeof *m->vertex, what, e);
     if (!m->own || !m->vertex) return false;
     memset(m->vertex, 0xff, m->on->m.vertex_count * sizeof *m->vertex);
-    bool ok = sort_by_patch(m, m->in->count, patch_of_stand, &m->points, e) &&
+    bool ok = sort_by_patch(m, m->in->count, patch_of_point, &m->points, e) &&
               sort_by_patch(m, m->in->side_count, patch_of_side, &m->sides, e) &&
               sort_by_patch(m, m->made->facts.triangles, patch_of_triangle, &m->triangles, e);
     for (uint32_t p = 0; ok && p < m->on->count; p++)
-        ok = threads_stopped(m->pool) ? error_set(e, ERROR_CANCELLED, "stopped") : mend_patch(m, p, e);
+        ok = threads_stopped(m->pool) ? error_set(e, ERROR_CANCELLED, "stopped") : repair_patch(m, p, e);
     return ok;
 }
 
@@ -285,26 +287,25 @@ static void by_patch_free(by_patch *b)
     free(b->item);
 }
 
-bool patch_meshes_mend(const triangulation_input *in, const mesh_patches *on, threads *pool,
-                       triangulation *made, error *e)
+bool patch_meshes_repair(const triangulation_input *in, const mesh_patches *on, threads *pool,
+                         triangulation *made, error *e)
 {
-    mending m = {.in = in, .on = on, .made = made, .pool = pool};
-    bool ok = mend_all(&m, e);
-    triangulation mended = {
-        .corner = m.corner,
-        .label = m.label,
-        .facts = {.triangles = m.count}}; /* which of them closed holes is not known any more */
-    ok = ok && (m.mended == 0 || triangulation_survey(in, pool, &mended, e));
+    repair m = {.in = in, .on = on, .made = made, .pool = pool};
+    bool ok = repair_all(&m, e);
+    triangulation repaired = {.corner = m.corner,
+                              .label = m.label,
+                              .facts = {.triangles = m.count}}; /* which of them closed holes is unknown */
+    ok = ok && (m.repaired == 0 || triangulation_survey(in, pool, &repaired, e));
     by_patch_free(&m.points);
     by_patch_free(&m.sides);
     by_patch_free(&m.triangles);
     free(m.own);
     free(m.vertex);
-    if (!ok || m.mended == 0 || patch_meshes_faults(&mended.facts) > patch_meshes_faults(&made->facts)) {
-        triangulation_free(&mended);
+    if (!ok || m.repaired == 0 || patch_meshes_faults(&repaired.facts) > patch_meshes_faults(&made->facts)) {
+        triangulation_free(&repaired);
         return ok;
     }
     triangulation_free(made);
-    *made = mended;
+    *made = repaired;
     return true;
 }

@@ -7,10 +7,10 @@
 #include "base/memory.h"
 #include "solver/curves/curve_chains.h"
 
-/* Patches at a curve whose labels are told. */
+/* Maximum number of patches at a curve whose labels are listed. */
 enum { MOST_AROUND = 8 };
 
-/* What is told, and of what. */
+/* The input of the report. */
 typedef struct rows {
     const field_patches *patches;
     const solver_points *solved;
@@ -18,11 +18,11 @@ typedef struct rows {
     curve_chains chains;
 } rows;
 
-/* What is measured along a curve. Steps are distances of points from those before, over the requested spacing. */
+/* Measures of a curve. A step is the distance between consecutive points over the requested spacing. */
 typedef struct row {
     size_t points, steps;
     double sum, square, gap;
-    uint32_t last; /* of the points so far, if there are any */
+    uint32_t last; /* the last point visited, if there is one */
 } row;
 
 static void visit(const rows *r, uint32_t point, row *out)
@@ -49,7 +49,7 @@ static row measure_curve(const rows *r, size_t c, double length, double h)
     for (size_t k = begin; k < end; k++) visit(r, r->chains.point[k], &out);
     if (r->patches->curve[c].closed && out.points > 1) {
         visit(r, r->chains.point[begin], &out);
-        out.points--; /* that one was there */
+        out.points--; /* the first point was counted twice */
     }
     const double spacing = out.points > 0 ? r->solved->spacing[out.last] : h;
     if (out.steps == 0 && !curve_chains_jumps(r->patches, length, spacing, spacing))
@@ -57,19 +57,20 @@ static row measure_curve(const rows *r, size_t c, double length, double h)
     return out;
 }
 
-/* Of the steps; not known of fewer than two. */
+/* Coefficient of variation of the steps; NaN for fewer than two. */
 static double variation(const row *r)
 {
     double mean = r->sum / (double)r->steps;
     return r->steps < 2 ? NAN : sqrt(fmax(r->square / (double)r->steps - mean * mean, 0)) / mean;
 }
 
-/* The labels that meet at a curve, each once. */
-static void put_labels(const label_surface *labels, const field_patches *p, const field_curve *c, json *told)
+/* Adds the labels that meet at a curve, each once. */
+static void put_labels(const label_surface *labels, const field_patches *p, const field_curve *c,
+                       json *object)
 {
     int64_t known[2 * MOST_AROUND];
     size_t count = 0;
-    json *list = json_put_array(told, "labels");
+    json *list = json_put_array(object, "labels");
     for (size_t k = 0; k < 2 * c->patch_count && count < 2 * MOST_AROUND; k++) {
         int64_t sides[2];
         bool new = true;
@@ -108,7 +109,7 @@ static void put_curves(const rows *r, double h, json *report)
         double length = curve_chains_length(p, &p->curve[c]);
         const row found = measure_curve(r, c, length, h);
         total += length;
-        worst = fmax(worst, variation(&found)); /* of NaN and a number the number */
+        worst = fmax(worst, variation(&found)); /* fmax ignores NaN */
         gap = fmax(gap, found.gap);
         if (c < PATCH_REPORT_LISTED) put_curve(list, r, &p->curve[c], &found, length);
     }
@@ -132,14 +133,14 @@ static void put_patches(const rows *r, const double *farthest, json *report)
     for (size_t k = 0; k < p->count; k++) {
         gap = fmax(gap, farthest[k]);
         if (k >= PATCH_REPORT_LISTED) continue;
-        json *told = json_append_object(list);
-        json_put_number(told, "area", p->patch[k].area);
-        json_put_integer(told, "points", (int64_t)points[k]);
-        json_put_number(told, "gap", farthest[k]);
+        json *item = json_append_object(list);
+        json_put_number(item, "area", p->patch[k].area);
+        json_put_integer(item, "points", (int64_t)points[k]);
+        json_put_number(item, "gap", farthest[k]);
         if (r->labels) {
             int64_t sides[2];
             label_surface_sides(r->labels, (uint32_t)k, sides);
-            json *labels = json_put_array(told, "labels");
+            json *labels = json_put_array(item, "labels");
             for (int i = 0; i < 2; i++) json_append_number(labels, (double)sides[i]);
         }
     }

@@ -1,4 +1,4 @@
-/* patch_report: what the report tells of the patches and curves of a surface. Pure function. */
+/* patch_report: reports the patches and curves of a surface. Pure function. */
 #ifndef HEXAD_RUN_PATCH_REPORT_H
 #define HEXAD_RUN_PATCH_REPORT_H
 
@@ -7,11 +7,11 @@
 #include "labels/label_surface.h"
 #include "solver/solver.h"
 
-/* Most that are told one by one, of patches and of curves; the others count in the totals. */
+/* Maximum number of listed patches, and of listed curves. Totals include all. */
 enum { PATCH_REPORT_LISTED = 1000 };
 
-/* Adds the members `patches` and `curves`. `farthest`: of each patch, see coverage_measure; `h`: the spacing of the packing.
- * `labels`: of interfaces; else NULL. */
+/* Adds the members `patches` and `curves`. `farthest`: one value per patch, see coverage_measure. `h`: spacing of the
+ * packing, world units. `labels`: for interfaces; otherwise NULL. */
 void patch_report_put(const field_patches *patches, const solver_points *solved, const double *farthest,
                       double h, const label_surface *labels, json *report);
 

@@ -12,10 +12,10 @@
 #include "formats/preview_exr.h"
 #include "store/file.h"
 
-/* The frames of a turntable are numbered from 1. */
+/* Frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
 
-/* Of convergence.png, pixels. */
+/* Size of convergence.png, pixels. */
 enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
 static bool write_png(const char *directory, const char *name, const canvas *picture, json *outputs, error *e)
@@ -65,12 +65,12 @@ static bool write_turntable(const char *directory, int frames, const points *set
     return ok;
 }
 
-/* Puts the values of an attribute into the look, to be freed: of a color all three of each point, else one. */
+/* Sets the values of an attribute in the look: three per point for a color, otherwise one. The caller frees *values. */
 static bool show_attribute(const points *set, const char *name, quantity_look *look, double **values,
                            error *e)
 {
     const point_attribute *a = set->attributes;
-    while (strcmp(a->name, name) != 0) a++; /* the spec was held against the names */
+    while (strcmp(a->name, name) != 0) a++; /* the name has been checked before */
     const bool color = a->kind == POINT_ATTRIBUTE_COLOR && a->components >= 3;
     const size_t n = (size_t)a->components;
     if (!(*values = mem_array(set->count, (color ? 3 : 1) * sizeof **values, "the preview's colours", e)))
@@ -113,7 +113,7 @@ bool pictures_write_preview(const char *directory, const results_input *in, cons
     return ok;
 }
 
-/* The values are those of the sweeps, curve after curve. */
+/* Draws one curve after another, with the values of the sweeps. */
 bool pictures_write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
 {
     enum { ENERGY, LAMBDA, STEP, COUNT, CURVES };

@@ -15,8 +15,8 @@ const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_T
 
 static const int64_t INTERVAL_MS = 100;
 
-/* Where the phases end, as shares of the job; the solver alone knows how far it is. Within this time another phase covers
- * two thirds of its way, so that something moves from the first second on, and never more than there is. */
+/* End of each phase as a fraction of the job. Only the solver reports its own progress. Within PACE_S seconds another
+ * phase covers two thirds of its range, asymptotically, so that progress is visible from the first second. */
 static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
 static const double PACE_S = 4;
 
@@ -27,7 +27,7 @@ void progress_begin(progress *p, int fd, bool bar)
     pthread_mutex_init(&p->lock, NULL);
 }
 
-/* How much of the job is done, 0 .. 1; never less than before. */
+/* The completed fraction of the job, 0 .. 1; never decreases. */
 static double whole_fraction(const progress *p, const progress_numbers *n, int64_t now)
 {
     double spent = clock_seconds(now - p->entered_ms);
@@ -35,7 +35,7 @@ static double whole_fraction(const progress *p, const progress_numbers *n, int64
     return fmax(p->fraction, p->entered + (phase_end[p->phase] - p->entered) * inner);
 }
 
-/* A line is far shorter than a pipe's atomic size, so that it is taken whole or not at all. */
+/* A line is shorter than PIPE_BUF: it is written completely or not at all. */
 static void write_line(int fd, const char *text)
 {
     struct pollfd ready = {fd, POLLOUT, 0};
@@ -59,7 +59,7 @@ static void draw_bar(const progress *p, const progress_numbers *n, double elapse
     fflush(stderr);
 }
 
-/* Of a fraction as it is told: more digits would be noise. */
+/* Steps of a reported fraction: more digits would be noise. */
 #define FRACTION_STEPS 10000
 
 static void report(progress *p, const progress_numbers *n)
@@ -103,7 +103,8 @@ void progress_enter(progress *p, progress_phase phase)
     pthread_mutex_lock(&p->lock);
     leave(p, clock_monotonic_ms());
     p->phase = (int)phase;
-    /* a relaxation that comes to rest early is over; loading that was short leaves its share to the others */
+    /* a relaxation that converges early is complete; the fraction that a short loading leaves is divided among later
+     * phases */
     p->entered = phase > PROGRESS_RELAX ? fmax(p->fraction, phase_end[phase - 1]) : p->fraction;
     p->last = (progress_numbers){0};
     report(p, &p->last);
@@ -130,7 +131,7 @@ int64_t progress_tick(progress *p)
     report_if_due(p);
     int64_t rest = p->written_ms + INTERVAL_MS - clock_monotonic_ms();
     pthread_mutex_unlock(&p->lock);
-    return rest > 0 ? rest : INTERVAL_MS; /* there is nobody to tell, or nothing yet */
+    return rest > 0 ? rest : INTERVAL_MS; /* no reader, or no line yet */
 }
 
 void progress_end(progress *p)

@@ -1,7 +1,7 @@
 /* progress: a running job's progress, as JSON lines on a descriptor.
  *
- * At most ten lines a second; the first line of a phase is always written. A line that the reader does not take at
- * once is dropped. doc/worker.md lists the members. One thread runs the job; another may call progress_tick.
+ * At most ten lines per second; the first line of a phase is always written. A line that the reader cannot accept at
+ * once is dropped. doc/worker.md lists the members. One thread runs the job; another one may call progress_tick.
  */
 #ifndef HEXAD_RUN_PROGRESS_H
 #define HEXAD_RUN_PROGRESS_H
@@ -32,13 +32,13 @@ typedef struct progress_numbers {
 } progress_numbers;
 
 typedef struct progress {
-    int fd;                            /* lines go here; -1: nowhere */
-    bool bar;                          /* and a bar to standard error */
+    int fd;                            /* lines are written here; -1: no lines */
+    bool bar;                          /* also draw a bar on standard error */
     int64_t start_ms;                  /* of the job, monotonic */
     int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
     int64_t entered_ms, written_ms;
     int phase;                /* -1 before the first and after the last */
-    double fraction, entered; /* 0 .. 1 of the job; at the beginning of the phase */
+    double fraction, entered; /* 0 .. 1 of the job: now, and at the start of the phase */
     progress_numbers last;    /* of this phase */
     pthread_mutex_t lock;
 } progress;
@@ -47,7 +47,7 @@ void progress_begin(progress *p, int fd, bool bar);
 void progress_enter(progress *p, progress_phase phase);
 void progress_update(progress *p, const progress_numbers *numbers);
 
-/* Repeats the last line when it is old enough. Returns the milliseconds until the next repetition, > 0. */
+/* Repeats the last line if it is old enough. Returns the milliseconds until the next repetition, > 0. */
 int64_t progress_tick(progress *p);
 
 void progress_end(progress *p); /* closes the last phase; phase_ms is then complete */

@@ -3,14 +3,15 @@
 #include <math.h>
 #include <stddef.h>
 
-/* A value on the bound has the better rating. */
+/* A value equal to a bound has the better rating. */
 typedef struct rated_measure {
     const char *name;
-    size_t offset; /* in measures */
+    size_t offset; /* in struct measures */
     double good, fair;
 } rated_measure;
 
-/* Good: what converged runs on scans and CAD models with 10 000 points reach. Poor: visibly irregular, as after a few sweeps. */
+/* Good: reached by converged runs on scans and CAD models with 10 000 points. Poor: visibly irregular, as after a few
+ * sweeps. */
 static const rated_measure rated[] = {
     {"hex_fraction", offsetof(measures, hex_fraction), 0.85, 0.6},
     {"edge_cv", offsetof(measures, edge_cv), 0.08, 0.13},
@@ -22,7 +23,7 @@ static const rated_measure rated[] = {
 
 static const char *rating_of(const rated_measure *r, double value)
 {
-    const double sign = r->good > r->fair ? -1 : 1; /* the larger, or the smaller, the better */
+    const double sign = r->good > r->fair ? -1 : 1; /* -1 if larger values are better */
     return isnan(value)                     ? NULL
            : sign * value <= sign * r->good ? "good"
            : sign * value <= sign * r->fair ? "fair"

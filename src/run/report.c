@@ -14,7 +14,7 @@
 #include "sizing/clearance.h"
 #include "source/source_report.h"
 
-/* A ratio of spacings that is this much of the one asked for is not worth a word. */
+/* A ratio of spacings of at least this fraction of the requested ratio is not reported. */
 static const double RATIO_REACHED = 0.8;
 
 static void put_vec3(json *object, const char *key, vec3 v)
@@ -54,15 +54,15 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* So few points do not show how much of the surface are walls thinner than the spacing: unless the result is unresolved, rays between the
- * walls do, as before the job. */
+/* Below this number of points, their neighbourhoods do not measure the walls thinner than the spacing. Unless the
+ * result is unresolved, rays between the walls are used, as before the job. */
 static const size_t FEW_POINTS = 100;
-/* Advice that asks for fewer points than this times those that there are is what the job has done already. */
+/* Minimum ratio of the advised count to the present one: smaller increases are not worth advice. */
 static const double WORTH_ADVICE = 1.1;
 
 /* Walls thinner than the spacing. */
 typedef struct thin_walls {
-    double share, factor; /* of the points or of the surface; see clearance.factor */
+    double share, factor; /* fraction of the points, or of the surface if of_surface; see clearance.factor */
     bool of_surface;
 } thin_walls;
 
@@ -81,7 +81,7 @@ static bool find_thin_walls(const report_facts *facts, thin_walls *out)
     return out->share > MEASURES_THIN_SHARE;
 }
 
-/* Their share, and the number of points that separates them. */
+/* Adds their fraction, and the number of points that separates them. */
 static void put_thin_walls(json *advice, json *warnings, const report_facts *facts, const thin_walls *walls)
 {
     const size_t count = solver_result_points(facts->solver)->count;
@@ -102,7 +102,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
             facts->memory_limit / (1 << 20));
 }
 
-/* More points do not bring to order what lies on single voxels. */
+/* More points do not make the packing regular on single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
@@ -119,16 +119,16 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
                                      solver_spacing(facts->solver));
 }
 
-/* Whether outputs are asked for that hold floats relative to an origin. */
+/* Whether there are outputs with floats relative to an origin. */
 static bool has_scenes(const spec *s)
 {
     return s->has_points_glb || s->has_points_usda || s->has_mesh_usda;
 }
 
-/* Sweeps in a report: 6 MB of text. Of a million sweeps all would be 300 MB. */
+/* Maximum number of sweeps in a report: 6 MB of text. A million would be 300 MB. */
 static const size_t MOST_SWEEPS = 20000;
 
-/* A warning when the report lacks sweeps. */
+/* Adds a warning if the report lacks sweeps. */
 static void warn_of_sweeps(json *warnings, const solver *s)
 {
     size_t count;
@@ -181,7 +181,7 @@ static void put_cells(json *object, const measures *m)
     json_put_number(object, "area_cv", m->area_cv);
 }
 
-/* Members of version 1.0 that measures over all points have replaced; doc/stability.md lets them stay. */
+/* Members of version 1.0 that measures over all points have replaced; doc/stability.md keeps them. */
 static void put_deprecated(json *object, const measures *m, size_t count)
 {
     put_cells(json_put_object(object, "all"), m);
@@ -246,7 +246,7 @@ static void put_rounds(json *report, const solver *s)
     }
 }
 
-/* The first and the last sweep, and between them as many as there is room for, at equal distances. */
+/* Adds the first and the last sweep, and evenly spaced ones between them, up to MOST_SWEEPS. */
 static void put_sweeps(json *report, const solver *s)
 {
     size_t count;
@@ -289,7 +289,7 @@ static void put_feature_size(json *grading, const spacing_request_features *f)
     json_put_number(feature, "below_floor", f->floored_share);
 }
 
-/* What the request of a grading came to, so that the count is met. */
+/* The grading that was used to meet the count. */
 static void put_grading(json *report, const report_facts *facts)
 {
     if (!facts->sizing) return;
@@ -315,7 +315,7 @@ static void put_grading(json *report, const report_facts *facts)
     free(warning);
 }
 
-/* What (14) takes curvatures times, and the distance over which it takes them. */
+/* The factor of curvatures in (14), and the distance over which they are averaged. */
 static void put_alpha(json *report, const report_facts *facts)
 {
     if (!facts->spec->has_alpha) return;
@@ -324,7 +324,7 @@ static void put_alpha(json *report, const report_facts *facts)
     json_put_number(object, "scale", facts->curvature ? scaled_curvature_scale(facts->curvature) : 0);
 }
 
-/* What was asked for, and the same of what came of it. */
+/* The requested target, and the value reached. */
 static void put_target(json *report, const report_facts *facts)
 {
     const spec *s = facts->spec;

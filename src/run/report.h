@@ -22,11 +22,11 @@ typedef struct report_facts {
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const solver *solver;
     const measures *measures;
-    double landed;          /* the largest distance by which points were moved onto a mesh */
-    const double *farthest; /* the coverage of each patch */
+    double landed;          /* largest distance by which a point was projected onto a mesh, world units */
+    const double *farthest; /* coverage of each patch */
     int64_t peak_memory;    /* bytes */
-    double memory_limit;    /* bytes that the job may take */
-    double particle_memory; /* those of them that particles may take, and what one takes */
+    double memory_limit;    /* limit of the job, bytes */
+    double particle_memory; /* limit for particles, and bytes per particle */
     double bytes_per_particle;
     const results_facts *results;
     const verdict *verdict;
@@ -35,7 +35,7 @@ typedef struct report_facts {
     const progress *progress; /* ended */
 } report_facts;
 
-/* Fills in all members except `outputs`, which the caller has added. */
+/* Adds all members except `outputs`, which the caller has added. */
 void report_fill(json *report, const report_facts *facts);
 
 /* Adds a warning when the build has no pictures and therefore the default preview is not written. */

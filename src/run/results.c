@@ -30,13 +30,13 @@
 
 #define LABEL_NAME "mesh_label_%lld.ply"
 
-/* Beside those of the formats' table and of turntables. */
+/* Names of results other than those of the table of formats and of turntables. */
 static const char *const names[] = {
     "report.json",       WORKER_SUMMARY_NAME, "points.ply",      "points.vdb",         "mesh.ply",
     WORKER_PREVIEW_NAME, "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
 enum { NAMES = sizeof names / sizeof names[0] };
 
-/* Voxels of points.vdb, in spacings. */
+/* Voxel size of points.vdb, in spacings. */
 static const double POINTS_VOXEL = 3;
 
 static json *add_output(json *outputs, const char *name)
@@ -72,7 +72,7 @@ typedef struct residual_job {
     const field *field;
     const points *set;
     bool as_float;
-    double *worst, *sum2; /* of each chunk, of |F| / |grad F| */
+    double *worst, *sum2; /* per chunk: maximum and sum of squares of |F| / |grad F| */
 } residual_job;
 
 static void residual_chunk(void *context, int worker, size_t begin, size_t end)
@@ -95,7 +95,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
     job->sum2[begin / GRAIN] = sum2;
 }
 
-/* Of the positions, rounded to floats or not, over h. */
+/* Measures the residuals of the positions, rounded to floats or not, over h. */
 static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
 {
     const size_t chunks = in->set->count / GRAIN + 1;
@@ -116,7 +116,7 @@ static void measure_residuals(const results_input *in, bool as_float, threads *p
 typedef struct rounding_job {
     const points *set;
     vec3 origin;
-    double *worst; /* of each chunk */
+    double *worst; /* maximum of each chunk */
 } rounding_job;
 
 static void rounding_chunk(void *context, int worker, size_t begin, size_t end)
@@ -131,7 +131,7 @@ static void rounding_chunk(void *context, int worker, size_t begin, size_t end)
     job->worst[begin / GRAIN] = worst;
 }
 
-/* How far floats move a position, relative to the origin, over h. */
+/* The largest error of floats relative to the origin, over h. */
 static double largest_rounding(const points *set, vec3 origin, double h, threads *pool)
 {
     const size_t chunks = set->count / GRAIN + 1;
@@ -143,8 +143,8 @@ static double largest_rounding(const points *set, vec3 origin, double h, threads
     return worst;
 }
 
-/* A place near the middle, in steps of about the longest side: frames of a sequence that move by less mostly share it, and a program
- * that interpolates translations between frames changes none. */
+/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence with a smaller motion
+ * mostly share it; programs that interpolate translations between frames then change none. */
 static vec3 origin_of(const points *set)
 {
     bbox box = bbox_empty();
@@ -155,8 +155,8 @@ static vec3 origin_of(const points *set)
     return middle;
 }
 
-/* `job` holds the name and the points, and is filled in. Beside what follows, if asked for and worth a thread: text takes all of them, as
- * does a file that nothing follows. */
+/* Writes points.ply; `job` has the name and the points, and is completed here. With `beside` it is written by another
+ * thread while other outputs are written, if it is large enough and binary: text uses all threads. */
 static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
                               ply_job *job, error *e)
 {
@@ -200,7 +200,7 @@ static bool write_format(const char *directory, const point_format *f, const poi
     return ok;
 }
 
-/* The rows of the table that the spec asks for. */
+/* Whether the spec requests this format. */
 static bool has_format(const spec *s, format_name which)
 {
     const bool asked[FORMATS] = {
@@ -210,7 +210,7 @@ static bool has_format(const spec *s, format_name which)
     return asked[which];
 }
 
-/* Those of points, or those of their mesh. A file of the whole sequence is written by the frame that is named first. */
+/* Writes the formats of points, or of their mesh. A file of a whole sequence is written by the frame listed first. */
 static bool write_formats(const char *directory, const results_input *in, const points *set, bool of_mesh,
                           vec3 origin, json *outputs, error *e)
 {
@@ -234,7 +234,7 @@ static bool is_within_patch(const void *context, uint32_t label, vec3 x)
     return field_is_within(field_of_patch(context, label), x);
 }
 
-/* Of each triangle the labels on both sides; to be freed. */
+/* The labels on both sides of each triangle; the caller frees them. */
 static int64_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
 {
     int64_t(*out)[2] = mem_array(made->facts.triangles, sizeof *out, "the labels of triangles", e);
@@ -254,7 +254,7 @@ static void describe_label_mesh(json *list, int64_t label, const char *name, con
     json_put_number(told, "volume", part->volume);
 }
 
-/* A label that no triangle bounds has no file. */
+/* Writes a mesh for each label that has triangles. */
 static bool write_label_meshes(const char *directory, const results_input *in, const points *whole,
                                bool as_float, threads *pool, json *outputs, json *told, error *e)
 {
@@ -279,10 +279,10 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     return ok;
 }
 
-/* With more points the pieces of the mesh would take gigabytes. */
+/* Maximum points for a triangulation along the mesh: the pieces of the mesh would take gigabytes. */
 static const size_t most_on_pieces = 200000;
 
-/* By the triangles that the points lie on. */
+/* Triangulates the points along the mesh on which they lie. */
 static bool triangulate_on(const results_input *in, const triangulation_input *sites, threads *pool,
                            triangulation *out, error *e)
 {
@@ -303,11 +303,11 @@ static bool copy_known(const results_input *in, const triangulation_input *sites
     return triangulation_survey(sites, pool, out, e);
 }
 
-/* By the triangles that the points lie on, where that has fewer faults. */
-static bool mend(const results_input *in, const triangulation_input *sites, threads *pool, triangulation *out,
-                 error *e)
+/* Replaces the triangulation by one along the mesh, where that has fewer faults. */
+static bool repair(const results_input *in, const triangulation_input *sites, threads *pool,
+                   triangulation *out, error *e)
 {
-    if (in->labels) return patch_meshes_mend(sites, label_surface_patches(in->labels), pool, out, e);
+    if (in->labels) return patch_meshes_repair(sites, label_surface_patches(in->labels), pool, out, e);
     triangulation other;
     const bool ok = triangulate_on(in, sites, pool, &other, e);
     if (ok && patch_meshes_faults(&other.facts) < patch_meshes_faults(&out->facts)) {
@@ -319,8 +319,8 @@ static bool mend(const results_input *in, const triangulation_input *sites, thre
     return ok;
 }
 
-/* Those that are known; else by the points and their normals alone, and where that makes no whole surface, by the triangles
- * that they lie on, which takes longer. */
+/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is no manifold,
+ * along the mesh, which takes longer. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {
@@ -329,8 +329,8 @@ static bool triangulate(const results_input *in, const triangulation_input *site
     if (!triangulation_make(sites, pool, out, e)) return false;
     const bool on_triangles = in->triangles || (in->labels && in->sampled == label_surface_field(in->labels));
     if (!on_triangles || triangulation_is_manifold(&out->facts) || sites->count > most_on_pieces) return true;
-    if (mend(in, sites, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
-        return true; /* what there is will do */
+    if (repair(in, sites, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
+        return true; /* keep the present triangulation */
     if (e) *e = why;
     return false;
 }
@@ -386,8 +386,8 @@ static bool has_attribute(const points *set, const char *name)
     return found;
 }
 
-/* As the readers of points grids call the attributes: v is a velocity, which a file's own is before that of the points
- * from frame to frame, and Cd the color. */
+/* Renames attributes for readers of VDB points: v is the velocity (an attribute of a file takes precedence over the
+ * velocity between frames), Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
     vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values);
@@ -408,7 +408,7 @@ static vdb_point_values *name_values(const points *set, bool *has_velocity)
     return values;
 }
 
-/* The voxels have some ten points where spacing is even. */
+/* A voxel contains about ten points where the spacing is uniform. */
 static bool write_points_vdb(const char *directory, const results_input *in, json *outputs, error *e)
 {
     const points *set = in->set;
@@ -435,7 +435,7 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     return ok;
 }
 
-/* What pictures show; of an attribute its values come later. */
+/* The look of pictures; values of an attribute are added later. */
 static quantity_look look_of(const spec *s)
 {
 #define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
@@ -462,7 +462,7 @@ static bool write_pictures(const char *directory, const results_input *in, threa
     return pictures_write_preview(directory, in, &look, pool, outputs, e);
 }
 
-/* Whether a file has colors even where no attribute gives them: those of the preview then. */
+/* Whether a requested format has colors even without a color attribute: those of the preview. */
 static bool needs_color(const spec *s)
 {
     for (int k = 0; k < FORMATS; k++)
@@ -520,7 +520,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     return false;
 }
 
-/* Puts members of one object into another, those that are there. */
+/* Copies members that exist from one object to another. */
 static void copy_members(json *from, const char *const *keys, size_t count, json *to)
 {
     json_at at = json_root(from);
@@ -530,7 +530,7 @@ static void copy_members(json *from, const char *const *keys, size_t count, json
     }
 }
 
-/* A report without its long members. */
+/* The summary: the report without its long members. */
 static json *new_summary(const json *report)
 {
     static const char *const members[] = {"outcome", "count",           "outputs", "inputs",
@@ -582,7 +582,7 @@ bool results_write_report(const char *directory, const json *report, error *e)
     return ok;
 }
 
-/* How much of a name is that of a turntable's frame or of a label's mesh, 0: nothing. */
+/* Length of the prefix of a name that is a turntable's frame or a label's mesh; 0: none. */
 static int numbered_name_length(const char *name)
 {
     int number, length = 0;
@@ -591,7 +591,7 @@ static int numbered_name_length(const char *name)
     return sscanf(name, LABEL_NAME "%n", &label, &length) == 1 ? length : 0;
 }
 
-/* Calls for each name that results have, or begin with while they are written, in the directory. */
+/* Calls `act` for each file in the directory whose name is, or starts with, that of a result. */
 static bool for_each_result(const char *directory, bool (*act)(const char *path, error *e), error *e)
 {
     bool ok = true;

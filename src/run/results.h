@@ -16,47 +16,45 @@
 #include "store/file.h"
 
 typedef struct results_facts {
-    /* Of |F| / (|grad F| h) of the positions in points.ply, the largest and the root of the mean square. Of a mesh, and of labels, it is
-     * the distance from the triangles, over h. */
+    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply. For meshes and labels: the distance from
+     * the triangles over h. */
     double max_residual, rms_residual;
-    bool widened; /* float was asked for, and double was written */
-    vec3 origin;  /* of floats in glTF and USD; 0 where floats hold the positions as they are */
-    double
-        rounding; /* how far floats relative to the origin move a point, over h; 0 where there is no origin */
-    bool y_up;    /* in pictures and scenes; else z is */
+    bool widened;    /* float was requested, double was written */
+    vec3 origin;     /* of floats in glTF and USD; 0 if floats represent the positions without an origin */
+    double rounding; /* largest error of floats relative to the origin, over h; 0 without an origin */
+    bool y_up;       /* y, not z, points up in pictures and scenes */
     bool has_mesh;
     triangulation_facts mesh;
-    json *label_meshes; /* what a report tells of them, to be taken over; or NULL */
+    json *label_meshes; /* for the report, which takes ownership; or NULL */
 } results_facts;
 
 typedef struct results_input {
     const spec *spec;
-    const field *field; /* in world space, as the points of the set are: where they should be it is 0 */
+    const field *field; /* in world space, as the points of the set; 0 on the surface */
     const points *set;
-    const label_surface *labels; /* of interfaces; else NULL */
-    const field *sampled;        /* that the points were found on, whose space may be another */
-    const solver_points *solved; /* the points in that space, as the mesh is made of them */
-    const mesh *triangles;       /* that the points lie on; or NULL */
-    const uint32_t (*corner)[3]; /* of the triangles between the points, where these are known; else NULL */
+    const label_surface *labels; /* for interfaces; otherwise NULL */
+    const field *sampled;        /* the field that was sampled, in its own space */
+    const solver_points *solved; /* the points in that space; the mesh is made from them */
+    const mesh *triangles;       /* on which the points lie; or NULL */
+    const uint32_t (*corner)[3]; /* triangles between the points, if known; otherwise NULL */
     size_t corners;
-    int frame;                  /* of a sequence */
-    bool y_up;                  /* in pictures and scenes; else z is */
+    int frame;                  /* number of the frame in a sequence */
+    bool y_up;                  /* y, not z, points up in pictures and scenes */
     bool unresolved;            /* many points lie on walls thinner than the spacing */
-    double h;                   /* of the ideal packing */
+    double h;                   /* spacing of the ideal packing, world units */
     const solver_sweep *sweeps; /* at least one */
     size_t sweep_count;
 } results_input;
 
-/* Hashes a verified file, appends it to `outputs`, and puts it in place. */
+/* Hashes a verified file, appends it to `outputs`, and renames it to its final name. */
 bool results_commit(store_file *file, const char *name, json *outputs, error *e);
 
-/* Writes what spec->output asks for into `directory` and appends {name, bytes, sha256} of each file to
- * `outputs`. Errors: internal (the disk, or a file that does not read back as written), limit_memory,
- * cancelled. */
+/* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to `outputs`.
+ * Errors: internal (a failure of the disk, or a file that does not read back as written), limit_memory, cancelled. */
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e);
 
-/* Writes the summary and the report. The report comes last: a directory with a report is a result. */
+/* Writes the summary and then the report: a directory with a report is complete. */
 bool results_write_report(const char *directory, const json *report, error *e);
 
 /* results_remove removes the results of an earlier run; results_clear the temporary files of an interrupted one. */

@@ -19,7 +19,7 @@ static bool relax(job *j, error *e)
     if (j->spec->time_s > 0) return time_target_fill(j, e);
     const solver *s = j->solution.solver;
     return job_relax(j, j->solution.solver, 0, e) && job_finalize(j, &j->solution, e) &&
-           job_reach(j, &j->solution, e) &&
+           job_pin_unrepresented(j, &j->solution, e) &&
            (!j->spec->coherent || sequence_end(&j->sequence, solver_result_points(s), e));
 }
 
@@ -27,7 +27,7 @@ static bool measure_result(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_MEASURE);
     return j->spec->time_s > 0 ||
-           job_measure(j, &j->solution, e); /* runs in time have measured what they cost */
+           job_measure(j, &j->solution, e); /* with a time as target, runs have been measured */
 }
 
 static bool write_results(job *j, error *e)
@@ -36,8 +36,8 @@ static bool write_results(job *j, error *e)
     return job_write_points(j, e);
 }
 
-/* Some methods end with as many particles as they come to; the count of others is exact. The support is chosen so that the mean energy is
- * ideal, or else the count decides it. */
+/* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean energy is
+ * ideal, unless the count determines it. */
 static verdict_input judged_of(const job *j)
 {
     const solver *s = j->solution.solver;
@@ -95,10 +95,10 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
     report_fill(j->report, &facts);
     if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
     *outcome = v.outcome;
-    return job_may_go_on(j, e) && results_write_report(j->options->output, j->report, e);
+    return job_may_continue(j, e) && results_write_report(j->options->output, j->report, e);
 }
 
-/* Files of an earlier run in the same directory must not stand beside this one's report. */
+/* Removes the results of an earlier run, which would not belong to this run's report. */
 static bool prepare_output(const char *directory, error *e)
 {
     return store_directory_create(directory, e) && results_remove(directory, e);

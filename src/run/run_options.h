@@ -11,17 +11,17 @@
 #include "store/root.h"
 
 typedef struct run_options {
-    const char *output;                  /* directory; made if missing */
-    const store_roots *roots;            /* where inputs may lie; NULL: anywhere */
-    int64_t memory_mb;                   /* when the spec has no limit */
-    int threads;                         /* most, and the default; 0: one per processor */
-    int frame;                           /* the frame to run, of a spec with queue.frames */
+    const char *output;                  /* directory; created if missing */
+    const store_roots *roots;            /* permitted locations of inputs; NULL: anywhere */
+    int64_t memory_mb;                   /* if the spec has no limit, MB */
+    int threads;                         /* maximum, and the default; 0: one per processor */
+    int frame;                           /* the frame to run, if the spec has queue.frames */
     const sequence_files *previous;      /* previous frame of a coherent sequence, or NULL */
     int progress_fd;                     /* -1: no progress lines */
-    bool progress_bar;                   /* on standard error */
-    const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */
-    /* Prints e and ends the process. Called on another thread when the job must stop and is in a call that cannot be
-     * interrupted; no half-written file is left then. NULL: the job waits for the call. */
+    bool progress_bar;                   /* also draw a bar on standard error */
+    const volatile sig_atomic_t *cancel; /* number of a signal: stop; SIGALRM: time limit; may be NULL */
+    /* Prints e and ends the process. Called on another thread if the job must stop and is in a call that cannot be
+     * interrupted; no incomplete file remains. NULL: the job waits for the call. */
     void (*leave)(const error *e);
 } run_options;
 

@@ -8,7 +8,7 @@
 #include "base/compare.h"
 #include "base/memory.h"
 
-/* A report has a line for each sweep. */
+/* Maximum size of a report, bytes; it has a line for each sweep. */
 static const size_t REPORT_LIMIT = 64u << 20;
 static const char what[] = "the points of the frame before";
 
@@ -92,12 +92,12 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
                      "output.ply.properties.");
 }
 
-/* Takes over what the points were and where they went. */
+/* Keeps the ids of the points and their positions before and after the transfer. */
 static bool remember(sequence *s, const frame_transfer *c, error *e)
 {
     size_t n = c->count;
     s->died = c->died;
-    if (n == 0) return true; /* as if it were the first */
+    if (n == 0) return true; /* treated as a first frame */
     if (!(s->start = mem_array(n, sizeof *s->start, what, e)) ||
         !(s->origin = mem_array(n, sizeof *s->origin, what, e)) ||
         !(s->id = mem_array(n, sizeof *s->id, what, e)))
@@ -142,7 +142,7 @@ static bool measure_drift(sequence *s, const solver_points *p, error *e)
     return true;
 }
 
-/* Of a first frame, and of one whose surface is another, all are born and stand still. */
+/* In a first frame, and if the surface is a different one, all points are new and have velocity 0. */
 static bool begin_first(sequence *s, size_t count, error *e)
 {
     if (!(s->id = mem_array(count, sizeof *s->id, what, e))) return false;
@@ -157,7 +157,7 @@ bool sequence_end(sequence *s, const solver_points *p, error *e)
     if (!(s->velocity = mem_array(p->count, sizeof *s->velocity, what, e))) return false;
     if (!s->start && !begin_first(s, p->count, e)) return false;
     for (size_t i = 0; s->start && i < p->count; i++) {
-        if (p->replaced[i]) { /* it is another now, and nobody knows where it comes from */
+        if (p->replaced[i]) { /* relocated: it counts as a new point */
             s->died += s->id[i] != FRAME_TRANSFER_NONE;
             s->born += s->id[i] != FRAME_TRANSFER_NONE;
             s->carried -= s->id[i] != FRAME_TRANSFER_NONE;

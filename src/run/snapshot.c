@@ -10,9 +10,9 @@
 #include "formats/ply.h"
 #include "run/upright.h"
 
-/* Time between two snapshots, and before the first one. Writing one takes about 4 ms of CPU time, which is 0.2 % of this. */
+/* Time before the first snapshot and between two. Writing one takes about 4 ms of CPU time, 0.2 % of this. */
 static const int64_t INTERVAL_MS = 2000;
-/* At most this number of points is written: 1.1 MB. */
+/* Maximum number of points: 1.1 MB. */
 static const size_t POINTS_MOST = 20000;
 
 void snapshot_begin(snapshot *w, const char *directory)
@@ -23,14 +23,14 @@ void snapshot_begin(snapshot *w, const char *directory)
     w->temporary = mem_printf("%s/" SNAPSHOT_PART_NAME, directory);
 }
 
-/* Particles of a snapshot; `position`, which holds `normal`, and `spacing` are to be freed. */
+/* Particles of a snapshot. The caller frees `position`, whose array includes `normal`, and `spacing`. */
 typedef struct selection {
     size_t count;
     vec3 *position, *normal;
     double *spacing; /* between the selected particles */
 } selection;
 
-/* Selects every step-th particle. False: there is no memory for them. */
+/* Selects every step-th particle. False: out of memory. */
 static bool select_particles(const solver_particles *p, const source *from, selection *out)
 {
     error why = {0};
@@ -88,7 +88,7 @@ void snapshot_offer(snapshot *w, const solver *s, const source *from, const spec
     w->due_ms = clock_monotonic_ms() + INTERVAL_MS;
 }
 
-/* In this order: a rename that comes between the two leaves nothing. */
+/* In this order, a rename by another thread between the two calls leaves no file. */
 void snapshot_end(const snapshot *w)
 {
     if (!w->path) return;

@@ -5,7 +5,7 @@ static double number_of(json_at object, const char *key)
     return json_number(json_member(&object, key), 0);
 }
 
-/* "hex_fraction 0.9130 (good)"; a measure that is null is "not measured". */
+/* Prints "hex_fraction 0.9130 (good)"; "not measured" for null. */
 static void print_hexagons(json_at root, FILE *out)
 {
     json_at ratings = json_member(&root, "ratings"), rated = json_member(&ratings, "hex_fraction"),

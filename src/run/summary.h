@@ -1,4 +1,4 @@
-/* summary: what the console says of a finished job, from its report. */
+/* summary: console output for a finished job, from its report. */
 #ifndef HEXAD_RUN_SUMMARY_H
 #define HEXAD_RUN_SUMMARY_H
 
@@ -6,7 +6,7 @@
 
 #include "json/json.h"
 
-/* One line of measures to `out`; what was not as asked for, and why, to `err`. */
+/* Prints one line of measures to `out`, and warnings, failed criteria and advice to `err`. */
 void summary_print(const json *report, FILE *out, FILE *err);
 
 #endif

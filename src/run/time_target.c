@@ -6,16 +6,16 @@
 #include "run/cost_model.h"
 #include "source/plan.h"
 
-/* With a time for a target what comes after a relaxation may take this many times what is expected. */
+/* Safety factor for the predicted time of the work after the relaxation. */
 static const double TAIL_SLACK = 1.3;
-/* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below
- * this: its points no longer change places. */
+/* A run that is stopped before convergence is still a valid result if its rms step, in units of h, is below this: its
+ * points keep their neighbours. */
 static const double STEP_FIT = 0.01;
-/* Of the particles that memory holds: the last result is kept beside the run that may replace it. */
+/* Fraction of the particles that memory permits: the last result is kept during the run that may replace it. */
 static const double TWO_RUNS = 0.8;
 
-/* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:
- * it was not, and its points are not fit to be a result. */
+/* One run of j->count points, which ends when at most reserve_s seconds are left. *late, with *out empty: it did not
+ * converge in time, and its points are not a valid result. */
 static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, bool *late, error *e)
 {
     int64_t begin = clock_monotonic_ms();
@@ -37,7 +37,7 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
     return true;
 }
 
-/* The first run is written, so that it is known how long that takes. */
+/* The results of the first run are written, to measure the time of writing. */
 bool time_target_fill(job *j, error *e)
 {
     double memory = job_particle_memory(j) / job_bytes_per_particle(j) * TWO_RUNS, write_s = 0;
@@ -46,7 +46,7 @@ bool time_target_fill(job *j, error *e)
          j->count = cost_model_next(&p, job_seconds_left(j) - write_s)) {
         solution next = {0};
         bool late;
-        /* to write a point takes less than to measure it */
+        /* writing a point takes less time than measuring it */
         if (!run_in_time(j, &p, write_s + cost_model_rest(&p, j->count), &next, &late, e)) {
             job_free_solution(&next);
             return false;

@@ -1,4 +1,4 @@
-/* upright: which axis points up in pictures and scenes of a result. */
+/* upright: the axis that points up in pictures and scenes of a result. */
 #ifndef HEXAD_RUN_UPRIGHT_H
 #define HEXAD_RUN_UPRIGHT_H
 
@@ -7,8 +7,8 @@
 #include "formats/points.h"
 #include "spec/spec.h"
 
-/* Whether that is y, and not z: as the spec or the kind of file says. Of files that are saved either way (spec_up_is_told)
- * the one of the two axes along which the surface stands on a flat base, where the other has none. */
+/* Whether y points up, not z, as the spec or the kind of file determines. For kinds of file with no convention
+ * (spec_up_is_told): the axis along which the surface has a flat base, if only one of y and z has. */
 bool upright_y(const spec *s, const points *set);
 
 #endif

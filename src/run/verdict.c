@@ -2,11 +2,12 @@
 
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
-/* An ideal packing leaves places .58 of the spacing from the nearest point, a vacancy 1; a place beyond COVERAGE_MISSING is a hole. */
+/* In spacings. The maximum distance of a place from the nearest point is .58 in an ideal packing, and 1 at a vacancy. A
+ * place beyond COVERAGE_MISSING is a hole. */
 static const double LARGEST_COVERAGE = 1.2;
-/* Shares of the area or of the points that users do not miss or see. */
+/* Maximum fractions of the area or of the points; smaller defects are not visible to users. */
 static const double MISSING_SHARE = 0.01, CLOSE_SHARE = 0.01, EMPTY_SHARE = 0.01, LOST_SHARE = 0.01;
-/* With more points that have no proper cell the measures describe too little of the result. */
+/* Maximum fraction of points without a proper Voronoi cell: with more, the measures describe too little of the result. */
 static const double UNMEASURED_SHARE = 0.1;
 
 /* One criterion. `fails` also returns the number that was compared, and its bound. */
@@ -25,7 +26,7 @@ static bool exceeds(double number, double most, double *value, double *bound)
     return number > most;
 }
 
-/* The solve was stopped, whatever its last step. */
+/* Fails if the solve was stopped, whatever its last step. */
 static bool rms_step(const verdict_input *in, double *value, double *bound)
 {
     *value = in->rms_step;
@@ -33,7 +34,7 @@ static bool rms_step(const verdict_input *in, double *value, double *bound)
     return in->stopped;
 }
 
-/* Of the points as they are delivered, whatever the solve thought of them; NaN fails nothing. */
+/* Measured on the delivered points, independent of the solver; NaN does not fail. */
 static bool step_left(const verdict_input *in, double *value, double *bound)
 {
     return exceeds(in->step_left, in->step_tolerance, value, bound);
@@ -184,7 +185,7 @@ static double required_rms_residual(const verdict_input *in)
     return in->rms_residual;
 }
 
-/* In the order of SPEC_REQUIRE_LIST. */
+/* Order of SPEC_REQUIRE_LIST. */
 #define ROW(prefix, NAME, word, minimum) {required_##word, minimum},
 static const requirement requirements[] = {SPEC_REQUIRE_LIST(ROW, )};
 #undef ROW
@@ -215,7 +216,7 @@ static void add_reason(verdict *v, verdict_outcome otherwise, const verdict_reas
     v->reason[v->reason_count++] = *reason;
 }
 
-/* A measure without a value, of too few points, does not meet what is required of it. */
+/* NaN, from too few points, does not meet a requirement. */
 static bool is_missed(const requirement *r, double value, double bound)
 {
     return r->minimum ? !(value >= bound) : !(value <= bound);

@@ -9,8 +9,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* Of the tenth of a second within which a job is to end a good part is left for the kernel, which takes back
- * its memory. */
+/* A job must end within 100 ms of a request; the kernel needs a good part of it to free the memory. */
 static const int64_t GLANCE_MS = 10, PATIENCE_MS = 20;
 static const size_t STACK_BYTES = 256 * 1024; /* a default stack may not fit under a limit of address space */
 
@@ -45,7 +44,7 @@ static void *look(void *argument)
         if (p->progress) due_ms = progress_tick(p->progress);
         if (!p->cancel || !*p->cancel || !p->leave) continue;
         if (told_ms < 0) told_ms = clock_monotonic_ms();
-        /* under the lock: once watchdog_end has it, this does not come any more */
+        /* under the lock, so that `leave` is never called after watchdog_end */
         if (clock_monotonic_ms() - told_ms >= PATIENCE_MS) p->leave(p->context);
     }
     pthread_mutex_unlock(&w->lock);

@@ -1,9 +1,8 @@
-/* watchdog: a thread that writes a job's progress lines on time, and ends the process soon after a request to stop,
- * whatever the job is doing.
+/* watchdog: a thread that writes a job's progress lines on time, and ends the process soon after a request to stop.
  *
- * The thread wakes every few milliseconds. Loops of the job check `cancel` themselves and end in order. Some work
- * cannot check it, such as a library that reads a file: after PATIENCE_MS the thread calls `leave`, which ends the
- * process.
+ * The thread runs every few milliseconds. Loops of the job check `cancel` themselves and end normally. Work that cannot
+ * check it, such as a library that reads a file, is interrupted: PATIENCE_MS after the request the thread calls
+ * `leave`, which ends the process.
  */
 #ifndef HEXAD_RUN_WATCHDOG_H
 #define HEXAD_RUN_WATCHDOG_H
@@ -22,10 +21,10 @@ typedef struct watchdog_params {
     void *context;
 } watchdog_params;
 
-/* Errors: internal, when no thread can be started. */
+/* Error: internal (no thread can be started). */
 watchdog *watchdog_start(const watchdog_params *params, error *e);
 
-/* After its return `leave` is not called any more. Accepts NULL. */
+/* After it returns, `leave` is not called. Accepts NULL. */
 void watchdog_end(watchdog *w);
 
 #endif
