@@ -3,16 +3,15 @@
 #include "base/compare.h"
 #include "geometry/bbox.h"
 
-/* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in all, a
- * long lens, so that the discs' sizes can be compared across the picture. */
+/* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a long focal
+ * length the sizes of discs are comparable across the picture. */
 static const double half_slope = 0.23;
 
-/* Towards the eye: from the right, in front, above. Not on a diagonal, so that a cube shows three
- * different faces. */
+/* Direction to the eye: from the right, front and above; not diagonal, so that a cube shows three different faces. */
 static const vec3 towards_eye = {0.52, -0.74, 0.43};
 
-/* A set whose variance along the line of sight is above this multiple of that along either axis of the picture is long and seen from
- * its end: the eye goes a quarter round. Smaller: also sets that are shown well. */
+/* A set is elongated along the line of sight if its variance along it exceeds END_ON times that along both axes of the
+ * picture; the eye is then rotated by 90 degrees. Smaller: also rotates for sets that are shown well. */
 static const double END_ON = 2;
 
 static vec3 turn_about(vec3 v, vec3 axis, double angle)
@@ -21,8 +20,8 @@ static vec3 turn_about(vec3 v, vec3 axis, double angle)
     return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
 }
 
-/* A pinhole in the middle of a frame that looks away from `towards_eye`, turned about the axis that is up by an angle;
- * without a place yet. */
+/* A pinhole camera centred in a frame that looks against `towards_eye`, rotated about the vertical axis by an angle;
+ * its position is not set. */
 static camera aim(double angle, camera_frame frame)
 {
     vec3 up = frame.y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1), e = towards_eye;
@@ -36,7 +35,7 @@ static camera aim(double angle, camera_frame frame)
     return c;
 }
 
-/* The angle at which the still camera stands: 0 unless the set is seen from its end there. */
+/* The angle of the still camera: 0 unless the set would be seen end-on. */
 static double front_angle(const vec3 *position, size_t count, camera_frame frame)
 {
     const camera c = aim(0, frame);
@@ -51,7 +50,7 @@ static double front_angle(const vec3 *position, size_t count, camera_frame frame
     return square.z - mean.z * mean.z > END_ON * across ? M_PI / 2 : 0;
 }
 
-/* What a frustum must hold: of opposite planes u = +-s w each touches the set, from inside, at one. */
+/* Bounds of a set for a frustum: for the opposite planes u = +-s w, the extreme values of the set. */
 typedef struct touch {
     double sx, sy; /* slopes of the planes */
     double east, west, north, south, nearest;
@@ -73,7 +72,7 @@ static touch touch_set(const camera *c, const vec3 *position, size_t count, came
     return t;
 }
 
-/* The nearest eye between both pairs of planes is where they meet. Exact, in one pass. */
+/* The closest eye is the intersection of both pairs of planes. Exact, in one pass. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame)
 {
     camera c = aim(front_angle(position, count, frame), frame);
@@ -82,7 +81,7 @@ camera camera_fit(const vec3 *position, size_t count, double radius, camera_fram
     double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
     double x = 0.5 * (t.east - t.west), y = 0.5 * (t.north - t.south);
     double back = fmax((0.5 * (t.east + t.west) + rx) / t.sx, (0.5 * (t.north + t.south) + ry) / t.sy);
-    double z = fmin(-back, t.nearest - 2 * radius); /* no ball may reach the eye */
+    double z = fmin(-back, t.nearest - 2 * radius); /* the eye is outside all balls */
     c.shift = vec3_make(x, y, z);
     return c;
 }

@@ -10,13 +10,13 @@
 /* Layout in font pixels. */
 enum { SCALE = 2, LEFT = 44, RIGHT = 10, TOP = 14, BETWEEN = 16, BOTTOM = 22, GAP = 3, LINE = 1 };
 enum { TICKS_ACROSS = 8, TICKS_UP = 5 };
-/* Of a panel's height, free above and below its curve. */
-static const double headroom = 0.06;
+/* Fraction of the height of a panel that is free above and below its curve. */
+static const double margin_share = 0.06;
 
 static const unsigned char paper[3] = {255, 255, 255}, grid[3] = {222, 222, 222},
                            curve_color[3] = {33, 97, 140};
 
-/* Where a curve is drawn, and the values at its lower and upper edge (decades: their logarithms). */
+/* The area of a curve, and the values at its lower and upper edge (decades: their logarithms). */
 typedef struct panel {
     int x, y, width, height; /* pixels */
     double low, high;
@@ -32,35 +32,33 @@ double chart_tick(double range, int most)
     return 10 * power;
 }
 
-/* NAN where there is a gap. */
-static double height_of(const chart_curve *c, size_t k)
+/* Value k, or its logarithm; NAN in a gap. */
+static double value_of(const chart_curve *c, size_t k)
 {
     double value = c->values[k];
     if (c->decades) value = value > 0 ? log10(value) : NAN;
     return isfinite(value) ? value : NAN;
 }
 
-/* At a place between the values; 0 is the first. */
-static double height_at(const chart_curve *c, size_t count, double at)
+/* Linear interpolation between values; index 0 is the first. */
+static double value_at(const chart_curve *c, size_t count, double at)
 {
     at = fmin(fmax(at, 0), (double)(count - 1));
     size_t before = (size_t)at, after = before + 1 < count ? before + 1 : before;
     double share = at - (double)before;
-    return share > 0 ? (1 - share) * height_of(c, before) + share * height_of(c, after)
-                     : height_of(c, before);
+    return share > 0 ? (1 - share) * value_of(c, before) + share * value_of(c, after) : value_of(c, before);
 }
 
 static void choose_range(const chart_curve *c, size_t count, panel *p)
 {
     double low = INFINITY, high = -INFINITY;
-    for (size_t k = 0; k < count; k++) { /* gaps change neither */
-        low = fmin(low, height_of(c, k));
-        high = fmax(high, height_of(c, k));
+    for (size_t k = 0; k < count; k++) { /* fmin and fmax ignore NaN */
+        low = fmin(low, value_of(c, k));
+        high = fmax(high, value_of(c, k));
     }
     if (!(low <= high)) low = high = 0;
-    double least =
-        c->decades ? 1 : fmax(1e-3 * fabs(high), 1e-12); /* a range that shows more than rounding */
-    double room = fmax(headroom * (high - low), 0.5 * (least - (high - low)));
+    double least = c->decades ? 1 : fmax(1e-3 * fabs(high), 1e-12); /* a range that exceeds rounding errors */
+    double room = fmax(margin_share * (high - low), 0.5 * (least - (high - low)));
     p->low = low - room;
     p->high = high + room;
 }
@@ -84,8 +82,8 @@ static void draw_axis_up(const canvas *c, const panel *p, bool decades)
     }
 }
 
-/* Where value k (from 0) is, pixels. */
-static double column_of(const panel *p, size_t count, double k)
+/* Position of value k (from 0), pixels. */
+static double position_of(const panel *p, size_t count, double k)
 {
     return count > 1 ? p->x + k / (double)(count - 1) * (p->width - 1) : p->x;
 }
@@ -95,7 +93,7 @@ static void draw_axis_across(const canvas *c, const panel *p, size_t count, bool
     double step = fmax(chart_tick(fmax((double)count - 1, 1), TICKS_ACROSS), 1);
     for (double k = ceil(1 / step); k * step <= (double)count; k++) {
         char number[32];
-        int x = (int)lround(column_of(p, count, k * step - 1));
+        int x = (int)lround(position_of(p, count, k * step - 1));
         canvas_fill(c, x, p->y, c->scale / 2, p->height, grid);
         if (!numbered) continue;
         snprintf(number, sizeof number, "%.0f", k * step);
@@ -112,20 +110,19 @@ static void draw_frame(const canvas *c, const panel *p)
     canvas_fill(c, p->x + p->width - line, p->y, line, p->height, canvas_ink);
 }
 
-/* Column by column: from the lowest to the highest of the values in it, and of where the curve enters and
- * leaves it. */
+/* Draws column by column: from the minimum to the maximum of the values in the column and at its borders. */
 static void draw_curve(const canvas *c, const panel *p, const chart_curve *curve, size_t count)
 {
     double per_column = count > 1 ? (double)(count - 1) / (p->width - 1) : 0;
     int thick = LINE * c->scale;
     for (int x = 0; x < p->width; x++) {
         double from = (x - 0.5) * per_column, to = (x + 0.5) * per_column;
-        double low = height_at(curve, count, from), high = low, last = height_at(curve, count, to);
-        low = fmin(low, last); /* either may be a gap */
+        double low = value_at(curve, count, from), high = low, last = value_at(curve, count, to);
+        low = fmin(low, last); /* either may be NaN */
         high = fmax(high, last);
         for (double k = fmax(ceil(from), 0); k <= to && k < (double)count; k++) {
-            low = fmin(low, height_of(curve, (size_t)k));
-            high = fmax(high, height_of(curve, (size_t)k));
+            low = fmin(low, value_of(curve, (size_t)k));
+            high = fmax(high, value_of(curve, (size_t)k));
         }
         if (!(low <= high)) continue;
         int top = row_of(p, high), bottom = row_of(p, low);

@@ -6,11 +6,11 @@
 
 #include "base/memory.h"
 
-/* Noise of curvature from a volume is about a percent; a range of a twentieth shows it as one hue.
- */
+/* Minimum range relative to the centre. Noise of the curvature of a volume is about a percent; with this range it has
+ * one hue. */
 static const double min_range = 0.05;
 
-/* Percentiles need no more than this many values; they are taken at even steps through the set. */
+/* Maximum number of values for percentiles, evenly spaced in the set. */
 enum { PERCENTILE_SAMPLES = 65536 };
 static const double low_share = 0.02, high_share = 0.98;
 
@@ -35,7 +35,7 @@ void colormap_viridis(double t, double srgb[3])
 
 void colormap_color(colormap_map map, double t, double srgb[3])
 {
-    static const double start = 0.08, gray_start = 0.2; /* their shaded side can still be told from black */
+    static const double start = 0.08, gray_start = 0.2; /* darker colours would be black when shaded */
     static const double ends[2][3] = {{0.13, 0.40, 0.67}, {0.70, 0.09, 0.17}}, middle = 0.95;
     t = fmin(fmax(t, 0), 1);
     if (map == COLORMAP_VIRIDIS) {
@@ -77,7 +77,7 @@ bool colormap_scale_of(const double *values, size_t count, bool root, double lea
         low = middle - 0.5 * least;
         high = middle + 0.5 * least;
     }
-    if (root && low < 0) { /* widened beyond 0 */
+    if (root && low < 0) { /* the range was extended below 0 */
         high -= low;
         low = 0;
     }

@@ -6,18 +6,18 @@
 
 #include "base/memory.h"
 
-/* The columns that points have beside attributes, in the order in which all of them are written. */
+/* The columns of the points' own properties, in the order of output. */
 typedef struct own_column {
     const char *name;
     column_type type;
-    size_t array; /* in struct points: offset of the pointer */
+    size_t array; /* offset of the pointer in struct points */
     size_t component, stride;
     double scale;
     enum {
         ALWAYS,
         WITH_COLOR,
         BY_NAME
-    } written; /* where all of them are: with an attribute of colors, or not at all */
+    } written; /* in output of all columns: with a color attribute, or never */
 } own_column;
 
 #define AXIS(name, array, axis)                                        \
@@ -71,10 +71,10 @@ static const own_column own[] = {
 };
 enum { OWN = sizeof own / sizeof *own, AXES = 3, IN_SEQUENCES = OWN - 4 };
 
-/* What stands for several columns. "attributes" are all that the points carry. What a set does not have is left out. */
+/* Names that stand for several columns. "attributes": all attributes. Columns that a set lacks are skipped. */
 static const struct application {
     const char *name;
-    const char *columns[16]; /* ended by NULL */
+    const char *columns[16]; /* terminated by NULL */
 } applications[] = {
     {"minimal", {"x", "y", "z", "nx", "ny", "nz"}},
     {"blender", {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "s", "t", "attributes"}},
@@ -83,7 +83,7 @@ static const struct application {
 };
 enum { APPLICATIONS = sizeof applications / sizeof *applications };
 
-/* Fills in a column of the points' own; false: the set does not have it. */
+/* Sets a column of the points' own properties. False: the set does not have it. */
 static bool fill_own(const points *s, const own_column *o, column *out)
 {
     const void *array;
@@ -94,10 +94,10 @@ static bool fill_own(const points *s, const own_column *o, column *out)
         out->whole = array;
     else if (array)
         out->values = (const double *)array + o->component;
-    return array || o->type == COLUMN_UINT; /* without ids the places of the points are theirs */
+    return array || o->type == COLUMN_UINT; /* without ids, ids are the indices of the points */
 }
 
-/* Whether a set that is written whole has the column. */
+/* Whether the column is written in output of all columns. */
 static bool is_written(const points *s, const own_column *o)
 {
     bool has_color = false;
@@ -113,7 +113,7 @@ column_type column_type_of_range(double least, double most)
     return least >= 0 && most <= UINT32_MAX ? COLUMN_UINT : COLUMN_DOUBLE;
 }
 
-/* Without values it is not known yet. */
+/* COLUMN_INT if there are no values yet. */
 static column_type whole_type(const point_attribute *a, int component, size_t count)
 {
     double least = 0, most = 0;
@@ -140,7 +140,7 @@ static void attribute_column(const point_attribute *a, int component, size_t cou
         snprintf(out->name, sizeof out->name, "%.70s_%c", a->name, suffixes[component]);
 }
 
-/* Adds a column unless it is there. */
+/* Adds a column unless the list has it. */
 static bool add(columns *list, const column *c, error *e)
 {
     for (size_t k = 0; k < list->count; k++)
@@ -153,7 +153,7 @@ static bool add(columns *list, const column *c, error *e)
     return true;
 }
 
-/* The attributes' columns of this name; NULL: all. Returns how many there are, -1: too many. */
+/* Adds the columns of the attributes with this name; NULL: of all. Returns their number, or -1: too many. */
 static int add_attributes(const points *s, const char *name, columns *list, error *e)
 {
     int found = 0;
@@ -168,7 +168,7 @@ static int add_attributes(const points *s, const char *name, columns *list, erro
     return found;
 }
 
-/* Adds what one name stands for; returns how many columns, 0: there is nothing of that name, -1: too many. */
+/* Adds the columns of a name. Returns their number, 0: the name is unknown, -1: too many. */
 static int add_named(const points *s, const char *name, columns *list, error *e)
 {
     column made;
@@ -250,7 +250,7 @@ bool columns_need_color(const char *const *names, size_t name_count)
 
 bool columns_is_own(const char *name)
 {
-    /* names of property_list for several columns, those of point grids, and the word for all attributes */
+    /* names of property_list that consist of several columns, names of VDB points, and the word for all attributes */
     static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
     for (int k = 0; k < OWN; k++)
         if (strcmp(name, own[k].name) == 0) return true;
@@ -275,7 +275,7 @@ double column_value(const column *c, size_t i)
                                      : round(value);
 }
 
-/* The column of an array's first component, and its index in the list; NULL: there is not one for each component. */
+/* The column of the first component of an array, and its index in the list. NULL: not all components are in the list. */
 static const own_column *array_of(const columns *list, size_t array)
 {
     const own_column *first = NULL;

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-/* Pixels. Text is drawn twice as large as the font; below a thumbnail are its number and two gaps. */
+/* Pixels. Text has twice the size of the font; below a thumbnail are its number and two gaps. */
 enum {
     GAP = 8,
     SCALE = 2,

@@ -6,7 +6,7 @@
 #include "base/compare.h"
 #include "base/isa.h"
 
-static const double ring_share = 0.88; /* of the radius: outline from here */
+static const double ring_share = 0.88; /* the outline starts at this fraction of the radius */
 
 void disc_band_begin(const disc_band *b)
 {
@@ -34,15 +34,15 @@ ISA_INLINE void note_drawn(const disc_band *b, int row, int first, int end)
     if (end > drawn[1]) drawn[1] = end;
 }
 
-/* To int, within bounds also where the value is far outside, or none. */
+/* Converts to int, clamped to [low, high]; NaN gives low. */
 ISA_INLINE int whole(double value, int low, int high)
 {
     if (!(value > low)) return low;
     return value < high ? (int)value : high;
 }
 
-/* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
- * and a perspective picture of a box lies between the pictures of its corners. */
+/* The range of samples that the bounding box of a disc may cover. The extents of a disc along each axis are exact, and
+ * the perspective image of a box lies between the images of its corners. */
 static bool range_of(const camera *c, const disc *d, const disc_band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
@@ -61,14 +61,14 @@ static bool range_of(const camera *c, const disc *d, const disc_band *b, int ran
     return range[0] <= range[1] && range[2] <= range[3];
 }
 
-/* Where a length from low to high, times one of two scales, may be. */
+/* The range of a length from low to high multiplied by one of two scales. */
 static void span_of(double middle, double radius, double near, double far, double out[2])
 {
     out[0] = compare_smaller((middle - radius) * near, (middle - radius) * far);
     out[1] = compare_larger((middle + radius) * near, (middle + radius) * far);
 }
 
-/* A dot's row is that of its middle, so rows are counted from those that a place lies in. */
+/* A dot is drawn in the row of its centre; the range of rows includes it. */
 void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first, int *last)
 {
     double up[2], r = ball->radius, z = ball->center.z;
@@ -77,7 +77,7 @@ void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first
     *last = whole(floor((c->center_y - up[0]) * DISC_SAMPLES), -1, rows - 1);
 }
 
-/* Samples along the sides of a tile. */
+/* Size of a tile in samples. */
 enum { TILE_WIDTH = 16, TILE_ROWS = 8 };
 _Static_assert((int)TILE_WIDTH <= (int)DISC_BLOCK, "the keys of a tile in the last row are there");
 
@@ -91,8 +91,8 @@ size_t disc_band_tiles(int width, int rows)
     return tiles_along(width, TILE_WIDTH) * tiles_along(rows, TILE_ROWS);
 }
 
-/* The least of a tile's keys in a row and `least`. Keys are not negative, so that their bits have their order, and whole numbers
- * may be compared in any order. */
+/* The minimum of `least` and the keys of a tile in a row. Keys are not negative: their bits, as integers, have the same
+ * order. */
 ISA_INLINE float least_key(const float *key, float least)
 {
     uint32_t bits[TILE_WIDTH], low;
@@ -103,8 +103,8 @@ ISA_INLINE float least_key(const float *key, float least)
     return least;
 }
 
-/* What lies beyond the band hides nothing and shows nothing. A tile that reaches beyond a row's end sees the next row's begin, too, and
- * at worst hides less than it might. */
+/* Samples beyond the band are ignored. A tile that extends beyond the end of a row also reads the start of the next
+ * row; this can only make the bound smaller. */
 ISA_CLONES void disc_band_note_tiles(const disc_band *b)
 {
     const size_t across = tiles_along(b->width, TILE_WIDTH);
@@ -120,8 +120,8 @@ ISA_CLONES void disc_band_note_tiles(const disc_band *b)
         }
 }
 
-/* Keys are rounded, so that one that is equal to within a hundred thousandth may not be. */
-static const double key_hair = 1e-5;
+/* Relative tolerance of keys, which are rounded. */
+static const double key_tolerance = 1e-5;
 
 bool disc_ball_is_hidden(const camera *c, double far, const disc_ball *ball, const disc_band *b)
 {
@@ -137,7 +137,8 @@ bool disc_ball_is_hidden(const camera *c, double far, const disc_ball *ball, con
     bool hidden = true;
     for (int y = first - b->top; hidden && y <= last - b->top; y += TILE_ROWS - y % TILE_ROWS)
         for (int x = left / TILE_WIDTH; hidden && x <= right / TILE_WIDTH && left <= right; x++)
-            hidden = (double)b->farthest[(size_t)(y / TILE_ROWS) * across + (size_t)x] > (1 + key_hair) * key;
+            hidden =
+                (double)b->farthest[(size_t)(y / TILE_ROWS) * across + (size_t)x] > (1 + key_tolerance) * key;
     return hidden;
 }
 
@@ -146,14 +147,13 @@ ISA_INLINE double sample_place(int sample)
     return (sample + 0.5) / DISC_SAMPLES;
 }
 
-/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w
- * = ray . normal, at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and
- * what lies within a distance is an interval between the roots of a quadratic. Abscissae are taken from
- * the centre's, where v is small. A parallel ray meets the plane at v / w with w = normal . forward, and
- * at a depth that is linear. */
+/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w = ray .
+ * normal, at v / w from its centre with v = offset ray - w centre. v and w are linear in x, so that the places within a
+ * distance of the centre are the interval between the roots of a quadratic. Abscissae are relative to the centre, where
+ * v is small. A parallel ray meets the plane at v / w with w = normal . forward, at a depth that is linear in x. */
 typedef struct section {
-    double square, linear, constant; /* |v|^2 by powers of the abscissa */
-    double slope, level;             /* w likewise */
+    double square, linear, constant; /* coefficients of |v|^2 as a polynomial of the abscissa */
+    double slope, level;             /* coefficients of w */
 } section;
 
 ISA_INLINE section section_at_parallel(const disc *d, double ray_y)
@@ -176,34 +176,34 @@ ISA_INLINE section section_at(const disc *d, double offset, double ray_y)
     return s;
 }
 
-/* The abscissae within a distance of the centre, its square given; false if there are none. */
+/* The interval of abscissae within a distance of the centre; `limit` is the squared distance. False: it is empty. */
 ISA_INLINE bool section_within(const section *s, double limit, double out[2])
 {
     double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
     double c = s->constant - limit * s->level * s->level, root2 = b * b - 4 * a * c;
-    if (!(a > 0) || !(root2 >= 0)) return false; /* a is not only where the plane passes the eye */
+    if (!(a > 0) || !(root2 >= 0)) return false; /* a <= 0 only if the plane contains the eye */
     double root = sqrt(root2), half = 0.5 / a;
     out[0] = (-b - root) * half;
     out[1] = (-b + root) * half;
     return true;
 }
 
-/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what
- * to note where they are the greatest so far. */
+/* Inverse depths (orthographic: distance to `far`) as a polynomial of the sample index, and the code to store where
+ * they are the maximum so far. */
 typedef struct run {
     double square, linear, constant;
     uint32_t code;
 } run;
 
-/* The samples of a row that a disc covers, of these the ones within its outline, and the abscissa of sample 0. */
+/* The range of samples of a row that a disc covers, the range inside its outline, and the abscissa of sample 0. */
 typedef struct stretch {
     int all[2], plain[2];
     double first, step;
 } stretch;
 
-/* DISC_BLOCK samples at a time, also beyond the stretch's end, where nothing changes: no branch is left, so that
- * samples go through vectors. Within a block the polynomial is one of the place in it, in single precision: that
- * part is small beside the whole. The sums are the same on every machine, as none is fused. */
+/* Draws DISC_BLOCK samples at a time, also beyond the end of the range, where nothing changes: without branches the
+ * loop vectorises. Within a block the polynomial is evaluated relative to its start, in single precision: this part is
+ * small. No multiplication and addition are fused, so that results are the same on every machine. */
 ISA_INLINE void draw_run(const run *r, const stretch *t, float *key, uint32_t *code)
 {
     float bend = (float)(r->square * t->step * t->step);
@@ -225,7 +225,7 @@ ISA_INLINE void draw_run(const run *r, const stretch *t, float *key, uint32_t *c
     }
 }
 
-/* Samples of a row, as the abscissae of the disc at hand. */
+/* The abscissae of the samples of a row for the current disc. */
 typedef struct abscissae {
     double first, step, per_step;
     int width;
@@ -237,7 +237,7 @@ ISA_INLINE void to_samples(const abscissae *a, const double between[2], int out[
     out[1] = whole(floor((between[1] - a->first) * a->per_step) + 1, out[0], a->width);
 }
 
-/* The interval of the disc, with its outline apart. */
+/* Draws the interval of the disc, its outline separately. */
 ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r, double limit,
                              double ring_limit, const disc_band *b, int row)
 {
@@ -253,7 +253,7 @@ ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r,
     draw_run(r, &t, b->key + start, b->code + start);
 }
 
-/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it
+/* The run of a disc along the row through ray_y. Exact except for the cone, which is computed as for a distant disc: it
  * only breaks ties. */
 ISA_INLINE run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y,
                          double far)

@@ -1,7 +1,7 @@
-/* format: the formats of points and of their mesh beside PLY and OpenVDB, as rows of a table. A new one is a file with two functions and a
- * row in format.c.
+/* format: the table of formats of points and of their mesh, other than PLY and OpenVDB. A new format needs a file with
+ * two functions and a row in format.c.
  *
- * Files are the same bytes for the same points: without dates and paths. Nothing here keeps state.
+ * The same points give the same bytes: files have no dates and no paths. No function keeps state.
  */
 #ifndef HEXAD_FORMATS_FORMAT_H
 #define HEXAD_FORMATS_FORMAT_H
@@ -14,13 +14,13 @@
 #include "formats/scene.h"
 
 typedef struct point_format {
-    const char *file; /* its name in a result */
-    bool colored;     /* it has colors even where no attribute gives them */
-    bool of_sequence; /* it is of all frames, and lies beside the first */
+    const char *file; /* name of the file in a result */
+    bool colored;     /* has colors even without a color attribute */
+    bool of_sequence; /* covers all frames; is written with the first one */
     bool of_mesh;
-    /* Writes at the beginning of an empty file, which is flushed. */
+    /* Writes to an empty file from its start, and flushes it. */
     bool (*write)(FILE *file, const points *set, const scene *place, error *e);
-    /* Reads the file again and compares it with the set. Error: input_damaged where they differ. */
+    /* Reads the file and compares it with the set. Error: input_damaged (they differ). */
     bool (*verify)(FILE *file, const points *set, const scene *place, error *e);
 } point_format;
 

@@ -25,17 +25,17 @@ enum {
     CHUNK_WORDS = 2
 };
 
-/* Floats, which glTF has for attributes, tell whole numbers apart up to here. */
+/* glTF has floats for attributes, which represent integers exactly up to this value. */
 static const double most_whole = 16777216;
 
-/* The different values of whole numbers that floats do not hold, ascending. In the place of each value is its number in the
- * table, which the member `extras` of the primitive has under the attribute's name. */
+/* The distinct values of integers that floats do not represent, ascending. The attribute then has the index of each
+ * value in this table, which is stored in `extras` of the primitive under the name of the attribute. */
 typedef struct table {
-    size_t count; /* 0: the numbers themselves are in the file */
+    size_t count; /* 0: the attribute has the values themselves */
     double *value;
 } table;
 
-/* Of the set, with the name of each in the file. */
+/* The properties of the set, with their names in the file. */
 typedef struct arrays {
     size_t count, points;
     property *list;
@@ -99,8 +99,8 @@ static void free_arrays(arrays *a)
     free(a->tables);
 }
 
-/* As the file has it: positions relative to the origin; a unit vector is one in single precision, too; colors in linear light.
- */
+/* A number as stored: positions relative to the origin; normals are unit vectors in single precision; colors in linear
+ * light. */
 static float number(const arrays *a, size_t k, vec3 origin, size_t point, int c)
 {
     const property *p = &a->list[k];
@@ -134,8 +134,8 @@ static void put_bounds(json *accessor, const arrays *a, size_t k, vec3 origin)
     }
 }
 
-/* The node of the points. A translation and a rotation do not share a node: the translation is in the axes of the set, and the
- * node above turns these. */
+/* Adds the nodes. Translation and rotation have separate nodes: the translation is in the axes of the set, and the node
+ * above rotates these. */
 static void put_scene(json *root, const scene *place)
 {
     static const double from_z[] = {-M_SQRT1_2, 0, 0, M_SQRT1_2}; /* a quarter turn about x */
@@ -269,7 +269,7 @@ static bool read_words(FILE *file, uint32_t *words, size_t count)
     return true;
 }
 
-/* The numbers of an attribute, from where its accessor says they are. */
+/* Verifies the values of an attribute, at the position given by its accessor. */
 static bool verify_array(FILE *file, const json *root, long data, const arrays *a, vec3 origin, size_t k,
                          error *e)
 {
@@ -302,7 +302,7 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
     return true;
 }
 
-/* Whether the node of the points has the origin as its translation, or none for an origin of 0. */
+/* Whether the node of the points has the origin as its translation, or none if the origin is 0. */
 static bool has_translation(const json *root, vec3 origin)
 {
     json_at at = json_root(root), nodes = json_member(&at, "nodes"), node = json_element(&nodes, 0);

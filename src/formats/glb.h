@@ -1,6 +1,7 @@
-/* glb: glTF 2.0 in one binary file: one primitive of POINTS with POSITION, NORMAL, COLOR_0 (in linear light), TEXCOORD_0, and
- * all others as _NAME. A node turns a set that stands along z, since glTF's y points up. The node of the points has the origin of the
- * scene as its translation. As format.h. */
+/* glb: binary glTF 2.0: one primitive of POINTS with POSITION, NORMAL, COLOR_0 (linear light), TEXCOORD_0, and all
+ * other properties as _NAME. A node rotates a set with z up, since y points up in glTF. The node of the points has the
+ * origin of the scene as its translation. Contracts: format.h.
+ */
 #ifndef HEXAD_FORMATS_GLB_H
 #define HEXAD_FORMATS_GLB_H
 

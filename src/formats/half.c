@@ -10,10 +10,10 @@ uint16_t half_from_float(float value)
     uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
     if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
     if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
-    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
+    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition */
         float denormal;
         memcpy(&denormal, &magnitude, sizeof denormal);
-        denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */
+        denormal += 0.5f; /* floats from 0.5 have a spacing of 2^-24 */
         memcpy(&magnitude, &denormal, sizeof magnitude);
         return (uint16_t)(sign | (magnitude - 0x3F000000));
     }

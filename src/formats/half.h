@@ -1,4 +1,4 @@
-/* half: floats of 16 bits (IEEE 754 binary16). Pure functions. */
+/* half: conversion of 16-bit floats (IEEE 754 binary16). Pure functions. */
 #ifndef HEXAD_FORMATS_HALF_H
 #define HEXAD_FORMATS_HALF_H
 

@@ -14,7 +14,7 @@ static int shorter(int a, int b)
     return a < b ? a : b;
 }
 
-/* Font pixels are squares of so many pixels. */
+/* Size of a font pixel in pixels. */
 static int font_scale(int width, int height)
 {
     int scale = (shorter(width, height) + 256) / 512;

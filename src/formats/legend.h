@@ -4,19 +4,19 @@
 
 #include "formats/colormap.h"
 
-/* Pictures with a shorter side than this have no room for a legend and get none. */
+/* Minimum length of the shorter side of a picture, pixels; smaller pictures have no legend. */
 enum { LEGEND_MIN_SIDE = 200 };
 
-/* Height in pixels that the legend takes at the bottom of a picture; 0 where it gets none. */
+/* Height of the legend at the bottom of a picture, pixels; 0: no legend. */
 int legend_height(int width, int height);
 
-/* Draws the bar (none without a scale, nor its values), `title` at its left and `note` at its right end above it (beyond it where both are long), and the values at its
- * ends and middle below it. Letters (as small ones), digits and "+-.,/()=_" are drawn, others left blank.
- * `rgb` has 3 bytes a pixel, sRGB. */
+/* Draws the colour bar and the values at its ends and centre below it, unless `scale` is NULL. `title` is above its
+ * left end; `note` is above its right end, or beyond it if both are long. Letters (in lower case), digits and
+ * "+-.,/()=_" are drawn; other characters are blank. `rgb` has 3 bytes per pixel, sRGB. */
 void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale, const char *title,
                  const char *note);
 
-/* A number of the legend as it is drawn: three significant digits. */
+/* Formats a number of the legend: three significant digits. */
 void legend_number(double value, char *out, int size);
 
 #endif

@@ -1,4 +1,4 @@
-/* Instead of picture_png.c in a build without pictures. */
+/* Replaces picture_png.c in a build without pictures. */
 #include "base/build_part.h"
 #include "formats/picture_png.h"
 

@@ -1,4 +1,4 @@
-/* Instead of thumbnail.c in a build without pictures. */
+/* Replaces thumbnail.c in a build without pictures. */
 #include "base/build_part.h"
 #include "formats/thumbnail.h"
 

@@ -12,10 +12,10 @@
 #include "base/memory.h"
 #include "formats/property.h"
 
-/* Numbers that are converted at a time; and bytes of an array's header, of which the text fills all but ten. */
+/* Numbers converted at a time; and bytes of the header of an array, of which PREAMBLE precede the text. */
 enum { BLOCK = 4096, HEADER = 128, PREAMBLE = 10 };
 
-/* ---- the library's view of the file, which stays its caller's */
+/* ---- the library's callbacks on the file, which the caller owns */
 
 static voidpf open_file(voidpf opaque, const void *name, int mode)
 {
@@ -89,7 +89,7 @@ static void describe(const property *p, size_t rows, char header[HEADER])
     header[HEADER - 1] = '\n';
 }
 
-/* `count` numbers from the first-th on, point after point, as bytes. */
+/* Packs `count` numbers from index `first`, in order of points. */
 static void pack(const property *p, size_t first, size_t count, uint64_t *out)
 {
     const size_t n = (size_t)p->components;
@@ -104,7 +104,7 @@ static void pack(const property *p, size_t first, size_t count, uint64_t *out)
     }
 }
 
-/* Calls for each block of an array's numbers until one fails. */
+/* Calls `act` for each block of the numbers of an array, until one call fails. */
 static bool for_each_block(const property *p, size_t rows, void *archive,
                            bool (*act)(void *archive, const void *bytes, size_t size))
 {

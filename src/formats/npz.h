@@ -1,5 +1,6 @@
-/* npz: NumPy's archives of arrays, one a property: position (count, 3), kappa (count,), ... The only user of the zip library (minizip). Reals are doubles, and whole numbers
- * int64. As format.h. */
+/* npz: NumPy archives with one array per property: position (count, 3), kappa (count,), ... Reals are float64, whole
+ * numbers int64. The only user of minizip. Contracts: format.h.
+ */
 #ifndef HEXAD_FORMATS_NPZ_H
 #define HEXAD_FORMATS_NPZ_H
 

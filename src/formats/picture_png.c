@@ -8,8 +8,8 @@
 
 #include "base/memory.h"
 
-/* Discs and background of one colour along a row are zeros after the filter, and runs of these are what there
- * is to be found: a search for anything else makes the file a fifth smaller, and takes five times as long. */
+/* Runs of one colour along a row become runs of zeros after the filter. A full search for matches makes files a fifth
+ * smaller and takes five times as long. */
 enum { COMPRESSION_LEVEL = 1, COMPRESSION_STRATEGY = 3 /* zlib's Z_RLE */ };
 
 static void on_error(png_structp png, png_const_charp words)
@@ -28,7 +28,7 @@ static void on_write(png_structp png, png_bytep bytes, size_t count)
 
 static void on_flush(png_structp png)
 {
-    (void)png; /* picture_png_write does */
+    (void)png; /* picture_png_write flushes */
 }
 
 static void on_warning(png_structp png, png_const_charp words)
@@ -52,13 +52,13 @@ static void write_rows(png_structp png, png_infop info, const canvas *m)
 
 bool picture_png_write(FILE *file, const canvas *m, error *e)
 {
-    error local = {0}; /* libpng needs a place even when the caller wants none */
+    error local = {0}; /* libpng needs an error object even if the caller has none */
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &local, on_error, on_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     bool done = false;
     if (!info) {
         error_set(&local, ERROR_LIMIT_MEMORY, "no memory to write a PNG file");
-    } else if (setjmp(png_jmpbuf(png)) == 0) { /* libpng comes back here with 1 after on_error */
+    } else if (setjmp(png_jmpbuf(png)) == 0) { /* libpng returns here with 1 after on_error */
         png_set_write_fn(png, file, on_write, on_flush);
         write_rows(png, info, m);
         if (fflush(file) == 0)

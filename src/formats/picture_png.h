@@ -1,5 +1,6 @@
-/* picture_png: a picture as PNG, 8 bit RGB, sRGB; through libpng. The same picture
- * gives the same bytes: no date, no text. A file belongs to one thread at a time. */
+/* picture_png: writes a picture as PNG, 8-bit RGB, sRGB, with libpng. The same picture gives the same bytes: no date,
+ * no text. A file belongs to one thread at a time.
+ */
 #ifndef HEXAD_FORMATS_PICTURE_PNG_H
 #define HEXAD_FORMATS_PICTURE_PNG_H
 
@@ -9,10 +10,11 @@
 #include "base/error.h"
 #include "formats/canvas.h"
 
-/* Writes at the file's position and flushes; the caller made the file and syncs and renames it. */
+/* Writes at the current position and flushes. The caller creates, syncs and renames the file. Errors: internal,
+ * limit_memory. */
 bool picture_png_write(FILE *file, const canvas *picture, error *e);
 
-/* Reads a seekable file from its start and says (internal) when it is not exactly the picture. */
+/* Reads a seekable file from its start and compares it with the picture. Error: internal (they differ). */
 bool picture_png_verify(FILE *file, const canvas *picture, error *e);
 
 #endif

@@ -10,18 +10,18 @@
 #include "base/memory.h"
 #include "base/precision.h"
 
-/* Points per block: with some twenty columns what a second-level cache holds easily. */
+/* Points per block: with twenty columns a block fits into a second-level cache. */
 enum { BLOCK_POINTS = 4096 };
 
 /* Longest text of a double with %.17g: sign, 17 digits, point, e-308. */
 enum { NUMBER_TEXT_MAX = 26 };
 
-/* A header or ASCII line that ply_write makes is shorter. */
+/* Limit of a header line or ASCII line that ply_write writes. */
 enum { LINE_MAX_BYTES = 1024 };
 
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
-/* Whole numbers have a type of their own, whatever the others are. */
+/* Types of integers do not depend on the precision of reals. */
 static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double"};
 static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8};
 static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST},
@@ -29,7 +29,8 @@ static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_W
 static const char face_property[] = "property list uchar int vertex_indices";
 static const char *const label_names[2] = {"label_a", "label_b"};
 
-/* A triangle in binary: how many corners, and each. */
+/* Bytes of a binary triangle (its number of corners, and each corner), and minimum lengths of the text of a triangle
+ * and of labels. */
 enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
 
 /* A triangle of a file. */
@@ -48,7 +49,7 @@ static size_t bytes_of(column_type type, ply_precision precision)
     return type != COLUMN_REAL ? type_bytes[type] : precision == PLY_FLOAT ? 4 : 8;
 }
 
-/* Bytes of a point in binary. */
+/* Bytes of a binary point. */
 static size_t row_bytes(const columns *what, ply_precision precision)
 {
     size_t bytes = 0;
@@ -63,7 +64,7 @@ static void load_row(const columns *what, size_t i, double *row)
     for (size_t c = 0; c < what->count; c++) row[c] = column_value(&what->list[c], i);
 }
 
-/* Whether a number can be written as one of the type. */
+/* Whether the type can represent a number. */
 static bool is_in_range(double value, column_type type, ply_precision precision)
 {
     if (type != COLUMN_REAL) return value >= type_least[type] && value <= type_most[type];
@@ -89,7 +90,7 @@ static bool is_double(column_type type, ply_precision precision)
     return type == COLUMN_DOUBLE || (type == COLUMN_REAL && precision == PLY_DOUBLE);
 }
 
-/* The bytes of a number, whatever its type. */
+/* Packs a number of any type. */
 static void pack(double value, column_type type, ply_precision precision, char *out)
 {
     const size_t bytes = bytes_of(type, precision);
@@ -128,13 +129,13 @@ static double unpack(const char *in, column_type type, ply_precision precision)
     }
 }
 
-/* The numbers of a column of the points from `from` to `to` - 1, each `row` bytes behind the one before. False where one cannot be
- * written. */
+/* Packs the column of points `from` to `to` - 1; consecutive numbers are `row` bytes apart. False: a number cannot be
+ * represented. */
 static bool pack_column(const column *c, ply_precision precision, size_t from, size_t to, size_t row,
                         char *out)
 {
     bool good = true;
-    if (c->type == COLUMN_REAL && c->values && precision == PLY_FLOAT) { /* as most are */
+    if (c->type == COLUMN_REAL && c->values && precision == PLY_FLOAT) { /* the most frequent case */
         for (size_t i = from; i < to; i++, out += row) {
             const float single = (float)(c->scale * c->values[c->stride * i]);
             uint32_t bits;
@@ -153,10 +154,10 @@ static bool pack_column(const column *c, ply_precision precision, size_t from, s
     return good;
 }
 
-/* Points whose rows a core's nearest cache holds while their columns are filled in. */
+/* Number of points whose rows fit into the first-level cache while their columns are filled. */
 enum { PACKED_AT_ONCE = 256 };
 
-/* The rows of the points from `from` to `to` - 1. False where a number cannot be written. */
+/* Packs the rows of points `from` to `to` - 1. False: a number cannot be represented. */
 static bool pack_rows(const columns *what, ply_precision precision, size_t from, size_t to, char *out)
 {
     const size_t row = row_bytes(what, precision);
@@ -171,7 +172,7 @@ static bool pack_rows(const columns *what, ply_precision precision, size_t from,
     return true;
 }
 
-/* FLT_DIG and DBL_DIG digits may be enough, three more always are (IEEE 754). */
+/* FLT_DIG or DBL_DIG digits may suffice; three more always suffice (IEEE 754). */
 static size_t print_number(double value, ply_precision precision, char *out)
 {
     int digits = precision == PLY_FLOAT ? 6 : 15, n = 0;
@@ -201,7 +202,7 @@ static bool write_failed(error *e)
     return error_set(e, error_code_of_errno(errno), "cannot write the PLY file: %s", strerror(errno));
 }
 
-/* Of the labels of a set's triangles. */
+/* The type for the labels of a set's triangles. */
 static column_type label_type_of(const points *set)
 {
     int64_t least = 0, most = 0;
@@ -238,14 +239,14 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
     return good || write_failed(e);
 }
 
-/* Blocks that are made at a time, in parallel, and then written in their order. */
+/* Number of blocks that are filled in parallel and then written in order. */
 enum { BATCH_BLOCKS = 8 };
 
 typedef struct block {
-    char *text, *read; /* what the file is to hold, and, where that is verified, what it holds */
+    char *text, *read; /* bytes to write, and for verification the bytes of the file */
     size_t bytes;
     bool good;
-    error e; /* of the first point that cannot be written */
+    error e; /* for the first point that cannot be written */
 } block;
 
 typedef struct batch {
@@ -253,11 +254,11 @@ typedef struct batch {
     const columns *what;
     ply_format format;
     ply_precision precision;
-    size_t first; /* point of the first block */
+    size_t first; /* first point of the first block */
     block block[BATCH_BLOCKS];
 } batch;
 
-/* The points of a block: up to the one returned. */
+/* The range of points of a block; returns its end. */
 static size_t points_of_block(const batch *job, size_t k, size_t *from)
 {
     *from = job->first + k * BLOCK_POINTS;
@@ -339,7 +340,7 @@ static bool write_triangles(FILE *file, const points *set, ply_format format, er
     return good || write_failed(e);
 }
 
-/* Of a batch, the blocks that hold points. */
+/* The number of blocks of a batch that have points. */
 static size_t blocks_of(const batch *job)
 {
     const size_t left = (job->set->count - job->first + BLOCK_POINTS - 1) / BLOCK_POINTS;
@@ -354,7 +355,8 @@ static void free_blocks(batch *job)
     }
 }
 
-/* Room for the blocks of the first batch, which is no smaller than any; where it is verified also for what the file holds. */
+/* Allocates the blocks for the first batch, which is the largest; for verification also buffers for the bytes of the
+ * file. */
 static bool reserve_blocks(batch *job, bool is_verified, error *e)
 {
     const char *what = "the PLY file's buffer";
@@ -392,7 +394,7 @@ static bool damaged(error *e, const char *words)
     return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words);
 }
 
-/* One line without its line break; comments are passed over. */
+/* Reads one line without its line break; skips comments. */
 static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
 {
     do {
@@ -414,7 +416,7 @@ static bool expect_line(FILE *file, const char *expected, error *e)
                      line);
 }
 
-/* Of a line "element NAME COUNT". */
+/* Parses a line "element NAME COUNT". */
 static bool parse_count(const char *line, const char *name, size_t *count, error *e)
 {
     char start[32];
@@ -431,7 +433,7 @@ static bool parse_count(const char *line, const char *name, size_t *count, error
     return true;
 }
 
-/* Adds the column of a line "property TYPE NAME"; false: it is no such line. */
+/* Adds the column of a line "property TYPE NAME". False: it is another line. */
 static bool parse_property(const char *line, ply_precision precision, columns *what)
 {
     column *c = &what->list[what->count];
@@ -455,7 +457,7 @@ static bool parse_property(const char *line, ply_precision precision, columns *w
     return false;
 }
 
-/* The lines of the properties, of which `line` is the first; it receives the line after them. */
+/* Reads the lines of properties, from `line`; *line receives the line that follows. */
 static bool read_properties(FILE *file, ply_file *f, char *line, error *e)
 {
     static const char *const first[] = {"x", "y", "z"};
@@ -505,8 +507,7 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     return strcmp(line, "end_header") == 0 || damaged(e, "the properties of its faces are unknown");
 }
 
-/* The bytes from here to the end must be able to hold the points: a count is never trusted alone.
- */
+/* Checks that the remaining bytes can hold the points, before the count is used. */
 static bool check_size(FILE *file, const ply_file *f, error *e)
 {
     long at = ftell(file);
@@ -516,7 +517,7 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     if (end < at || fseek(file, at, SEEK_SET) != 0)
         return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
-    bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
+    bool text = f->format == PLY_ASCII; /* a number then needs at least a digit and a space */
     size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
     size_t each = text ? FACE_TEXT_LEAST : FACE_BYTES;
     if (f->has_labels) each += text ? LABEL_TEXT_LEAST : 2 * type_bytes[f->label_type];
@@ -536,7 +537,7 @@ static void unpack_row(const char *in, const columns *what, ply_precision precis
     }
 }
 
-/* A whole number of the type, as it is printed. */
+/* Whether the text is an integer of the type, as print_number writes it. */
 static bool is_whole(const char *text, size_t length, double value, column_type type)
 {
     char again[NUMBER_TEXT_MAX];
@@ -677,7 +678,7 @@ static double as_written(double value, column_type type, ply_precision precision
     return type == COLUMN_REAL && precision == PLY_FLOAT ? precision_as_float(value) : value;
 }
 
-/* In a file of doubles COLUMN_REAL and COLUMN_DOUBLE are one type. */
+/* In a file of doubles COLUMN_REAL and COLUMN_DOUBLE are the same type. */
 static bool same_columns(const columns *a, const columns *b, ply_precision precision)
 {
     if (a->count != b->count) return false;
@@ -710,7 +711,7 @@ static bool verify_text(FILE *file, const ply_file *f, const columns *what, cons
     return true;
 }
 
-/* Makes the bytes of a block again, and compares. */
+/* Packs a block again and compares it with the file. */
 static void verify_blocks(void *context, int worker, size_t begin, size_t end)
 {
     batch *job = context;
@@ -721,7 +722,7 @@ static void verify_blocks(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* What is wrong with a block that is not what was meant. */
+/* Sets the error for a block that differs. */
 static bool explain_block(const batch *job, size_t k, error *e)
 {
     size_t from, to = points_of_block(job, k, &from);

@@ -14,56 +14,53 @@
 #include "formats/legend.h"
 #include "geometry/bbox.h"
 
-/* Samples of one band of rows: what a worker draws at once, within its cache. */
+/* Samples of one band of rows, which a thread draws at a time, within its cache. */
 enum { BAND_SAMPLES = 1 << 16 };
 /* Points in a chunk of work. */
 enum { POINTS_GRAIN = 4096 };
 
-/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and
- * 1/sqrt(3) closes the last gap between three: the body is more than that, for packings that are
- * not ideal. */
+/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and 1/sqrt(3) closes the gap
+ * between three; the body is larger, for packings that are not ideal. */
 static const double disc_share = 0.47, body_share = 0.70;
-/* All of them times this where points do not resolve the surface: other sheets are nearer than neighbours. */
+/* Factor of all radii if the points do not resolve the surface: opposite walls are closer than neighbours. */
 static const double unresolved_scale = 0.5;
 
-/* Radii in pixels between which a disc passes from covering everything to standing alone, and
- * between which its outline appears: smaller ones would only make noise of it. */
+/* Radii in pixels: between merge_pixels and single_pixels discs change from covering everything to separate discs; from
+ * ring_from_pixels they have an outline, which would be noise on smaller discs. */
 static const double merge_pixels = 1.5, single_pixels = 5, ring_from_pixels = 4;
 
-/* The body lies below its disc by this share of the radius, more where the surface is curved. */
-static const double sink_share = 0.08, sink_max_share = 0.4;
+/* Offset of the body below its disc, as a fraction of the radius; the maximum applies where the surface is curved. */
+static const double offset_share = 0.08, offset_max_share = 0.4;
 
-/* Where discs overlap the nearer centre wins: depth grows towards the rim by this share of the
- * radius. Coplanar discs would otherwise mix at random. */
+/* Increase of depth towards the rim, as a fraction of the radius: where discs overlap the closer centre wins. Otherwise
+ * coplanar discs would mix at random. */
 static const double cone_share = 0.1;
 
-/* Bounds of size_of: against the requested spacing, against the radius of curvature, and how much
- * the latter may take away, since curvature may be noise. */
+/* Bounds of size_of: maximum over the requested spacing; maximum over the radius of curvature; and the minimum factor
+ * of the latter, since curvature may be noise. */
 static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75;
 
-/* A body may come this much nearer than its point, in radii: half of that for its sinking. */
+/* Maximum distance by which a body extends in front of its point, in radii; half of it is for the offset. */
 static const double reach_share = 1.5;
 
-/* What is more of a disc than the surface's bend hides is drawn less, in proportion, where it is seen from
- * the side by less than this cosine: on edge it would stand out beyond the silhouette, as a thin arc. */
+/* Discs seen from the side, by less than this cosine, are drawn smaller, in proportion: otherwise they would extend
+ * beyond the silhouette as thin arcs. */
 static const double edge_cosine = 0.35;
 
-static const double line_pixels = 1; /* half as wide */
+static const double line_pixels = 1; /* half the width */
 
-/* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
- */
+/* Maximum radius as a fraction of the half diagonal of the set: an isolated point may have a huge Voronoi cell. */
 static const double radius_max_share = 0.35;
 
-/* Sets stay this far from what PREVIEW_FAR means, and their depths within a float. */
+/* Maximum of coordinates: depths remain below PREVIEW_FAR and within the range of float. */
 static const double world_max = 1e-5 * PREVIEW_FAR;
 
-static const double margin_share = 0.05; /* of the shorter side, free around the set */
+static const double margin_share = 0.05; /* margin around the set, as a fraction of the shorter side */
 
 /* ---- discs ---- */
 
-/* The spacing that a point's discs are scaled to: the achieved one, unless that is out of all
- * proportion (the last point of a wisp has a vast cell), and smaller where the surface bends away
- * from the disc before its rim. */
+/* The spacing that scales the discs of a point: the achieved spacing, limited by the requested one (a point at the end
+ * of a thin part has a huge Voronoi cell) and by the radius of curvature. */
 static double size_of(const points *set, size_t i)
 {
     double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
@@ -73,18 +70,18 @@ static double size_of(const points *set, size_t i)
     return compare_larger(size, 0);
 }
 
-/* The cosine of the angle between a disc's normal and the way back to the eye. */
+/* The cosine of the angle between the normal of a disc and the direction to the eye. */
 static double facing_of(const camera *c, const disc *d)
 {
     vec3 sight = camera_sight(c, d->center);
     return -vec3_dot(sight, d->normal) / vec3_norm(sight);
 }
 
-/* The radius that is drawn of one whose centre and normal are set. A disc sinks by half its square over
- * the radius of curvature, if it may sink so far. */
+/* The radius at which a disc is drawn, reduced near the silhouette. The surface recedes from the plane of a disc by
+ * half its squared radius over the radius of curvature. */
 static double trim_edge(const image *m, size_t i, const disc *d, double radius)
 {
-    double hidden = 2 * sink_max_share, kappa = m->points.kappa[i];
+    double hidden = 2 * offset_max_share, kappa = m->points.kappa[i];
     if (!(radius * kappa > hidden)) return radius;
     double share = compare_smaller(fabs(facing_of(&m->camera, d)) / edge_cosine, 1);
     return hidden / kappa + share * (radius - hidden / kappa);
@@ -98,7 +95,7 @@ static disc body_of(const image *m, size_t i)
     d.radius = trim_edge(
         m, i, &d, compare_smaller(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max));
     double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
-    double sink = compare_smaller(bend + sink_share * d.radius, sink_max_share * d.radius);
+    double sink = compare_smaller(bend + offset_share * d.radius, offset_max_share * d.radius);
     d.center = vec3_axpy(-sink, d.normal, d.center);
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1) | DISC_BODY;
@@ -123,15 +120,15 @@ static disc face_of(const image *m, size_t i)
     return d;
 }
 
-/* Whether it is so thin a line that only some samples along it would meet it. */
+/* Whether the disc is so thin that only some of the samples along it would meet it. */
 static bool is_line(const image *m, const disc *d)
 {
     double pixels = d->radius * camera_scale(&m->camera, d->center.z);
     return pixels > single_pixels && pixels * fabs(facing_of(&m->camera, d)) < line_pixels;
 }
 
-/* What is drawn of a point, up to two discs. Seen from behind it is its body alone; from the front its face,
- * and its body where that shows beyond the face. Neither what reaches the eye nor what is a line. */
+/* The discs drawn for a point, up to two. From behind: the body only. From the front: the face, and the body if it
+ * extends beyond the face. None if it contains the eye or is a line. */
 static int discs_of(const image *m, size_t i, disc out[2])
 {
     out[0] = face_of(m, i);
@@ -145,13 +142,12 @@ static int discs_of(const image *m, size_t i, disc out[2])
     return out[1].radius > out[0].radius ? 2 : 1;
 }
 
-/* A ball that holds what is drawn of a point: its face is no larger than its body, which has sunk by a share of its radius at
- * most. */
+/* A bounding ball of the discs of a point: the face is at most as large as the body, whose offset is bounded. */
 static disc_ball ball_of(const image *m, size_t i)
 {
     const double body = m->scale_of_discs * body_share * size_of(&m->points, i);
     return (disc_ball){camera_point(&m->camera, m->points.position[i]),
-                       (1 + sink_max_share) * compare_smaller(body, m->radius_max)};
+                       (1 + offset_max_share) * compare_smaller(body, m->radius_max)};
 }
 
 /* Whether a point is seen from behind. */
@@ -162,12 +158,12 @@ static bool is_turned(const image *m, size_t i)
     return vec3_dot(sight, normal) >= 0;
 }
 
-/* The points that may be seen in each band, in the order of the set. */
+/* The points that may be visible in each band, in the order of the set. */
 typedef struct bins {
-    int rows; /* of samples in a band */
+    int rows; /* rows of samples per band */
     size_t bands;
-    uint16_t (*reach)[2]; /* of each point: its first and last band; of what is not drawn 1 and 0 */
-    size_t *begin;        /* bands + 1: of a band's points in `point` */
+    uint16_t (*reach)[2]; /* per point: its first and last band; 1 and 0 if it is not drawn */
+    size_t *begin;        /* bands + 1 entries: range of each band in `point` */
     uint32_t *point;
 } bins;
 
@@ -189,7 +185,7 @@ typedef struct drawing {
     const color *colors;
     const unsigned char *table;
     bins bins;
-    disc_band *band; /* one a worker */
+    disc_band *band; /* one per thread */
 } drawing;
 
 static void reach_chunk(void *context, int worker, size_t begin, size_t end)
@@ -222,7 +218,7 @@ static bool sort_into_bands(drawing *job, error *e)
     for (size_t k = 2; k < b->bands + 2; k++) b->begin[k] += b->begin[k - 1];
     b->point = mem_array(b->begin[b->bands + 1], sizeof *b->point, what, e);
     if (!b->point) return false;
-    for (size_t i = 0; i < count; i++) /* begin[k + 1] moves from the band's begin to its end */
+    for (size_t i = 0; i < count; i++) /* begin[k + 1] advances from the start to the end of the band */
         for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->point[b->begin[k + 1]++] = (uint32_t)i;
     free(b->reach);
     b->reach = NULL;
@@ -239,8 +235,8 @@ static void draw_point(const image *m, size_t i, const disc_band *b)
         disc_draw_dot(&m->camera, m->far, &all[0], b);
 }
 
-/* Into a band that is empty. Points that are seen from behind come last: most of them are hidden by what is there then. Their
- * places in the band's list go to its beginning. */
+/* Draws an empty band. Points seen from behind come last: most of them are hidden by then. Their indices are moved to
+ * the start of the band's list. */
 static void draw_band(const image *m, const bins *sorted, size_t which, const disc_band *b)
 {
     const size_t begin = sorted->begin[which];
@@ -260,8 +256,8 @@ static void draw_band(const image *m, const bins *sorted, size_t which, const di
 
 /* ---- shading ---- */
 
-/* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which
- * leaves nothing black. Directions point at the lights, in camera space. */
+/* Key light over the left shoulder of the viewer, fill light from the right, and ambient light from the sky. Directions
+ * point to the lights, in camera space. */
 static double shade(vec3 n, vec3 up)
 {
     static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
@@ -269,7 +265,7 @@ static double shade(vec3 n, vec3 up)
            0.26 * compare_larger(vec3_dot(n, fill), 0);
 }
 
-/* Places of the colour scale, in linear light: more than a byte can tell apart. */
+/* Entries of the colour scale, in linear light: more than 8 bits can distinguish. */
 enum { SCALE_COLORS = 4096 };
 
 static color light_of(const double *srgb)
@@ -282,7 +278,7 @@ typedef struct shading {
     const image *image;
     const quantity_look *look;
     const double *values;
-    const color *scale; /* SCALE_COLORS; NULL: a few are found when they are needed */
+    const color *scale; /* SCALE_COLORS entries; NULL: computed on demand */
     color *colors;
 } shading;
 
@@ -301,7 +297,7 @@ static void shade_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
         color c;
-        if (job->look->which == QUANTITY_COLOR) /* of no scale */
+        if (job->look->which == QUANTITY_COLOR) /* has no scale */
             c = light_of(job->values + 3 * i);
         else {
             int place = (int)(colormap_scale_place(&m->scale, job->values[i]) * SCALE_COLORS);
@@ -324,8 +320,7 @@ static color *shade_points(const image *m, const quantity_look *look, threads *p
     return colors;
 }
 
-/* Body and outline are the disc's own colour, darker; so is the far side of an open surface, which
- * has its light from behind. */
+/* Body and outline have a darker colour of the disc; so does the far side of an open surface, which is lit from behind. */
 static color sample_color(const image *m, const color *colors, uint32_t code, vec3 up)
 {
     static const float body_dark = 0.22f, ring_dark = 0.55f, back_dark = 0.30f;
@@ -339,15 +334,15 @@ static color sample_color(const image *m, const color *colors, uint32_t code, ve
     return (color){dark * colors[i].r, dark * colors[i].g, dark * colors[i].b};
 }
 
-/* Light to sRGB bytes by a table: near black, where sRGB is steepest, a step is a fifth of a byte.
- */
+/* Table from linear light to sRGB bytes: near black, where sRGB is steepest, a step is a fifth of a byte. */
 enum { TABLE_SIZE = 1 << 14 };
 
 static void make_table(unsigned char table[TABLE_SIZE])
 {
     int i = 0;
     for (int byte = 0; byte < 256; byte++) {
-        const double end = byte < 255 ? colormap_linear((byte + 0.5) / 255) : 1; /* of what is shown so */
+        /* end of the range of this byte */
+        const double end = byte < 255 ? colormap_linear((byte + 0.5) / 255) : 1;
         for (; i < TABLE_SIZE && (i + 0.5) / TABLE_SIZE < end; i++) table[i] = (unsigned char)byte;
     }
 }
@@ -358,24 +353,23 @@ static unsigned char to_byte(const unsigned char *table, float v)
     return table[i < 0 ? 0 : i >= TABLE_SIZE ? TABLE_SIZE - 1 : i];
 }
 
-/* Neutral, a little darker towards the ground, in linear light. */
+/* Background: neutral, slightly darker at the bottom, in linear light. */
 static float background(const image *m, int y)
 {
     static const float top = 0.80f, bottom = 0.56f;
     return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
 }
 
-/* A pixel as it stands in a picture. */
+/* A pixel of the picture. */
 typedef struct pixel {
     uint16_t rgba[4];
     unsigned char rgb[3];
 } pixel;
 
-/* Codes whose colours are kept: those of a pixel are a point's face, outline and body, and a neighbour's. */
+/* Size of the cache of colours. A pixel shows the face, outline and body of a point, and a neighbour. */
 enum { KEPT = 8 };
 
-/* What the samples of a pixel show; the colours of codes that were looked up, and the pixel that is full of
- * the last one that filled a pixel. */
+/* Computes pixels from samples, with a cache of colours of codes and of the last uniform pixel. */
 typedef struct resolver {
     image *image;
     const disc_band *band;
@@ -389,7 +383,7 @@ typedef struct resolver {
 
 static color color_of(resolver *r, uint32_t code)
 {
-    const uint32_t k = (code + (code >> 30)) % KEPT; /* its marks are the highest bits */
+    const uint32_t k = (code + (code >> 30)) % KEPT; /* flags are the highest bits */
     if (code != r->code[k]) r->color[k] = sample_color(r->image, r->colors, code, r->up);
     r->code[k] = code;
     return r->color[k];
@@ -436,7 +430,7 @@ static void mix_pixel(resolver *r, size_t at, const uint32_t *const line[DISC_SA
     put_pixel(r, at, &mixed);
 }
 
-/* The pixels of a row that may show something, of three rows of samples: the first, and that beyond the last. */
+/* The range of pixels of a row that may show something, from three rows of samples. */
 static void drawn_pixels(const disc_band *b, int row, int out[2])
 {
     out[0] = b->width / DISC_SAMPLES;
@@ -449,7 +443,7 @@ static void drawn_pixels(const disc_band *b, int row, int out[2])
     }
 }
 
-/* Whether all samples of a pixel are `code`. A vector holds those of a row, and one that is none of them. */
+/* Whether all samples of a pixel are `code`. A vector holds the samples of a row and one unused entry. */
 static bool is_filled(const uint32_t *const line[DISC_SAMPLES], int x, uint32_t code)
 {
     typedef uint32_t row __attribute__((vector_size(16)));
@@ -466,7 +460,7 @@ static bool is_filled(const uint32_t *const line[DISC_SAMPLES], int x, uint32_t 
     return (halves[0] | halves[1]) == 0;
 }
 
-/* Most pixels show one thing, or nothing, in all their samples. */
+/* Fast for uniform pixels, which are the majority. */
 static void resolve_row(resolver *r, int y)
 {
     image *m = r->image;
@@ -549,7 +543,7 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
     return ok;
 }
 
-/* ---- the whole ---- */
+/* ---- picture */
 
 static bool is_drawable(const points *set, size_t i)
 {
@@ -562,7 +556,7 @@ static bool is_drawable(const points *set, size_t i)
 
 typedef struct check_job {
     const points *set;
-    atomic_size_t first; /* that cannot be drawn; or the count */
+    atomic_size_t first; /* first point that cannot be drawn; or the count */
 } check_job;
 
 static void check_chunk(void *context, int worker, size_t begin, size_t end)
@@ -592,7 +586,7 @@ static bool check_points(const points *set, threads *pool, error *e)
                      first);
 }
 
-/* How large discs may be: bounded by the extent of the set, where it has one; ends above 0 always. */
+/* Bounds of the sizes of discs, from the extent of the set; always > 0. */
 typedef struct bounds {
     double radius_max, extent;
 } bounds;
@@ -607,11 +601,11 @@ static bounds bound_set(const points *set)
     }
     double half_diagonal = 0.5 * vec3_norm(vec3_sub(box.max, box.min));
     double most = half_diagonal > 0 ? compare_smaller(largest, radius_max_share * half_diagonal) : largest;
-    if (!(most > 0)) most = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
+    if (!(most > 0)) most = half_diagonal > 0 ? half_diagonal : 1; /* points without a size: dots */
     return (bounds){most, compare_larger(half_diagonal, most)};
 }
 
-/* The part of a picture that is free for the set. */
+/* The part of a picture that is available for the set. */
 static camera_frame frame_of(const preview_options *o)
 {
     double legend = legend_height(o->width, o->height),
@@ -706,7 +700,7 @@ void preview_free(image *m)
 preview_span preview_span_at(const image *m, int x, int y)
 {
     const uint32_t *hit = m->hit + (size_t)y * (size_t)m->width;
-    uint32_t code = hit[x] & ~DISC_RING; /* which is only a darker shade */
+    uint32_t code = hit[x] & ~DISC_RING; /* the outline is only a darker shade */
     preview_span s = {.end = x + 1};
     while (s.end < m->width && (hit[s.end] & ~DISC_RING) == code) s.end++;
     if (code == 0) return s;
@@ -722,7 +716,8 @@ preview_span preview_span_at(const image *m, int x, int y)
     return s;
 }
 
-/* What the ray through a pixel meets. A dot stands for a disc that its ray misses: its own place then. */
+/* The intersection of the ray through a pixel with the disc. If the ray misses it, since the disc was drawn as a dot:
+ * its centre. */
 ISA_INLINE vec3 place_at(const camera *c, bool parallel, const preview_span *s, int x, int y)
 {
     vec3 p = camera_ray(c, x + 0.5, y + 0.5), n = s->plane;

@@ -1,13 +1,12 @@
-/* preview: a point set as a picture, shaded discs in their tangent planes.
+/* preview: renders a point set as shaded discs in its tangent planes.
  *
- * Every point is a disc of about its local spacing, coloured by a quantity; a dark body of slightly
- * larger discs, sunk a little below them, closes the gaps, so that the far side does not show
- * through and the packing can be seen. Discs seen from behind, inside an open surface, are dark.
- * Discs of few pixels grow together, so that a million points look like a surface.
+ * Every point is a disc of about its local spacing, coloured by a quantity. Dark, slightly larger discs just below
+ * ("bodies") close the gaps, so that the far side does not show through and the packing is visible. Discs seen from
+ * behind, inside an open surface, are dark. Discs of few pixels merge, so that a million points look like a surface.
  *
- * The picture is computed from 3 x 3 samples a pixel; the data of a pixel (preview_sample) belong
- * to its centre sample alone and are never averaged. The same points and options give the same
- * bytes, drawn by any number of threads; any number may read a finished image.
+ * The picture is computed from 3 x 3 samples per pixel. The data of a pixel (preview_sample) are those of its centre
+ * sample and are never averaged. The same points and options give the same bytes, for any number of threads. Any number
+ * of threads may read a finished image.
  */
 #ifndef HEXAD_FORMATS_PREVIEW_H
 #define HEXAD_FORMATS_PREVIEW_H
@@ -24,75 +23,74 @@
 
 enum { PREVIEW_SIZE_MIN = 64, PREVIEW_SIZE_MAX = 8192 };
 
-/* Depth of a pixel that shows nothing: farther than anything, so that depth tests of a compositor
- * put it behind, yet finite, so that its filters make no NaN of it. */
+/* Depth of an empty pixel: larger than any depth, so that the depth test of a compositor puts it behind, and finite, so
+ * that filters give no NaN. */
 #define PREVIEW_FAR 1e30f
 
 typedef struct preview_options {
     int width, height; /* pixels, PREVIEW_SIZE_MIN .. PREVIEW_SIZE_MAX */
     quantity_look color;
-    const camera_place *camera; /* NULL: one that sees all of the set */
-    bool y_up;                  /* y is up, not z */
-    bool unresolved; /* discs would cover each other: they are drawn smaller, and the legend says why */
+    const camera_place *camera; /* NULL: a camera that shows the whole set */
+    bool y_up;                  /* y, not z, points up */
+    /* Discs would cover each other: they are drawn smaller, and the legend has the reason. */
+    bool unresolved;
 } preview_options;
 
 typedef struct image {
     int width, height;
-    unsigned char *rgb; /* 3 a pixel, sRGB, on a neutral background, with the legend */
-    uint16_t *rgba;     /* 4 a pixel, half floats: linear light, multiplied by coverage, no legend */
-    uint32_t *hit;      /* private: what the centre sample shows */
-    points points;      /* borrowed: its arrays must outlive the image */
+    unsigned char *rgb; /* 3 bytes per pixel, sRGB, with background and legend */
+    uint16_t *rgba;     /* 4 per pixel, half floats: linear light, premultiplied by coverage, no legend */
+    uint32_t *hit;      /* private: code of the centre sample of each pixel */
+    points points;      /* not owned; its arrays outlive the image */
     camera camera;
     vec3 up; /* in camera space */
     double scale_of_discs;
-    double radius_max;    /* no disc is larger, world units */
+    double radius_max;    /* maximum radius of a disc, world units */
     double extent;        /* half diagonal of the set's box, > 0 */
-    double far;           /* parallel cameras: no disc is as deep */
+    double far;           /* orthographic cameras: an upper bound of all depths */
     colormap_scale scale; /* of the colours */
 } image;
 
-/* What stands at the centre of a pixel. */
+/* The data at the centre of a pixel. */
 typedef struct preview_sample {
-    uint32_t id;   /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
+    uint32_t id;   /* index of the point plus 1; 0: empty, depth is PREVIEW_FAR and other members are 0 */
     float depth;   /* along the camera's axis, world units */
     vec3 position; /* on the disc, world space */
     vec3 normal;   /* of the disc */
-    double kappa, spacing; /* kappa and achieved spacing of the point */
+    double kappa, spacing; /* of the point; spacing: achieved */
 } preview_sample;
 
-/* Draws the set; the caller frees with preview_free. An empty set, values that are not finite and
- * lengths beyond 1e25 are errors (internal: the solver never delivers such); cancelled when the pool was
- * told to stop. */
+/* Draws the set. The caller frees *out with preview_free. Errors: internal (an empty set, values that are not finite or
+ * exceed 1e25; the solver never returns such), limit_memory, cancelled. */
 bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
 
-/* The cameras of a turn around the set, for preview_render_from: `frames` of them. The set is one that
- * preview_render draws. */
+/* The `frames` cameras of a turntable around the set, for preview_render_from. The set is valid for preview_render. */
 void preview_orbit(const points *set, const preview_options *options, int frames, camera *out);
 bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
                          image **out, error *e);
 
 void preview_free(image *picture); /* accepts NULL */
 
-/* The centre sample of pixel (x, y), counted from the top left. */
+/* The centre sample of pixel (x, y), from the top left. */
 preview_sample preview_at(const image *picture, int x, int y);
 
-/* What the centres of neighbouring pixels of a row show: one point's disc, or nothing. */
+/* A run of pixels of a row whose centres show the same point, or nothing. */
 typedef struct preview_span {
-    int end;     /* the first pixel beyond */
-    uint32_t id; /* and what follows: as in preview_sample */
+    int end;     /* last pixel plus 1 */
+    uint32_t id; /* this and the next members: see preview_sample */
     vec3 normal;
     double kappa, spacing;
     vec3 center, plane; /* the disc in camera space; plane: its normal */
     double radius;
 } preview_span;
 
-/* From pixel x of row y on. */
+/* The span that starts at pixel x of row y. */
 preview_span preview_span_at(const image *picture, int x, int y);
 
-/* The place in camera space, whose third coordinate is the depth, that pixel (x, y) of the span shows. */
+/* The place in camera space (the third coordinate is the depth) at the centre of pixel (x, y) of the span. */
 vec3 preview_place(const image *picture, const preview_span *span, int x, int y);
 
-/* The depths of all pixels of the span from x on. */
+/* The depths of the pixels of the span from x. */
 void preview_depths(const image *picture, const preview_span *span, int x, int y, float *depth);
 
 #endif

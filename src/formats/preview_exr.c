@@ -11,14 +11,14 @@
 
 #include "base/memory.h"
 
-/* In the order of the file, which is that of the names' bytes. */
+/* In the order of the file: sorted by name. */
 enum { A, B, G, N_X, N_Y, N_Z, P_X, P_Y, P_Z, R, Z, ID, KAPPA, SPACING, CHANNELS };
 
 typedef struct channel {
     const char *name;
     exr_pixel_type_t type;
     int bytes;
-    bool is_extra; /* there only of all channels */
+    bool is_extra; /* only with all_channels */
 } channel;
 
 static const channel channels[CHANNELS] = {
@@ -33,7 +33,7 @@ static const channel channels[CHANNELS] = {
 
 static const struct packing {
     exr_compression_t compression;
-    int lines; /* in a chunk of the file */
+    int lines; /* lines per chunk of the file */
 } packings[] = {
     [PREVIEW_EXR_NONE] = {EXR_COMPRESSION_NONE, 1},
     [PREVIEW_EXR_RLE] = {EXR_COMPRESSION_RLE, 1},
@@ -41,23 +41,23 @@ static const struct packing {
     [PREVIEW_EXR_ZIP] = {EXR_COMPRESSION_ZIP, 16},
 };
 
-/* The library wants a name even where the callbacks do the work; it goes into messages only. */
+/* The library requires a name although callbacks do the I/O; it occurs in messages only. */
 static const char library_name[] = "preview.exr";
 
-/* Lines of the picture as a chunk of the file has them: each channel after channel, lowest bytes first. */
+/* Lines of a chunk of the file: channel by channel, little-endian. */
 typedef struct chunk_lines {
     unsigned char *bytes;
-    int lines; /* but the last chunk of a picture may have fewer */
+    int lines; /* the last chunk of a picture may have fewer */
 } chunk_lines;
 
-/* A line of the picture, in a chunk. */
+/* A line of the picture in a chunk. */
 typedef struct line {
     bool all_channels;
-    int count, channel[CHANNELS];    /* those that the file has */
-    size_t length, offset[CHANNELS]; /* bytes, by channel */
-    unsigned char *bytes;            /* in the chunk */
+    int count, channel[CHANNELS];    /* channels of the file */
+    size_t length, offset[CHANNELS]; /* in bytes, by channel */
+    unsigned char *bytes;            /* start of the line in the chunk */
     chunk_lines chunk;
-    float *depth; /* of each pixel */
+    float *depth; /* one per pixel */
 } line;
 
 static line line_make(int width, const preview_exr_options *options)
@@ -135,12 +135,12 @@ static void fill_places(const line *l, const image *m, const preview_span *s, in
     }
 }
 
-/* Four pixels of four channels each, or what they come to. */
+/* Four pixels of four channels each, for shuffles. */
 typedef uint16_t quads __attribute__((vector_size(16)));
 #define LOW(a, b) __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11)
 #define HIGH(a, b) __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15)
 
-/* The four channels of the picture, which has them side by side; eight pixels at a time. */
+/* Separates the four interleaved channels of the picture, eight pixels at a time. */
 static void fill_halves(const line *l, const uint16_t *rgba, int width)
 {
     unsigned char *const to[4] = {l->bytes + l->offset[R], l->bytes + l->offset[G], l->bytes + l->offset[B],
@@ -167,7 +167,7 @@ static void fill_halves(const line *l, const uint16_t *rgba, int width)
 static void fill_line(const line *l, const image *m, int y)
 {
     const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
-    if (l->all_channels) /* else only identifiers are not written in every pixel */
+    if (l->all_channels) /* otherwise only identifiers may be missing in a pixel */
         memset(l->bytes, 0, l->length);
     else
         memset(l->bytes + l->offset[ID], 0, (size_t)m->width * (size_t)channels[ID].bytes);
@@ -183,7 +183,7 @@ static void fill_line(const line *l, const image *m, int y)
     }
 }
 
-/* The lines of the picture from y on that are in one chunk; returns how many. */
+/* Fills the lines of the chunk that starts at line y; returns their number. */
 static int fill_chunk(line *l, const image *m, int y)
 {
     int k = 0;
@@ -194,20 +194,20 @@ static int fill_chunk(line *l, const image *m, int y)
     return k;
 }
 
-/* Bytes that are written or read at once: the library asks for a line's head, then for the line. */
+/* Size of the buffer: the library reads and writes the head of a line separately. */
 enum { BLOCK = 1 << 16 };
 
-/* What the library's callbacks work on. */
+/* State of the library's callbacks. */
 typedef struct stream {
     int fd;
-    uint64_t at; /* the place of the block in the file */
-    size_t used; /* bytes of it that are to be written, or were read */
-    error e;     /* the first fault: later ones follow from it */
+    uint64_t at; /* position of the block in the file */
+    size_t used; /* bytes of the block that are pending or were read */
+    error e;     /* the first error, which later ones follow from */
     unsigned char block[BLOCK];
 } stream;
 
-/* Keeps the library from writing to standard error. It may call this with its lock held, so nothing
- * of the library may be called here, not even to find the stream: results carry the code. */
+/* Keeps the library from writing to standard error. The library may hold its lock, so this must not call the library,
+ * not even to find the stream: results carry the code. */
 static void on_error(exr_const_context_t context, exr_result_t code, const char *words)
 {
     (void)context;
@@ -249,7 +249,7 @@ static int64_t on_write(exr_const_context_t context, void *place, const void *by
     return (int64_t)count;
 }
 
-/* Short at the end of the file; -1 when it fails. */
+/* Reads up to `count` bytes, fewer at the end of the file; -1: error. */
 static int64_t read_all(stream *s, unsigned char *bytes, size_t count, uint64_t at)
 {
     size_t done = 0;
@@ -266,7 +266,7 @@ static int64_t read_all(stream *s, unsigned char *bytes, size_t count, uint64_t 
     return (int64_t)done;
 }
 
-/* Short at the end of the file, as the library expects. */
+/* Returns fewer bytes at the end of the file, as the library requires. */
 static int64_t on_read(exr_const_context_t context, void *place, void *bytes, uint64_t count, uint64_t offset,
                        exr_stream_error_func_ptr_t report)
 {
@@ -313,7 +313,7 @@ static stream *stream_new(FILE *file)
     return s;
 }
 
-/* Frees the stream. Some faults come without a message. */
+/* Frees the stream. Sets a message for errors without one. */
 static bool finish(bool good, exr_result_t result, stream *s, error *e)
 {
     if (!good && s->e.code == ERROR_NONE)
@@ -325,7 +325,7 @@ static bool finish(bool good, exr_result_t result, stream *s, error *e)
 
 /* ---- writing ---- */
 
-/* As OpenEXR's standard attributes have it: row vectors times matrix; the camera's space is left-handed. */
+/* OpenEXR's convention: row vectors times matrix; the camera's space is left-handed. */
 static exr_attr_m44f_t world_to_camera(const camera *c)
 {
     vec3 shift = camera_point(c, vec3_make(0, 0, 0));
@@ -335,7 +335,7 @@ static exr_attr_m44f_t world_to_camera(const camera *c)
                               (float)shift.x, (float)shift.y, (float)shift.z, 1}};
 }
 
-/* What the camera's right, up and forward add to a column of worldToNDC, and what is there at the eye. */
+/* Sets a column of worldToNDC: coefficients of the camera's right, up and forward, and the value at the eye. */
 static void put_column(const camera *c, vec3 of, double at_eye, int column, float *out)
 {
     vec3 shift = camera_point(c, vec3_make(0, 0, 0));
@@ -346,8 +346,8 @@ static void put_column(const camera *c, vec3 of, double at_eye, int column, floa
     out[12 + column] = (float)(vec3_dot(of, shift) + at_eye);
 }
 
-/* To (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the
- * fourth coordinate. The third, which readers are told to discard, grows with the depth. */
+/* Maps to (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the fourth
+ * coordinate. The third coordinate, which readers discard, increases with depth. */
 static exr_attr_m44f_t world_to_ndc(const image *m)
 {
     const camera *c = &m->camera;
@@ -361,7 +361,7 @@ static exr_attr_m44f_t world_to_ndc(const image *m)
     return out;
 }
 
-/* The screen window is what the picture spans at depth 1. */
+/* The screen window is the extent of the picture at depth 1. */
 static exr_result_t write_required(exr_context_t file, int part, const image *m, preview_exr_packing packing)
 {
     const camera *c = &m->camera;
@@ -467,7 +467,7 @@ static bool check_channels(exr_context_t file, const line *l, error *e)
     return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels differ from the written ones");
 }
 
-/* Against the `length` bytes that the picture's lines come to. */
+/* Compares a chunk of the file with `length` expected bytes. */
 static exr_result_t check_chunk(exr_context_t file, int y, const unsigned char *bytes, size_t length,
                                 exr_decode_pipeline_t *decoder, bool *same)
 {
@@ -477,7 +477,7 @@ static exr_result_t check_chunk(exr_context_t file, int y, const unsigned char *
     if (!r && first) r = exr_decoding_initialize(file, 0, &chunk, decoder);
     if (!r && !first) r = exr_decoding_update(file, 0, &chunk, decoder);
     if (!r && first) r = exr_decoding_choose_default_routines(file, 0, decoder);
-    decoder->unpack_and_convert_fn = NULL; /* it is looked at as it is packed */
+    decoder->unpack_and_convert_fn = NULL; /* compare the packed bytes */
     if (!r) r = exr_decoding_run(file, 0, decoder);
     *same = !r && chunk.unpacked_size == length && memcmp(decoder->unpacked_buffer, bytes, length) == 0;
     return r;

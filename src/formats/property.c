@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* One of the set's own, if it has it. */
+/* Adds a property of the set, if the set has it. */
 static void add(property *list, size_t *count, const char *name, property_role role, int components,
                 const void *values, double scale)
 {

@@ -1,5 +1,6 @@
-/* property: a point set as named arrays of vectors or numbers, as formats that keep components together write it. Pure
- * functions. */
+/* property: a point set as named arrays of vectors or numbers, for formats that keep components together. Pure
+ * functions.
+ */
 #ifndef HEXAD_FORMATS_PROPERTY_H
 #define HEXAD_FORMATS_PROPERTY_H
 
@@ -8,34 +9,35 @@
 
 #include "formats/points.h"
 
-/* What formats have names of their own for. */
+/* Roles for which formats have special names. */
 typedef enum property_role {
     PROPERTY_OTHER,
     PROPERTY_POSITION,
     PROPERTY_NORMAL,
-    PROPERTY_COLOR, /* as a screen shows it */
+    PROPERTY_COLOR, /* sRGB */
     PROPERTY_UV,
     PROPERTY_RADIUS,
     PROPERTY_ID,
-    PROPERTY_MOTION,  /* of the points from frame to frame, world units a frame */
-    PROPERTY_VELOCITY /* of a file, which is before the motion */
+    PROPERTY_MOTION,  /* motion of the points between frames, world units per frame */
+    PROPERTY_VELOCITY /* velocity from a file; takes precedence over the motion */
 } property_role;
 
 typedef struct property {
     const char *name;
     property_role role;
     bool whole;     /* integers */
-    double largest; /* of the whole numbers of an attribute, without signs */
+    double largest; /* maximum absolute value of an integer attribute */
     int components;
-    const double *values; /* `components` a point, times `scale`; NULL: see `ids` */
+    const double *values; /* `components` per point, times `scale`; NULL: see `ids` */
     double scale;
-    const uint32_t *ids; /* NULL beside no values: the places of the points, from 0 */
+    const uint32_t *ids; /* NULL, with `values` NULL: the indices of the points, from 0 */
 } property;
 
-/* No more than so many beside the attributes. */
+/* Maximum number of properties that are not attributes. */
 enum { PROPERTIES_OWN = 16 };
 
-/* Fills in what the set has, in a fixed order; `list` has room for PROPERTIES_OWN and the attributes. Returns how many. */
+/* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per attribute. Returns
+ * the number of properties. */
 size_t property_list(const points *set, property *list);
 
 /* Whether an attribute is a velocity: a vector called v, vel or velocity. */

@@ -2,25 +2,25 @@
 
 #include "geometry/bbox.h"
 
-/* Whether the scale is of roots, and the least range that means anything. */
+/* Title, type of scale, and smallest range that is significant. */
 typedef struct shown {
     const char *title;
     bool root;
     double least;
-    enum { PLAIN, LENGTH, PER_LENGTH } unit; /* in extents */
+    enum { PLAIN, LENGTH, PER_LENGTH } unit; /* unit of `least`, in extents */
 } shown;
 
 static const shown shown_of[] = {
     [QUANTITY_ALPHA] = {"alpha", false, 0.001, PLAIN},
-    [QUANTITY_CURVATURE] = {"curvature", true, 0.01, PER_LENGTH}, /* less is flat to the eye */
+    [QUANTITY_CURVATURE] = {"curvature", true, 0.01, PER_LENGTH}, /* smaller curvatures look flat */
     [QUANTITY_ENERGY] = {"energy", false, 0.001, PLAIN},
     [QUANTITY_SPACING] = {"spacing", false, 1e-6, LENGTH},
     [QUANTITY_DEGREE] = {"degree", false, 0, PLAIN},
-    [QUANTITY_VALUES] = {"attribute", false, 1e-30, PLAIN}, /* whatever it is in */
+    [QUANTITY_VALUES] = {"attribute", false, 1e-30, PLAIN}, /* any unit */
     [QUANTITY_COLOR] = {"color", false, 1, PLAIN},
 };
 
-/* Six in the middle, and the defects that there are in any packing to either side. */
+/* Centred at six neighbours; any packing has defects with more and fewer. */
 static const colormap_scale degree_scale = {4, 8, false, COLORMAP_VIRIDIS};
 
 const double *quantity_values(const points *set, const quantity_look *look)
@@ -68,7 +68,7 @@ bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, er
     const double *values = quantity_values(set, look);
     const bbox box = bbox_of_points(set->position, set->count, NULL);
     colormap_scale scale;
-    double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as pictures take it */
+    double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as in pictures */
     if (!quantity_scale(set, look, extent, &scale, e)) return false;
     for (size_t i = 0; i < set->count; i++) {
         double srgb[3];

@@ -1,4 +1,4 @@
-/* quantity: what the colours of a picture show of the points, and the scale that suits it. Pure functions. */
+/* quantity: the quantity that the colours of a picture show, and its scale. Pure functions. */
 #ifndef HEXAD_FORMATS_QUANTITY_H
 #define HEXAD_FORMATS_QUANTITY_H
 
@@ -10,31 +10,32 @@ typedef enum quantity {
     QUANTITY_ALPHA,
     QUANTITY_CURVATURE, /* kappa */
     QUANTITY_ENERGY,
-    QUANTITY_SPACING, /* the achieved one */
-    QUANTITY_DEGREE,  /* of sets that have it */
-    QUANTITY_VALUES,  /* of the look: of an attribute */
-    QUANTITY_COLOR /* likewise, three a point: colours as a screen shows them, which no scale has part in */
+    QUANTITY_SPACING, /* achieved spacing */
+    QUANTITY_DEGREE,  /* number of neighbours, if the set has it */
+    QUANTITY_VALUES,  /* values of the look, from an attribute */
+    QUANTITY_COLOR    /* colours of the look, three values per point, sRGB; no scale */
 } quantity;
 
 typedef struct quantity_look {
     quantity which;
-    double low, high; /* of the scale; the same: those of the values */
+    double low, high; /* range of the scale; equal: from the values */
     colormap_map map;
-    const char *title;    /* NULL: the quantity's own */
-    const double *values; /* of QUANTITY_VALUES and QUANTITY_COLOR */
+    const char *title;    /* NULL: that of the quantity */
+    const double *values; /* for QUANTITY_VALUES and QUANTITY_COLOR */
 } quantity_look;
 
-/* One value a point; the set's array, or the look's. */
+/* The values, one per point; owned by the set or the look. */
 const double *quantity_values(const points *set, const quantity_look *look);
 
-/* As the legend calls it. */
+/* The title in the legend. */
 const char *quantity_title(const quantity_look *look);
 
-/* `extent`: of the set, to tell what range of a length or a curvature is nothing. False: no memory. */
+/* The scale of the values. `extent`: half diagonal of the set, world units, relative to which small ranges of lengths
+ * and curvatures are ignored. False: out of memory. */
 bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
                     error *e);
 
-/* The colour that pictures give each point, as a screen shows it (sRGB, 0 to 1). False: no memory. */
+/* The colour of each point in pictures (sRGB, 0 to 1). False: out of memory. */
 bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e);
 
 #endif

@@ -1,4 +1,4 @@
-/* scene: how a point set stands, and of which sequence it is a frame. */
+/* scene: the orientation of a point set, and the sequence of which it is a frame. */
 #ifndef HEXAD_FORMATS_SCENE_H
 #define HEXAD_FORMATS_SCENE_H
 
@@ -8,13 +8,14 @@
 #include "geometry/vec3.h"
 
 typedef struct scene {
-    bool y_up; /* which axis of the set points up, y or z */
-    vec3
-        origin; /* glTF and USD hold positions minus this as floats, and this, in doubles, as a translation */
-    size_t frame_count; /* of the sequence; 0: the set is a frame of none, and the rest is unused */
+    bool y_up; /* y, not z, points up in the set */
+    /* glTF and USD have positions minus the origin as floats, and the origin, in doubles, as a translation. */
+    vec3 origin;
+    /* frames of the sequence; 0: there is no sequence, and the next members are unused */
+    size_t frame_count;
     int frame;
     const int *frames;    /* ascending */
-    char *const *folders; /* where each frame's files are, relative to those of this one: "." or "../7" */
+    char *const *folders; /* folder of each frame relative to that of this frame: "." or "../7" */
 } scene;
 
 #endif

@@ -17,11 +17,12 @@
 #include "base/worker_contract.h"
 #include "formats/preview.h"
 
-/* Limits of the process: a row of the largest picture and libpng's buffers take 1 MiB; that picture takes 2 s. */
+/* Limits of the process: a row of the largest picture and the buffers of libpng need 1 MiB; decoding that picture takes
+ * 2 s. */
 enum { READER_BYTES = 64 << 20, READER_SECONDS = 20 };
 
-/* How often `is_over` is called. */
-enum { LOOK_MS = 100 };
+/* Interval between calls of `is_over`. */
+enum { POLL_MS = 100 };
 
 /* ---- in the process */
 
@@ -76,12 +77,12 @@ int thumbnail_main(int argc, char **argv)
     if (!row || !made || !s || !info || setjmp(png_jmpbuf(png)) != 0) _exit(2);
     read_rows(png, info, row, made, s);
     bool written = reader_write(made, sizeof *made);
-    _exit(written ? 0 : 1); /* nothing is left to do but to free what the library built */
+    _exit(written ? 0 : 1); /* skips freeing the library's memory */
 }
 
 /* ---- in the calling program */
 
-/* Milliseconds until the time is over, at least 0. */
+/* Milliseconds until the deadline, at least 0. */
 static int64_t time_left(const thumbnail_patience *patience)
 {
     const int64_t left_ms = patience->until_ms - clock_monotonic_ms();
@@ -95,7 +96,7 @@ static bool await_readable(int fd, const thumbnail_patience *patience)
     int64_t left_ms = time_left(patience);
     bool fails = false;
     while (!fails && !from.revents && left_ms) {
-        fails = poll(&from, 1, left_ms < LOOK_MS ? (int)left_ms : LOOK_MS) < 0 && errno != EINTR;
+        fails = poll(&from, 1, left_ms < POLL_MS ? (int)left_ms : POLL_MS) < 0 && errno != EINTR;
         left_ms = time_left(patience);
     }
     return from.revents != 0;
@@ -109,7 +110,7 @@ static bool await_end(pid_t pid, const thumbnail_patience *patience)
     return ended;
 }
 
-/* The bytes that the process writes until its end, at most `size`. False: it takes too long. */
+/* Receives the bytes that the process writes until its end, at most `size`. False: deadline. */
 static bool receive(const reader *r, void *to, size_t size, size_t *received,
                     const thumbnail_patience *patience)
 {
@@ -141,7 +142,7 @@ bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patie
     reader r;
     struct {
         thumbnail made;
-        char more; /* for a process that writes too much */
+        char more; /* detects a process that writes too much */
     } from;
     size_t received;
     if (lseek(fd, 0, SEEK_SET) != 0)

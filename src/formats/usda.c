@@ -11,9 +11,9 @@
 #include "formats/colormap.h"
 #include "formats/property.h"
 
-/* Digits after which a float reads back as the same, and a whole number is whole. */
+/* Digits with which a float, or a whole number, reads back exactly. */
 enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 16 };
-/* Time codes are frames; velocities are told for a second. The rate is USD's default. */
+/* Time codes are frames; velocities are per second. This is USD's default rate. */
 enum { FRAMES_PER_SECOND = 24 };
 enum { VALUES_WORDS = 480 };
 #define EXTENT "float3[] extent"
@@ -28,14 +28,14 @@ static bool damaged(error *e, const char *what)
     return error_set(e, ERROR_INPUT_DAMAGED, "USD file: %s", what);
 }
 
-/* Widths and ids are of points only. */
+/* Widths and ids exist for points only, so that they are primvars of a mesh. */
 static bool is_primvar(const property *p, bool of_mesh)
 {
     return p->role == PROPERTY_OTHER || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV ||
            (of_mesh && (p->role == PROPERTY_RADIUS || p->role == PROPERTY_ID));
 }
 
-/* How the file declares a property: "color3f[] primvars:displayColor". */
+/* The declaration of a property: "color3f[] primvars:displayColor". */
 static void declare(const property *p, bool of_mesh, char out[160])
 {
     static const char *const fixed[] = {[PROPERTY_POSITION] = "point3f[] points",
@@ -54,7 +54,7 @@ static void declare(const property *p, bool of_mesh, char out[160])
                  p->whole ? (p->largest > INT32_MAX ? "int64" : "int") : types[p->components - 1], p->name);
 }
 
-/* As the file has it: positions relative to the origin, widths are diameters, velocities are of a second, and colors in linear
+/* A number as stored: positions relative to the origin, widths are diameters, velocities per second, colors in linear
  * light. */
 static double number(const property *p, bool of_mesh, vec3 origin, size_t point, int c)
 {
@@ -66,7 +66,7 @@ static double number(const property *p, bool of_mesh, vec3 origin, size_t point,
     return value;
 }
 
-/* What stands before the values of a property, and behind them: those of a frame are a sample at its time. */
+/* The text before and after the values of a property; values of a frame are a time sample. */
 static void enclose(const char *words, bool primvar, const scene *place, char before[VALUES_WORDS],
                     const char **behind)
 {
@@ -118,13 +118,13 @@ static bool write_extent(FILE *file, const points *set, const scene *place)
                    high.y, high.z, behind) > 0;
 }
 
-/* Frames of a sequence always have one, since all have the same properties. */
+/* Frames of a sequence always have one, so that all have the same properties. */
 static bool has_translation(const scene *place)
 {
     return place->frame_count > 0 || vec3_norm(place->origin) > 0;
 }
 
-/* A sample at the time of a frame, as the other properties have. */
+/* The translation; in a frame, as a time sample. */
 static void print_translation(const scene *place, char out[VALUES_WORDS])
 {
     const vec3 o = place->origin;
@@ -167,7 +167,7 @@ static size_t list_properties(const points *set, property **list)
     return property_list(set, *list);
 }
 
-/* The stage, and the head of its prim without what follows its name. */
+/* Writes the stage and the head of its prim, up to its name. */
 static bool write_head(FILE *file, const char *name, const char *schema, const scene *place, int first,
                        int last)
 {
@@ -206,7 +206,8 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e)
 
 /* ---- the stage of a sequence ---- */
 
-/* Which file has the values of which time. The stage is its own manifest: it says what properties the files have. */
+/* Writes the value clips: which file has the values at which time. The stage is its own manifest of the properties in
+ * the files. */
 static bool write_clips(FILE *file, const char *name, const scene *place)
 {
     const size_t n = place->frame_count;
@@ -266,7 +267,7 @@ bool usda_verify_sequence(FILE *file, const points *set, const scene *place, err
 
 /* ---- reading ---- */
 
-/* To behind the next text of this kind; false at the end of the file. */
+/* Skips to the end of the next occurrence of the text. False: end of file. */
 static bool find_text(FILE *file, const char *text)
 {
     size_t matched = 0;
@@ -275,7 +276,7 @@ static bool find_text(FILE *file, const char *text)
     return !text[matched];
 }
 
-/* Numbers of a list, behind whatever stands between them. */
+/* Reads the next number of a list; skips separators. */
 static bool read_number(FILE *file, double *out)
 {
     int skipped = fgetc(file);

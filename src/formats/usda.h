@@ -1,6 +1,8 @@
-/* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor (in linear light),
- * primvars:st and all others as primvars. A set with triangles is a UsdGeomMesh. A frame of a sequence has its values as
- * samples at the time code of its number, and the stage of a sequence finds them there (value clips). As format.h. */
+/* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor (linear light),
+ * primvars:st and all other properties as primvars. A set with triangles is a UsdGeomMesh. A frame of a sequence has
+ * time samples at the time code of its number; the stage of a sequence refers to them by value clips. Contracts:
+ * format.h.
+ */
 #ifndef HEXAD_FORMATS_USDA_H
 #define HEXAD_FORMATS_USDA_H
 
@@ -14,7 +16,7 @@
 bool usda_write(FILE *file, const points *set, const scene *place, error *e);
 bool usda_verify(FILE *file, const points *set, const scene *place, error *e);
 
-/* The stage of the sequence: what properties there are is that of this frame. */
+/* The stage of the sequence, with the properties of this frame. */
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e);
 bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e);
 
