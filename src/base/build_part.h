@@ -7,13 +7,14 @@
 #define HEXAD_BASE_BUILD_PART_H
 
 typedef enum build_part {
-    BUILD_PART_ALWAYS, /* cannot be left out */
+    BUILD_PART_ALWAYS, /* always built */
     BUILD_PART_PREVIEW, /* --disable-preview: pictures, which are preview.png, preview.exr, convergence.png and contact sheets */
     BUILD_PART_SLURM, /* --without-slurm */
     BUILD_PART_PAGE   /* --without-page */
 } build_part;
 
-/* Why a request for the part fails, as "this build has no pictures (configure --disable-preview)"; NULL: it is built. */
+/* The reason why a request for the part fails, such as "this build has no pictures (configure --disable-preview)";
+ * NULL: it is built. */
 const char *build_part_missing(build_part part);
 
 #endif

@@ -46,7 +46,7 @@ char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE])
     return buffer;
 }
 
-/* Reads "+02:00" or "Z" in minutes; false when something else stands there. */
+/* Parses "+02:00" or "Z", in minutes. False: other text. */
 static bool read_offset(const char *text, int *minutes)
 {
     int hours = 0, rest = 0, end = 0;
@@ -81,7 +81,7 @@ bool clock_parse_utc(const char *text, int64_t *wall_ms)
     utc.tm_mon--;
     struct tm same = utc;
     time_t seconds = timegm(&same);
-    /* a day or an hour that is none would be another one */
+    /* an invalid day or hour would be normalised to another one */
     if (ms < 0 || same.tm_mday != utc.tm_mday || same.tm_mon != utc.tm_mon || same.tm_hour != utc.tm_hour ||
         same.tm_min != utc.tm_min || same.tm_sec != utc.tm_sec)
         return false;

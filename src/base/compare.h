@@ -1,8 +1,8 @@
-/* compare: orders for qsort, and the smaller and the larger of two. Pure functions, any thread. */
+/* compare: comparison functions for qsort, minimum and maximum. Pure functions, any thread. */
 #ifndef HEXAD_BASE_COMPARE_H
 #define HEXAD_BASE_COMPARE_H
 
-/* Of two doubles, the smaller first; NaN has no place. */
+/* Ascending doubles; NaN is not permitted. */
 static inline int compare_doubles(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
@@ -15,7 +15,7 @@ static inline int compare_ints(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* As fmin and fmax, which are calls, in one instruction. A `b` that is NaN is left out. */
+/* As fmin and fmax, which are calls, in one instruction. If b is NaN, returns a. */
 static inline double compare_smaller(double a, double b)
 {
     return b < a ? b : a;

@@ -15,15 +15,15 @@
 #include "base/memory.h"
 
 #define ROOT "/sys/fs/cgroup"
-/* systemd (from version 251 on) sets this attribute of a group that it has delegated to a service without privileges. */
+/* systemd (from version 251) sets this attribute of a group that it has delegated to an unprivileged service. */
 #define DELEGATED "user.delegate"
-/* Where this process moves to, and what the names of the other groups begin with. */
+/* The subgroup of this process, and the prefix of the names of other subgroups. */
 #define OWN_GROUP "service"
 #define PREFIX "attempt."
 
 struct control_groups {
     int directory;
-    atomic_uint_fast64_t number; /* of the next group */
+    atomic_uint_fast64_t number; /* number of the next group */
 };
 
 struct control_group {
@@ -33,7 +33,7 @@ struct control_group {
     int entry; /* cgroup.procs */
 };
 
-/* Reads a file of at most `size` - 1 bytes; false when that is not possible. */
+/* Reads a file of at most `size` - 1 bytes. False: it cannot be read. */
 static bool read_file(int directory, const char *name, char *text, size_t size)
 {
     int fd = openat(directory, name, O_RDONLY | O_CLOEXEC);
@@ -52,7 +52,7 @@ static bool write_file(int directory, const char *name, const char *text, error 
     return ok;
 }
 
-/* The number in a line `KEY NUMBER`, or in a file that has nothing else (key ""); 0: there is none. */
+/* The number in a line `KEY NUMBER`, or in a file with a number only (key ""); 0: there is none. */
 static int64_t read_number(int directory, const char *name, const char *key)
 {
     char text[512];
@@ -72,7 +72,7 @@ static bool has_word(const char *list, const char *word)
     return false;
 }
 
-/* Removes what is left of earlier groups. None is in use: only empty ones can be removed, and no new one is being made. */
+/* Removes groups of earlier runs. Only empty groups can be removed, and no group is being created: none is in use. */
 static void sweep(const control_groups *groups)
 {
     int fd = openat(groups->directory, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -140,7 +140,7 @@ static bool set_limits(const control_group *g, int64_t memory_bytes, error *e)
     snprintf(bytes, sizeof bytes, "%" PRId64, memory_bytes);
     return write_file(g->directory, "memory.max", bytes, e) &&
            write_file(g->directory, "memory.oom.group", "1", e) &&
-           /* which a kernel without accounts of swap does not have */
+           /* the file is missing in a kernel without swap accounting */
            (faccessat(g->directory, "memory.swap.max", F_OK, 0) != 0 ||
             write_file(g->directory, "memory.swap.max", "0", e));
 }
@@ -175,13 +175,13 @@ control_group_use control_group_end(control_group *g)
     if (g->directory >= 0) {
         write_file(g->directory, "cgroup.kill", "1", NULL);
         use.peak_bytes = read_number(g->directory, "memory.peak", "");
-        /* a group above may have been the one whose memory had run out */
+        /* otherwise a parent group reached its limit */
         use.exceeded = read_number(g->directory, "memory.events", "oom_kill") > 0 &&
                        read_number(g->directory, "memory.events", "oom") > 0;
         close(g->directory);
     }
     if (g->entry >= 0) close(g->entry);
-    /* with a process that is still ending this fails, and the sweep of the next start does it */
+    /* this fails while a process is exiting; the next start then removes it */
     unlinkat(g->groups->directory, g->name, AT_REMOVEDIR);
     free(g);
     return use;

@@ -1,8 +1,8 @@
 /* descriptor_wait: waits for descriptors in a loop that runs as long as the process.
  *
- * An error of such a loop's system calls would make it run without ever waiting, and take a whole processor. Here it is
- * logged, and the process ends with status EXIT_FAILURE. The caller's unfinished work must be safe from a sudden end of
- * the process, as the queue's is.
+ * If the system calls of such a loop failed permanently, the loop would use a CPU without waiting. Therefore errors are
+ * logged, and the process ends with status EXIT_FAILURE. The caller's state must survive such an end, as the queue
+ * does.
  */
 #ifndef HEXAD_BASE_DESCRIPTOR_WAIT_H
 #define HEXAD_BASE_DESCRIPTOR_WAIT_H
@@ -14,8 +14,7 @@
 /* As poll. An interrupted call returns with all `revents` 0. */
 void descriptor_wait(struct pollfd *descriptors, nfds_t count, int timeout_ms);
 
-/* Reads one event of `size` bytes from a non-blocking eventfd or signalfd. False: there is none; *event is then
- * undefined. */
+/* Reads one event of `size` bytes from a non-blocking eventfd or signalfd. False: there is none; *event is undefined. */
 bool descriptor_take_event(int descriptor, void *event, size_t size);
 
 #endif

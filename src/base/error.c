@@ -7,8 +7,8 @@
 
 static const char *const names[] = {ERROR_LIST(WORDS_TEXT, )};
 
-/* A message that vsnprintf cut may end inside a UTF-8 sequence: drop the incomplete tail, and keep
- * the message on one line, since it travels as a line of JSON and as a log record. */
+/* Removes an incomplete UTF-8 sequence at the end of a truncated message, and replaces line breaks, since messages are
+ * written in lines of JSON and log records. */
 static void tidy(char *text)
 {
     size_t length = strlen(text);

@@ -8,7 +8,7 @@
 
 enum { DIGITS_MOST = 9 };
 
-/* Reads a number and moves on; false when none stands there. */
+/* Parses a number and advances *at. False: there is none. */
 static bool read_number(const char **at, int *number)
 {
     size_t digits = strspn(*at, "0123456789");
@@ -31,7 +31,7 @@ static int compare(const void *a, const void *b)
     return (*x > *y) - (*x < *y);
 }
 
-/* A number that stands twice, -1 where none does. */
+/* A number that occurs twice, or -1. */
 static int find_repeated(const int *numbers, size_t count)
 {
     int repeated = -1;
@@ -44,7 +44,7 @@ static int find_repeated(const int *numbers, size_t count)
     return repeated;
 }
 
-/* One of the parts between commas. */
+/* Parses one part between commas. */
 static bool read_range(const char **at, int *first, int *last, int *step)
 {
     *step = 1;
@@ -90,7 +90,7 @@ int *frames_parse(const char *text, size_t *count, error *e)
     return numbers;
 }
 
-/* Where the number stands, and how many digits it has at least; NULL: nowhere. */
+/* The position of the number in the path, and its minimum number of digits; NULL: there is none. */
 static const char *find_pattern(const char *path, size_t *length, int *digits)
 {
     for (const char *at = path; *at; at++) {

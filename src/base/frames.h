@@ -1,8 +1,8 @@
-/* frames: the numbers of a sequence, and paths that hold one.
+/* frames: frame numbers of a sequence, and paths that contain one.
  *
- * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 ..
- * 999999999, none twice. In a path the first `####` (as many digits at least as there are #) or `%04d`
- * (`%d`) stands for it. No state; any thread.
+ * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 .. 999999999, each
+ * at most once. In a path the first `####` (the number of # is the minimum number of digits) or `%04d` (`%d`) stands
+ * for the number. Pure functions, any thread.
  */
 #ifndef HEXAD_BASE_FRAMES_H
 #define HEXAD_BASE_FRAMES_H
@@ -12,15 +12,15 @@
 
 #include "base/error.h"
 
-/* A task each: more are several jobs. */
+/* Maximum number of frames, which are one task each. */
 #define FRAMES_MOST 100000
 
-/* The numbers in the order given, to be freed; NULL and an error (spec_invalid) that says what is wrong. */
+/* The numbers in the given order; the caller frees them. Error: spec_invalid. */
 int *frames_parse(const char *text, size_t *count, error *e);
 
 bool frames_is_pattern(const char *path);
 
-/* The path of one frame, to be freed. */
+/* The path of one frame; the caller frees it. */
 char *frames_path(const char *path, int frame);
 
 #endif

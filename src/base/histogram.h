@@ -1,7 +1,7 @@
-/* histogram: how often something took how long, as Prometheus counts it.
+/* histogram: a histogram of durations in the form of Prometheus.
  *
- * The bounds are the same for all: from a tenth of a second to a day. Any thread may add and read; a reader may see a
- * value in `count` before it is in the sum.
+ * All histograms have the same bounds, from 0.1 s to a day. Any thread may add and read; a reader may see a value in
+ * `count` before it is in the sum.
  */
 #ifndef HEXAD_BASE_HISTOGRAM_H
 #define HEXAD_BASE_HISTOGRAM_H
@@ -11,12 +11,12 @@
 
 #define HISTOGRAM_BOUNDS 16
 
-/* The upper bounds of all counts but the last, which has none. */
+/* Upper bounds of all counts except the last, which has none. */
 extern const double histogram_bounds_s[HISTOGRAM_BOUNDS];
 
 typedef struct histogram {
     atomic_uint_fast64_t
-        count[HISTOGRAM_BOUNDS + 1]; /* of values up to this bound and above the one before */
+        count[HISTOGRAM_BOUNDS + 1]; /* Number of values up to this bound and above the previous one. */
     atomic_int_fast64_t sum_ms;
 } histogram;
 

@@ -1,5 +1,6 @@
-/* isa: the instruction sets that each numerical kernel is compiled for, from one source. All give the same bits, since
- * sums have one fixed order; only the time differs. */
+/* isa: the instruction sets for which each numerical kernel is compiled, from one source. Results are bitwise equal,
+ * since sums have a fixed order; only the time differs.
+ */
 #ifndef HEXAD_BASE_ISA_H
 #define HEXAD_BASE_ISA_H
 
@@ -14,11 +15,11 @@
 
 typedef enum isa { ISA_LIST(WORDS_ENUMERATOR, ISA) ISA_COUNT } isa;
 
-isa isa_best(void); /* the best of this machine */
+isa isa_best(void); /* the fastest one of this machine */
 bool isa_available(isa which);
 const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 
-/* How a kernel's versions are marked; on other machines they are all the portable one. */
+/* Attributes of the versions of a kernel; on other machines all versions are portable. */
 #ifdef __x86_64__
 #define ISA_TARGET_AVX2 __attribute__((target("avx2")))
 #define ISA_TARGET_AVX512 __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512")))
@@ -26,9 +27,9 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_TARGET_AVX2
 #define ISA_TARGET_AVX512
 #endif
-/* A function in versions of which the loader takes the best: for what nobody has to choose. _OF_128: for what needs no more than 128
- * bits. With AVX-512, GCC 12 moves these by whole registers and leaves the upper parts full, for which later code without AVX waits. A
- * test looks for such. */
+/* A function in several versions, of which the loader selects the fastest: for functions whose instruction set nobody
+ * has to choose. _OF_128: for functions with vectors of at most 128 bits. With AVX-512, GCC 12 moves these in whole
+ * registers and leaves the upper parts dirty, which delays later code without AVX. A test finds such functions. */
 #ifdef __x86_64__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
 #define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))

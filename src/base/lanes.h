@@ -1,5 +1,5 @@
-/* lanes: eight floats side by side, which one instruction works on where the processor can. For functions marked ISA_CLONES and
- * what these inline; all give the same bits.
+/* lanes: vectors of eight floats, one instruction where the processor has 256-bit vectors. For functions marked
+ * ISA_CLONES and functions inlined into these; results of all versions are bitwise equal.
  */
 #ifndef HEXAD_BASE_LANES_H
 #define HEXAD_BASE_LANES_H
@@ -10,32 +10,32 @@
 
 enum { LANES = 8 };
 
-/* May lie anywhere in an array of floats. A mask has -1 in lanes where something is so, and 0 elsewhere. */
+/* Any alignment of float is permitted. A mask has -1 in lanes where a condition is true, and 0 in others. */
 typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 typedef int32_t lanes_mask __attribute__((vector_size(4 * LANES)));
 
-#pragma GCC diagnostic ignored "-Wpsabi" /* what takes or returns lanes is inlined */
+#pragma GCC diagnostic ignored "-Wpsabi" /* all functions with lanes as parameters or results are inlined */
 
-/* Of eight bits each in a lane. */
+/* A mask from eight bits, one per lane. */
 ISA_INLINE lanes_mask lanes_spread(uint8_t bits)
 {
     const lanes_mask bit = {1, 2, 4, 8, 16, 32, 64, 128}, all = {0};
     return ((all + (int32_t)bits) & bit) == bit;
 }
 
-/* a where it is so, 0 elsewhere. */
+/* a where the mask is set, 0 in other lanes. */
 ISA_INLINE lanes lanes_only(lanes_mask of, lanes a)
 {
     return (lanes)(of & (lanes_mask)a);
 }
 
-/* a where it is so, b elsewhere. */
+/* a where the mask is set, b in other lanes. */
 ISA_INLINE lanes lanes_chosen(lanes_mask of, lanes a, lanes b)
 {
     return (lanes)((of & (lanes_mask)a) | (~of & (lanes_mask)b));
 }
 
-/* A loop that is not unrolled early becomes a single instruction. */
+/* A loop that is not unrolled early compiles to a single instruction. */
 ISA_INLINE lanes lanes_smaller(lanes a, lanes b)
 {
 #pragma GCC unroll 1
@@ -50,7 +50,7 @@ ISA_INLINE lanes lanes_larger(lanes a, lanes b)
     return a;
 }
 
-/* Lane i of the lanes j becomes lane j of the lanes i. */
+/* Transposes: lane i of r[j] becomes lane j of r[i]. */
 ISA_INLINE void lanes_transpose(lanes r[LANES])
 {
 #pragma GCC unroll 3

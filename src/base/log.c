@@ -33,9 +33,9 @@ bool log_level_from_name(const char *name, log_level *level)
     return false;
 }
 
-/* A record may be this long; of a longer one the rest is left out. */
+/* Maximum length of a record; longer ones are truncated. */
 #define RECORD_SIZE 2048
-/* An id, a number. */
+/* Size of a value of a field: an id or a number. */
 #define VALUE_SIZE 64
 
 typedef struct field {
@@ -76,7 +76,7 @@ static void write_line(log_level level, const char *message)
     clock_format_utc(clock_wall_ms(), now);
     int length = snprintf(line, sizeof line, "%s %s %s\n", now, names[level], message);
     ssize_t written = write(STDERR_FILENO, line, (size_t)length);
-    (void)written; /* nowhere is left to complain to */
+    (void)written; /* there is no place to report an error */
 }
 
 void log_write_list(log_level level, const char *format, va_list arguments)

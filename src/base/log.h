@@ -1,12 +1,11 @@
-/* log: records of one line on standard error.
+/* log: one-line records on standard error.
  *
- * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so records of
- * several threads do not mix. Where standard error leads to the journal it is given fields instead:
- * the message, its priority, and HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are what stands
- * behind the first job=, attempt= and worker= of the message. Callers put those before any text
- * from outside. Control characters are replaced, so such text cannot forge a record. Callers keep
- * secrets (tokens, credentials) out. Any thread may log. Only programs that call log_set_journal write to the journal,
- * so that others need no libsystemd.
+ * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so that records of several threads do
+ * not mix. If standard error is connected to the journal, it receives fields instead: the message, its priority, and
+ * HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are the values of the first job=, attempt= and worker= in the
+ * message. Callers write these before any text from outside. Control characters are replaced, so that such text cannot
+ * forge a record. Callers do not log secrets (tokens, credentials). Any thread may log. Only programs that call
+ * log_set_journal write to the journal, so that others need no libsystemd.
  */
 #ifndef HEXAD_BASE_LOG_H
 #define HEXAD_BASE_LOG_H
@@ -26,16 +25,16 @@
 
 typedef enum log_level { LOG_LEVEL_LIST(WORDS_ENUMERATOR, LOG_LEVEL) LOG_LEVEL_COUNT } log_level;
 
-/* Records above the level are dropped; info at the start. */
+/* Records above the level are dropped; initially LOG_LEVEL_INFO. */
 void log_set_level(log_level level);
 
-/* Writes the fields, each NAME=value, to the journal; false: not written. */
+/* Writes fields, each NAME=value, to the journal. False: not written. */
 typedef bool log_journal(const struct iovec *fields, size_t count);
 
-/* Where records go from now on; NULL, as at the start: lines on standard error. Call it before there are threads. */
+/* Sets the destination of records; NULL (initially): lines on standard error. Call it before starting threads. */
 void log_set_journal(log_journal *journal);
 
-/* "error", "warning", "info", "debug"; false and *level untouched for any other name. */
+/* "error", "warning", "info", "debug". False, with *level unchanged, for any other name. */
 bool log_level_from_name(const char *name, log_level *level);
 
 void log_write(log_level level, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -11,33 +11,33 @@
 
 #include "base/clock.h"
 
-bool manager_is_there(void)
+bool manager_is_present(void)
 {
     const char *where = getenv("NOTIFY_SOCKET");
     return where && *where;
 }
 
-void manager_tell_ready(void)
+void manager_report_ready(void)
 {
     sd_notify(0, "READY=1");
 }
 
-void manager_tell_reloading(void)
+void manager_report_reloading(void)
 {
     sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%lld", 1000 * (long long)clock_monotonic_ms());
 }
 
-void manager_tell_starting(double seconds)
+void manager_report_starting(double seconds)
 {
     sd_notifyf(0, "EXTEND_TIMEOUT_USEC=%.0f", 1e6 * seconds);
 }
 
-void manager_tell_stopping(double seconds)
+void manager_report_stopping(double seconds)
 {
     sd_notifyf(0, "STOPPING=1\nEXTEND_TIMEOUT_USEC=%.0f", 1e6 * seconds);
 }
 
-void manager_tell_status(const char *format, ...)
+void manager_report_status(const char *format, ...)
 {
     char text[256];
     va_list arguments;
@@ -47,7 +47,7 @@ void manager_tell_status(const char *format, ...)
     sd_notifyf(0, "STATUS=%s", text);
 }
 
-void manager_tell_alive(void)
+void manager_report_alive(void)
 {
     sd_notify(0, "WATCHDOG=1");
 }
@@ -60,7 +60,7 @@ int64_t manager_watchdog_ms(void)
 
 bool manager_socket(int *fd, error *e)
 {
-    int count = sd_listen_fds(0); /* the environment stays: other threads may read it */
+    int count = sd_listen_fds(0); /* keeps the environment, which other threads may read */
     *fd = count == 1 ? SD_LISTEN_FDS_START : -1;
     return count <= 1 ||
            error_set(

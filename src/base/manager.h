@@ -1,6 +1,7 @@
-/* manager: talks to the service manager (systemd) that started this process; without one each call does nothing.
+/* manager: communicates with the service manager (systemd) that started this process. Without one, functions do
+ * nothing.
  *
- * Reports readiness, status and life signs, takes over a listening socket, and writes to the journal. The only user of
+ * Reports readiness, status and keep-alives, takes over a listening socket, and writes to the journal. The only user of
  * libsystemd. Any thread, except manager_socket.
  */
 #ifndef HEXAD_BASE_MANAGER_H
@@ -13,24 +14,24 @@
 
 #include "base/error.h"
 
-bool manager_is_there(void); /* a manager expects reports */
+bool manager_is_present(void); /* a manager is present and expects reports */
 
-void manager_tell_ready(void);
-void manager_tell_reloading(void); /* until the next manager_tell_ready */
-/* The start goes on and may take this many seconds more. */
-void manager_tell_starting(double seconds);
-/* The service is ending, which may take so many seconds. */
-void manager_tell_stopping(double seconds);
-void manager_tell_status(const char *format, ...) __attribute__((format(printf, 1, 2)));
-void manager_tell_alive(void);
+void manager_report_ready(void);
+void manager_report_reloading(void); /* until the next manager_report_ready */
+/* The start continues and may take this many more seconds. */
+void manager_report_starting(double seconds);
+/* The service is stopping, which may take this many seconds. */
+void manager_report_stopping(double seconds);
+void manager_report_status(const char *format, ...) __attribute__((format(printf, 1, 2)));
+void manager_report_alive(void);
 
-/* The longest time between two manager_tell_alive before the manager ends the service; 0: no watchdog. */
+/* Maximum time between two calls of manager_report_alive before the manager kills the service; 0: no watchdog. */
 int64_t manager_watchdog_ms(void);
 
-/* The one socket that was handed over, or -1 when there is none. More than one is an error (spec_invalid). */
+/* The socket passed by the manager, or -1 if there is none. Error: spec_invalid (more than one). */
 bool manager_socket(int *fd, error *e);
 
-/* Whether standard error is connected to the journal: then records should have fields. */
+/* Whether standard error is connected to the journal, so that records should have fields. */
 bool manager_has_journal(void);
 bool manager_journal(const struct iovec *fields, size_t count); /* each NAME=value; false: not written */
 

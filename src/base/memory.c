@@ -48,19 +48,18 @@ char *mem_printf(const char *format, ...)
     return not_null(length < 0 ? NULL : text);
 }
 
-/* From so many bytes on, whole pages are given back to the kernel, which zeroes them when they are first touched: arrays are
- * often larger than what comes to be used of them. Smaller ones, as of a picture of usual size, are zeroed as they are, those of
- * SEVERAL_PAGES once all their pages are in place: to touch a page for the first time takes as long as to zero several, and on
- * virtual machines fifty. */
+/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since arrays
+ * are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once; from SEVERAL_PAGES
+ * bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual machines fifty. */
 static const size_t LARGE = 5 << 18, SEVERAL_PAGES = 1 << 17;
 
-/* Arrays of so many bytes have pages of two megabytes: a process with gigabytes in small ones takes the
- * kernel a third of a second to end. */
+/* Arrays from this size use pages of 2 MB: the kernel needs a third of a second to end a process with gigabytes in
+ * small pages. */
 static const size_t VERY_LARGE = 2 << 20;
-/* Bytes of an array that are moved before their old place is given back. */
+/* Bytes of an array that are moved before their old memory is returned. */
 static const size_t AT_ONCE = 32 << 20;
 
-/* The whole pages within so many bytes; *head: how many bytes lie before them. */
+/* The number of bytes in whole pages within a range; *head: bytes before them. */
 static size_t whole_pages(const char *p, size_t bytes, size_t *head)
 {
     const size_t page = (size_t)sysconf(_SC_PAGESIZE);
@@ -68,7 +67,7 @@ static size_t whole_pages(const char *p, size_t bytes, size_t *head)
     return bytes < *head ? 0 : (bytes - *head) / page * page;
 }
 
-/* Puts small pages in place, all at once. A wish: kernels before 5.14 know none. */
+/* Populates small pages, all at once. Best effort: needs Linux 5.14. */
 static void populate(char *p, size_t bytes)
 {
     if (bytes > 0) madvise(p, bytes, MADV_POPULATE_WRITE);
@@ -80,7 +79,7 @@ static void *zeroed(char *p, size_t bytes)
     if (bytes < LARGE) populate(p + head, pages);
     if (bytes < LARGE || madvise(p + head, pages, MADV_DONTNEED) != 0) return memset(p, 0, bytes);
     if (bytes >= VERY_LARGE) {
-        madvise(p + head, pages, MADV_HUGEPAGE); /* a wish: the kernel may have none */
+        madvise(p + head, pages, MADV_HUGEPAGE); /* best effort: the kernel may have none */
         populate(p + head + pages - pages % VERY_LARGE, pages % VERY_LARGE);
     }
     memset(p, 0, head);
@@ -88,9 +87,9 @@ static void *zeroed(char *p, size_t bytes)
     return p;
 }
 
-/* What a small job takes, and how much of it is put in place at once. */
+/* Memory of a small job, and the part of it that is populated at once. */
 static const size_t FIRST = 12 << 20, POPULATED = 4 << 20;
-/* Bytes above the last thing in use that are kept: more than the former. */
+/* Free bytes kept at the top of the heap; more than FIRST. */
 static const int KEPT = 16 << 20;
 
 void mem_begin(void)
@@ -108,10 +107,10 @@ void mem_begin(void)
     mallopt(M_MMAP_THRESHOLD, (int)VERY_LARGE);
 }
 
-/* Threads share the arenas: each keeps what it has of freed memory below something in use. */
+/* Threads share the arenas, each of which keeps freed memory below blocks in use. */
 enum { ARENAS = 4 };
-/* Blocks from the first size on go back to the kernel when they are freed; the second is kept above the last thing in use of an
- * arena. Once set, the library does not raise them. */
+/* Blocks from MAPPED_BYTES are returned to the kernel when freed; KEPT_BYTES are kept at the top of an arena. Explicit
+ * values are not raised by the library. */
 enum { MAPPED_BYTES = 256 << 10, KEPT_BYTES = 1 << 20 };
 
 void mem_begin_threads(void)
@@ -125,7 +124,7 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
 {
     size_t bytes;
     if (!__builtin_mul_overflow(count, size, &bytes) &&
-        bytes <= PTRDIFF_MAX - 128) { /* no object is larger */
+        bytes <= PTRDIFF_MAX - 128) { /* maximum size of an object */
         bytes = (bytes + 64) & ~(size_t)63;
         void *p;
         if (posix_memalign(&p, bytes < VERY_LARGE ? 64 : VERY_LARGE, bytes) == 0) return zeroed(p, bytes);
@@ -140,10 +139,10 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
 void mem_release(void *part, size_t bytes)
 {
     size_t head, pages = whole_pages(part, bytes, &head);
-    if (pages > 0) madvise((char *)part + head, pages, MADV_DONTNEED); /* a wish as well */
+    if (pages > 0) madvise((char *)part + head, pages, MADV_DONTNEED); /* best effort */
 }
 
-/* Large arrays are not there twice. */
+/* Moves an array in parts, so that a large one does not need its memory twice. */
 static void move_bytes(char *to, char *from, size_t bytes)
 {
     for (size_t done = 0; done < bytes; done += AT_ONCE) {

@@ -1,9 +1,8 @@
-/* memory: allocation in two kinds.
+/* memory: two kinds of allocation.
  *
- * mem_* are for small things (text, JSON nodes, tables): they never return NULL; when the machine
- * has no memory left they say so on standard error and abort, since nothing useful can be done.
- * mem_array is for what grows with a job: sizes are checked for overflow and failure is an error
- * with code limit_memory. Everything is released with free().
+ * mem_* functions are for small objects (text, JSON nodes, tables): they never return NULL; if memory is exhausted they
+ * print a message to standard error and abort. mem_array is for arrays whose size grows with a job: sizes are checked
+ * for overflow, and failure is the error limit_memory. Free everything with free(). Any thread.
  */
 #ifndef HEXAD_BASE_MEMORY_H
 #define HEXAD_BASE_MEMORY_H
@@ -18,28 +17,28 @@ char *mem_strdup(const char *text);
 char *mem_strndup(const char *text, size_t length);
 char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-/* `count` zeroed elements of `size` bytes, aligned for any vector unit (64 bytes); NULL and an
- * error that names `what` when they are not to be had. A count of 0 gives a pointer to free. */
+/* `count` zeroed elements of `size` bytes, aligned to 64 bytes for vector units. Error: limit_memory, NULL; the message
+ * contains `what`. For a count of 0 the result is not NULL. */
 void *mem_array(size_t count, size_t size, const char *what, error *e);
 
-/* Makes room for one more element: `array`, of `count` elements of mem_array's, while they are fewer than *room; else one
- * twice as large, at first of `first` elements, into which they are moved and whose size goes to *room. NULL and an error
- * as mem_array's; `array` stays then. */
-void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what,
+/* Grows an array of mem_array for one more element. Returns `array` if count < *capacity. Otherwise allocates twice the
+ * size, at first `first` elements, moves the elements, frees `array`, and sets *capacity. Error: limit_memory, NULL;
+ * `array` is unchanged. */
+void *mem_grow(void *array, size_t count, size_t *capacity, size_t first, size_t size, const char *what,
                error *e);
 
-/* For a program of large arrays, before it starts threads: each of 2 MB and more goes back to the kernel when it is freed, whatever
- * was allocated behind it. Of itself the library keeps ever larger ones. The first 12 MB are in large pages, where the kernel has
- * them, and 4 MB are there at once: a small job spends a fifth of its time on first touches of small pages otherwise. */
+/* For a program with large arrays; call it before starting threads. Arrays of 2 MB and more are returned to the kernel
+ * when freed, whatever was allocated after them; by default the C library raises this size. The first 12 MB are in huge
+ * pages, if the kernel has them, and 4 MB of them are populated: a small job otherwise spends a fifth of its time on
+ * page faults. */
 void mem_begin(void);
 
-/* For a program of many threads that runs for long, before it starts threads: bounds the freed memory that the C library keeps. By
- * default that is up to 64 MB in each arena, with eight arenas for each processor. MALLOC_ARENA_MAX in the environment overrides the
- * number of arenas. */
+/* For a long-running program with many threads; call it before starting threads. Bounds the freed memory that the C
+ * library keeps; by default that is up to 64 MB per arena, with eight arenas per processor. MALLOC_ARENA_MAX in the
+ * environment overrides the number of arenas. */
 void mem_begin_threads(void);
 
-/* Gives the memory of whole pages within an array back to the kernel; what it held is lost. The array is freed as a whole
- * all the same. */
+/* Returns the whole pages within an array to the kernel; their contents are lost. The array is still freed as a whole. */
 void mem_release(void *part, size_t bytes);
 
 #endif

@@ -5,7 +5,7 @@
 
 void *module_symbol(const char *file, const char *symbol, error *e)
 {
-    /* found through the program's run path; lazily, as a job calls few of a library's functions */
+    /* found through the program's run path; lazy binding, since a job calls few functions of a library */
     void *module = dlopen(file, RTLD_LAZY | RTLD_LOCAL | RTLD_NODELETE);
     void *address = module ? dlsym(module, symbol) : NULL;
     if (!address) {
@@ -13,6 +13,6 @@ void *module_symbol(const char *file, const char *symbol, error *e)
         error_set(e, ERROR_INTERNAL, "cannot load a module of hexad: %s. Install hexad again.",
                   why ? why : file);
     }
-    if (module) dlclose(module); /* it stays, as it is marked not to be unloaded */
+    if (module) dlclose(module); /* it is not unloaded (RTLD_NODELETE) */
     return address;
 }

@@ -3,14 +3,14 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { LENGTH_MOST = 64 }; /* bytes; a longer name resembles none */
+enum { LENGTH_MOST = 64 }; /* bytes; longer names are not compared */
 
 static size_t least(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
 
-/* Levenshtein's distance in which two adjacent letters that are swapped count as 1 (optimal string alignment). */
+/* Levenshtein distance in which a transposition of adjacent letters counts as 1 (optimal string alignment). */
 static size_t edit_distance(const char *a, size_t na, const char *b, size_t nb)
 {
     size_t rows[3][LENGTH_MOST + 1];

@@ -1,4 +1,4 @@
-/* What of reader.h runs in the process that reads, which may be a module of its own. */
+/* The functions of reader.h that run in the process that reads, which may be a module. */
 #include "base/reader.h"
 
 #include <errno.h>
@@ -17,7 +17,7 @@ static rlim_t mapped_now(void)
     return (rlim_t)pages * (rlim_t)sysconf(_SC_PAGESIZE);
 }
 
-/* A limit can only be lowered: what is set already stays if it is less. */
+/* Lowers a limit; a lower existing limit is kept. */
 static void set_limit(int which, rlim_t soft, rlim_t hard)
 {
     struct rlimit limit;
@@ -34,14 +34,15 @@ size_t reader_limit(int argc, char **argv, unsigned descriptors)
     rlim_t memory = (rlim_t)strtoull(argv[2], NULL, 10), seconds = (rlim_t)strtoull(argv[3], NULL, 10);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     set_limit(RLIMIT_CORE, 0, 0);
-    set_limit(RLIMIT_CPU, seconds, seconds + 1); /* first a signal of its own, by which the parent knows */
+    /* the soft limit sends SIGXCPU, which the parent recognises */
+    set_limit(RLIMIT_CPU, seconds, seconds + 1);
 #ifdef __SANITIZE_ADDRESS__
     (void)mapped_now; /* the sanitizer reserves more address space than any limit */
 #else
     rlim_t most = memory + mapped_now();
     set_limit(RLIMIT_AS, most, most);
 #endif
-    set_limit(RLIMIT_FSIZE, 0, 0); /* a pipe has no size */
+    set_limit(RLIMIT_FSIZE, 0, 0); /* pipes are not affected */
     set_limit(RLIMIT_NOFILE, descriptors, descriptors);
     return (size_t)memory;
 }

@@ -9,7 +9,7 @@ typedef struct rng {
     uint64_t state[4];
 } rng;
 
-/* `stream` gives independent generators under one seed. */
+/* `stream` selects independent generators for one seed. */
 rng rng_seed(uint64_t seed, uint64_t stream);
 uint64_t rng_next(rng *r);
 double rng_uniform(rng *r); /* in [0, 1), 53 bits */

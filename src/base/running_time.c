@@ -9,9 +9,9 @@
 
 struct running_time {
     pthread_mutex_t mutex;
-    running_period period[RUNNING_PERIODS_MOST]; /* the last one goes on */
+    running_period period[RUNNING_PERIODS_MOST]; /* the last period is the current one */
     size_t count;
-    int64_t wall_ms, boot_ms; /* at the last look */
+    int64_t wall_ms, boot_ms; /* at the last update */
 };
 
 static int64_t least(int64_t a, int64_t b)
@@ -24,8 +24,8 @@ static int64_t time_between(const running_period *a, const running_period *b)
     return llabs(b->from_ms - a->from_ms - a->length_ms);
 }
 
-/* Joins two neighbours, those with the least time between them. The joined period begins so early that no running time is
- * counted that was not there; what began in its later part counts too little, by at most the time between them. */
+/* Merges the two neighbours with the smallest gap. The merged period starts early enough that it counts no time in which
+ * the program did not run. For objects created in its later part it counts too little, by at most the gap. */
 static void join_two(running_time *t)
 {
     running_period *best = t->period;
@@ -43,9 +43,9 @@ static void begin_period(running_time *t, int64_t from_ms)
     t->period[t->count++] = (running_period){.from_ms = from_ms};
 }
 
-/* Continues the last period up to now. After a step of the wall clock, the time since the last look belongs to a new
- * period, because the step may have been at its beginning. */
-static void look(running_time *t)
+/* Extends the last period to now. After a step of the wall clock, the time since the last update belongs to a new
+ * period, because the step may have been at its start. */
+static void update(running_time *t)
 {
     int64_t wall = clock_wall_ms(), passed = clock_boot_ms() - t->boot_ms, step = wall - t->wall_ms - passed;
     if (step > RUNNING_STEP_MS || step < -RUNNING_STEP_MS) begin_period(t, wall - passed);
@@ -74,8 +74,8 @@ void running_time_free(running_time *t)
     free(t);
 }
 
-/* What began at one wall-clock time may belong to several periods after a step backwards. The last of these is taken,
- * which gives the shortest running time. */
+/* After a step backwards, a time of the wall clock may belong to several periods. The last of these is used: it gives
+ * the shortest running time. */
 static size_t list_bounds(const running_time *t, running_bound bounds[])
 {
     size_t count = 0, last = t->count - 1;
@@ -95,7 +95,7 @@ static size_t list_bounds(const running_time *t, running_bound bounds[])
 size_t running_time_list_bounds(running_time *t, running_bound bounds[RUNNING_BOUNDS_MOST])
 {
     pthread_mutex_lock(&t->mutex);
-    look(t);
+    update(t);
     size_t count = list_bounds(t, bounds);
     pthread_mutex_unlock(&t->mutex);
     return count;
@@ -116,7 +116,7 @@ bool running_time_is_over(running_time *t, int64_t since_ms, int64_t keep_ms)
 size_t running_time_list(running_time *t, running_period periods[RUNNING_PERIODS_MOST])
 {
     pthread_mutex_lock(&t->mutex);
-    look(t);
+    update(t);
     size_t count = t->count;
     memcpy(periods, t->period, count * sizeof *periods);
     pthread_mutex_unlock(&t->mutex);

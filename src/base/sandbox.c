@@ -46,7 +46,7 @@ const char *sandbox_mode_name(sandbox_mode mode)
     return mode_names[mode];
 }
 
-/* ---- Landlock. Headers may be older than the kernel: what came after version 2 is spelled out here. */
+/* ---- Landlock. Headers may be older than the kernel: constants after version 2 are defined here. */
 
 typedef struct ruleset {
     uint64_t files, net, scope; /* struct landlock_ruleset_attr as of version 6 */
@@ -66,7 +66,7 @@ static const uint64_t keep_files = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCES
                                    LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_MAKE_REG |
                                    LANDLOCK_ACCESS_FS_REMOVE_FILE | FILES_TRUNCATE;
 
-/* Of the kernel; 0 when it has none, or none that is turned on. */
+/* Version of the kernel; 0: Landlock is missing or disabled. */
 static int landlock_version(void)
 {
     long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
@@ -89,7 +89,7 @@ static size_t ruleset_size(int version)
     return version >= 6 ? sizeof(ruleset) : version >= 4 ? offsetof(ruleset, scope) : offsetof(ruleset, net);
 }
 
-/* Grants rights below a path. A place that is not there needs no rule, unless it must be there. */
+/* Grants rights below a path. A missing place needs no rule, unless it must exist. */
 static bool grant(int rules, uint64_t handled, const char *path, uint64_t rights, bool must, error *e)
 {
     struct landlock_path_beneath_attr beneath = {.allowed_access = rights & handled};
@@ -102,18 +102,18 @@ static bool grant(int rules, uint64_t handled, const char *path, uint64_t rights
     return ok || error_set(e, ERROR_INTERNAL, "sandbox: no rule for %s: %s", path, strerror(why));
 }
 
-/* The loader that this program names; "" of one that is linked statically. */
+/* The loader of this program; "" if it is linked statically. */
 static int find_loader(struct dl_phdr_info *info, size_t size, void *path)
 {
     (void)size;
     for (int i = 0; i < info->dlpi_phnum; i++)
         if (info->dlpi_phdr[i].p_type == PT_INTERP)
             *(const char **)path = (const char *)(info->dlpi_addr + info->dlpi_phdr[i].p_vaddr);
-    return 1; /* the program itself comes first, and libraries may name a loader, too */
+    return 1; /* the program comes first; libraries may have a loader, too */
 }
 
-/* Where the loader looks: the directories of its own, those of the program's run path, and the places that
- * its cache may name. */
+/* Grants the directories that the loader searches: the default ones, those of the program's run path, and those of its
+ * cache. */
 static bool grant_libraries(int rules, uint64_t handled, error *e)
 {
     static const char *const usual[] = {"/lib",       "/lib64",         "/usr/lib",
@@ -146,7 +146,7 @@ static bool add_rules(int rules, uint64_t handled, const sandbox_places *places,
               grant(rules, handled, places->writable, keep_files, true, e);
     for (size_t i = 0; ok && i < places->readable_count; i++)
         ok = grant(rules, handled, places->readable[i], read_file, true, e);
-    /* of the runtimes, which look at the process that they are in */
+    /* the runtimes of sanitizers read it */
     if (ok && SANITIZED) ok = grant(rules, handled, "/proc", read_file | read_directory, false, e);
     return ok;
 }
@@ -165,8 +165,8 @@ static bool enter_landlock(int version, const sandbox_places *places, error *e)
 
 /* ---- the filter */
 
-/* What a worker and the process that reads meshes call: glibc, the loader, OpenVDB, assimp, and what glibc
- * falls back to. Pointers cannot be looked at: where a path leads is Landlock's to say. */
+/* System calls of a worker and of the process that reads meshes: glibc, the loader, OpenVDB, assimp, and fallbacks of
+ * glibc. A filter cannot follow pointers: Landlock restricts paths. */
 // clang-format off
 static const int calls[] = {
     /* memory */
@@ -194,7 +194,7 @@ static const int calls[] = {
     /* time */
     SCMP_SYS(clock_gettime), SCMP_SYS(clock_gettime64), SCMP_SYS(clock_nanosleep),
     SCMP_SYS(clock_nanosleep_time64), SCMP_SYS(gettimeofday), SCMP_SYS(setitimer),
-    /* limits, and what is asked of the system */
+    /* limits and system information */
     SCMP_SYS(getrlimit), SCMP_SYS(ugetrlimit), SCMP_SYS(setrlimit), SCMP_SYS(getrusage), SCMP_SYS(sysinfo),
     SCMP_SYS(uname), SCMP_SYS(getrandom), SCMP_SYS(getuid), SCMP_SYS(geteuid), SCMP_SYS(getgid),
     SCMP_SYS(getegid),
@@ -204,10 +204,10 @@ static const int calls[] = {
 };
 // clang-format on
 
-/* Calls whose numbers say what they do. clone makes threads, and what posix_spawn needs, but no name space
- * and no copy of the process; glibc asks for clone3 first, whose flags lie behind a pointer, and takes no
- * such call for an answer. Limits are one's own. Two ends of a stream hand descriptors to a reader; those of
- * datagrams could send to any other socket. */
+/* System calls whose arguments are checked. clone may make threads and what posix_spawn needs, but no namespace and no
+ * copy of the process. clone3 is refused, since its flags are behind a pointer; glibc falls back to clone. Limits: own
+ * process only. socketpair: only streams, which pass descriptors to a reader; datagram sockets could send to any other
+ * socket. */
 static int add_checked_calls(scmp_filter_ctx filter)
 {
     const uint64_t spaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER |
@@ -221,7 +221,7 @@ static int add_checked_calls(scmp_filter_ctx filter)
     int why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1, &shares);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, &own);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(socketpair), 2, pair);
-    if (SANITIZED) return why; /* the runtimes' prctl is in the table */
+    if (SANITIZED) return why; /* prctl is in the table then */
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &dies);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &name);
     return why;
@@ -235,7 +235,7 @@ static bool has_filters(void)
 
 static bool enter_filter(error *e)
 {
-    /* not EPERM: libc takes a call that is not there for an older kernel and falls back */
+    /* not EPERM: with ENOSYS libc assumes an older kernel and falls back */
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(ENOSYS));
     int why = filter ? seccomp_attr_set(filter, SCMP_FLTATR_CTL_OPTIMIZE, 2) : -ENOMEM;
     for (size_t i = 0; why == 0 && i < sizeof calls / sizeof *calls; i++)
@@ -246,11 +246,11 @@ static bool enter_filter(error *e)
     return why == 0 || error_set(e, ERROR_INTERNAL, "sandbox: no filter of system calls: %s", strerror(-why));
 }
 
-/* ---- all of it */
+/* ---- entry */
 
 #ifdef __SANITIZE_ADDRESS__
-/* Asked by the runtime at the end: leaks are looked for by a process that traces this one, which no filter
- * that is worth its name lets it do. Workers outside of a sandbox look for them. */
+/* Called by the runtime at exit: leak detection needs a process that traces this one, which the filter refuses. Workers
+ * outside a sandbox detect leaks. */
 int __lsan_is_turned_off(void);
 int __lsan_is_turned_off(void)
 {

@@ -1,14 +1,15 @@
-/* sandbox: restricts a process that reads untrusted files, and all that it starts. The only user of libseccomp.
+/* sandbox: restricts a process that reads untrusted files, and all processes that it starts. The only user of
+ * libseccomp.
  *
- * Three restrictions, none of which can be lifted again:
+ * Three permanent restrictions:
  * - no new privileges;
- * - a seccomp filter that allows the system calls of a worker. Others return ENOSYS: no sockets except stream pairs, no
- *   tracing, no namespaces, no mounts, no io_uring;
- * - Landlock, where the kernel has it: reading below the given places, writing below one, executing this program and
- *   its loader only. Libraries stay readable where the loader looks for them, since a worker loads modules late.
+ * - a seccomp filter that permits the system calls of a worker. Others return ENOSYS: no sockets except stream pairs,
+ *   no tracing, no namespaces, no mounts, no io_uring;
+ * - Landlock, if the kernel has it: reading below the given places, writing below one, executing only this program and
+ *   its loader. Libraries remain readable where the loader searches them, since a worker loads modules late.
  *
- * A process enters before it starts threads and before it reads untrusted bytes. With the sanitizers the filter also
- * allows the calls of their runtimes, /proc is readable, and leaks are not searched.
+ * A process enters before it starts threads and before it reads untrusted bytes. With sanitizers the filter also
+ * permits the system calls of their runtimes, /proc is readable, and leaks are not detected.
  */
 #ifndef HEXAD_BASE_SANDBOX_H
 #define HEXAD_BASE_SANDBOX_H
@@ -19,10 +20,10 @@
 #include "base/error.h"
 #include "base/words.h"
 
-/* What the kernel tells of the process itself, its memory among it: readable in the sandbox too. */
+/* Status of the process itself, such as its memory: readable in the sandbox, too. */
 #define SANDBOX_OWN_STATUS "/proc/self/status"
 
-/* available: as much as the kernel supports; required: an error if it lacks Landlock or filters */
+/* available: as far as the kernel supports it; required: an error if it lacks Landlock or filters */
 #define SANDBOX_LIST(ENTRY, prefix)       \
     ENTRY(prefix, OFF, "off")             \
     ENTRY(prefix, AVAILABLE, "available") \
@@ -31,23 +32,23 @@
 typedef enum sandbox_mode { SANDBOX_LIST(WORDS_ENUMERATOR, SANDBOX) SANDBOX_MODES } sandbox_mode;
 
 typedef struct sandbox_places {
-    const char *const *readable; /* files that can be read, and directories below which all can */
+    const char *const *readable; /* readable files, and directories below which all files are readable */
     size_t readable_count;
-    const char *writable; /* a directory below which files can be made, read, renamed and removed */
+    const char *writable; /* directory below which files can be created, read, renamed and removed */
 } sandbox_places;
 
-/* "off", "available", "required"; false and *mode untouched for any other name. */
+/* "off", "available", "required". False, with *mode unchanged, for any other name. */
 bool sandbox_mode_from_name(const char *name, sandbox_mode *mode);
 const char *sandbox_mode_name(sandbox_mode mode);
 
 /* Whether this kernel supports the mode. Error: internal. */
 bool sandbox_check(sandbox_mode mode, error *e);
 
-/* Restricts the process for the rest of its life. After a failure it may be restricted in part and should end.
- * SANDBOX_OFF does nothing. The places must exist. */
+/* Restricts the process permanently. After a failure it may be partly restricted and should end. SANDBOX_OFF does
+ * nothing. The places must exist. Error: internal. */
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e);
 
-/* Describes for the log what sandbox_enter will do on this kernel; call it before. */
+/* Describes, for the log, the effect of sandbox_enter on this kernel; call it before. Returns `text`. */
 enum { SANDBOX_TEXT_SIZE = 96 };
 const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE]);
 

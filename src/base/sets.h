@@ -1,5 +1,6 @@
-/* sets: disjoint sets of the numbers 0 to n - 1, as a forest in an array of the caller's. The least of a set is its
- * root. Joining is not for several threads at once, but for what is called shared. */
+/* sets: union-find on the numbers 0 to n - 1, in an array of the caller. The root of a set is its lowest number. One
+ * thread at a time, except for functions named shared.
+ */
 #ifndef HEXAD_BASE_SETS_H
 #define HEXAD_BASE_SETS_H
 
@@ -7,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Each number alone. */
+/* Makes each number a set of its own. */
 static inline void sets_reset(uint32_t *parent, size_t n)
 {
     for (uint32_t k = 0; k < n; k++) parent[k] = k;
@@ -15,11 +16,11 @@ static inline void sets_reset(uint32_t *parent, size_t n)
 
 static inline uint32_t sets_root(uint32_t *parent, uint32_t k)
 {
-    while (parent[k] != k) k = parent[k] = parent[parent[k]]; /* and makes the way shorter */
+    while (parent[k] != k) k = parent[k] = parent[parent[k]]; /* path halving */
     return k;
 }
 
-/* Makes one of the sets of a and b; whether they were two. */
+/* Merges the sets of a and b. Returns whether they were different. */
 static inline bool sets_join(uint32_t *parent, uint32_t a, uint32_t b)
 {
     a = sets_root(parent, a);
@@ -28,7 +29,8 @@ static inline bool sets_join(uint32_t *parent, uint32_t a, uint32_t b)
     return a != b;
 }
 
-/* The same while other threads do. Who is no root stays none, so that ways made shorter by others are right as well. */
+/* sets_root while other threads call shared functions. A number that is not a root never becomes one, so that
+ * concurrent path halving is correct. */
 static inline uint32_t sets_root_shared(uint32_t *parent, uint32_t k)
 {
     for (;;) {
@@ -40,7 +42,7 @@ static inline uint32_t sets_root_shared(uint32_t *parent, uint32_t k)
     }
 }
 
-/* Likewise; the sets are the same whoever comes first. */
+/* sets_join while other threads call shared functions; the result does not depend on the order. */
 static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
 {
     for (;;) {
@@ -54,8 +56,8 @@ static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
     }
 }
 
-/* Makes its root the parent of k, while other threads do so of other numbers, once nobody joins any more. It shortens no other's way:
- * a way that is shorter need not end at the root. */
+/* Sets the parent of k to its root, while other threads do so for other numbers, after all joins. It does not shorten
+ * other paths: they would then not end at a root. */
 static inline void sets_flatten_shared(uint32_t *parent, uint32_t k)
 {
     uint32_t root = k, up;

@@ -8,14 +8,14 @@
 
 #include "base/memory.h"
 
-/* The chunks of a loop that a worker takes first, on a cache line of its own. */
+/* The share of a worker: chunks that it takes first. On a cache line of its own. */
 typedef struct share {
     _Alignas(64) atomic_size_t next;
     size_t end;
 } share;
 
-/* The loop at hand in one word: its number, whether it is open (has chunks left, so that workers may enter), and how many
- * workers are inside. Who looks for a loop enters and leaves it by this word alone. The lock is for those who sleep. */
+/* State of the current loop in one word: its number, a bit OPEN (chunks are left, so that workers may enter), and the
+ * number of workers inside. Workers that spin use only this word. The lock is for workers that sleep. */
 enum { INSIDE = 1, OPEN = 512, NUMBER = 2 * OPEN };
 _Static_assert(THREADS_MAX < OPEN, "workers inside fit below the bit OPEN");
 
@@ -27,13 +27,13 @@ struct threads {
     pthread_mutex_t lock;
     pthread_cond_t start, finished;
     bool stop;
-    _Alignas(64) atomic_uint loop;    /* on a line of its own: who waits reads it all the time */
+    _Alignas(64) atomic_uint loop;    /* on a cache line of its own: spinning workers read it */
     _Alignas(64) atomic_int sleepers; /* workers that wait for `start` */
     atomic_bool waits;                /* worker 0 waits for `finished` */
     threads_work work;
     void *context;
     size_t end, grain;
-    share *shares; /* [count] */
+    share *shares; /* one per worker */
 };
 
 typedef struct seat {
@@ -41,11 +41,11 @@ typedef struct seat {
     int worker;
 } seat;
 
-/* Those of a share that nobody has taken. */
+/* Runs the remaining chunks of a share. */
 static void take_share(threads *t, share *s, int worker)
 {
     if (atomic_load_explicit(&s->next, memory_order_relaxed) >= s->end)
-        return; /* used up: no write to its line */
+        return; /* empty: avoids a write to its cache line */
     while (!threads_stopped(t)) {
         size_t chunk = atomic_fetch_add_explicit(&s->next, 1, memory_order_relaxed);
         if (chunk >= s->end) return;
@@ -54,14 +54,15 @@ static void take_share(threads *t, share *s, int worker)
     }
 }
 
-/* The worker's own share, then what the others have left. */
+/* Runs the worker's own share, then the remaining chunks of others. */
 static void take_chunks(threads *t, int worker)
 {
     for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
 }
 
-/* Who waits looks so often, some forty microseconds, before it sleeps: loops follow each other closely, and waking takes longer. */
-static const int LOOKS = 2000;
+/* Number of polls, about 40 microseconds, before a waiting worker sleeps: loops follow each other closely, and waking
+ * takes longer. */
+static const int POLLS = 2000;
 
 static void pause_briefly(void)
 {
@@ -70,13 +71,13 @@ static void pause_briefly(void)
 #endif
 }
 
-/* Whether a loop is open that is not the one with the number `seen`. */
+/* Whether a loop is open whose number is not `seen`. */
 static bool is_new(unsigned loop, unsigned seen)
 {
     return (loop & OPEN) && loop / NUMBER != seen;
 }
 
-/* Enters a loop that is_new, whose number `seen` is from then on. */
+/* Enters a loop for which is_new is true, and sets *seen to its number. */
 static bool enter(threads *t, unsigned *seen)
 {
     unsigned loop = atomic_load(&t->loop);
@@ -88,8 +89,8 @@ static bool enter(threads *t, unsigned *seen)
     return false;
 }
 
-/* Who sleeps had the lock from saying so until it slept, and can be woken once the lock was had after that. Signals come
- * after unlocking: who is woken would only wait for the lock. */
+/* Wakes workers that sleep. A worker holds the lock from announcing its sleep until it waits, so that locking once
+ * guarantees that it can be woken. Signals follow the unlocking: otherwise the woken worker would wait for the lock. */
 static void wake(threads *t, pthread_cond_t *sleepers, size_t count)
 {
     pthread_mutex_lock(&t->lock);
@@ -103,7 +104,7 @@ static void leave(threads *t)
     if (loop % NUMBER == 0 && atomic_load(&t->waits)) wake(t, &t->finished, 1);
 }
 
-/* Until a loop is_new; false when the pool is to end. */
+/* Sleeps until is_new. False: the pool ends. */
 static bool sleep_until_new(threads *t, unsigned seen)
 {
     pthread_mutex_lock(&t->lock);
@@ -122,7 +123,7 @@ static void *worker_main(void *argument)
     threads *t = s.pool;
     unsigned seen = 0;
     for (;;) {
-        for (int k = 0; k < LOOKS && !is_new(atomic_load_explicit(&t->loop, memory_order_relaxed), seen); k++)
+        for (int k = 0; k < POLLS && !is_new(atomic_load_explicit(&t->loop, memory_order_relaxed), seen); k++)
             pause_briefly();
         if (enter(t, &seen)) {
             take_chunks(t, s.worker);
@@ -209,7 +210,7 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
             work(context, 0, begin, count - begin < grain ? count : begin + grain);
         return;
     }
-    const size_t others = (count - 1) / grain; /* chunks beside the first */
+    const size_t others = (count - 1) / grain; /* chunks other than the first */
     t->work = work;
     t->context = context;
     t->end = count;
@@ -223,9 +224,9 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     const size_t sleepers = (size_t)atomic_load(&t->sleepers);
     if (sleepers > 0) wake(t, &t->start, others < sleepers ? others : sleepers);
     take_chunks(t, 0);
-    /* Who has not woken by now has nothing to do, and nobody waits for it. */
+    /* Closes the loop: workers that have not entered have nothing to do. */
     atomic_fetch_sub(&t->loop, OPEN);
-    for (int k = 0; k < LOOKS; k++) {
+    for (int k = 0; k < POLLS; k++) {
         if (atomic_load(&t->loop) % OPEN == 0) return;
         pause_briefly();
     }
@@ -236,7 +237,7 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     pthread_mutex_unlock(&t->lock);
 }
 
-/* A loop whose first chunk is something else. */
+/* A loop whose first chunk is the other call. */
 typedef struct beside_job {
     void (*other)(void *);
     void *others_context;
@@ -261,7 +262,7 @@ void threads_run_beside(threads *t, void (*other)(void *), void *others_context,
     threads_run(t, count + grain, grain, run_beside, &job);
 }
 
-/* Bytes that one thread takes at a time: a large page. */
+/* Bytes per chunk: a huge page. */
 static const size_t PIECE = 2 << 20;
 
 typedef struct copy_job {

@@ -1,8 +1,8 @@
-/* words: an enumeration and its words out of one list, so that they cannot part.
+/* words: derives an enumeration and its words from one list, so that they always agree.
  *
- * A list is a macro NAME_LIST(ENTRY, prefix) of lines ENTRY(prefix, NAME, "word"). The macros below make of it the
- * enumerators prefix_NAME and the words, in the same order. Whoever maps one enumeration to another makes the table
- * of the same list, with an ENTRY of its own: a word that one of them lacks does not compile.
+ * A list is a macro NAME_LIST(ENTRY, prefix) with lines ENTRY(prefix, NAME, "word"). The macros below derive the
+ * enumerators prefix_NAME and the words, in the same order. A table that maps one enumeration to another is derived
+ * from the same list with another ENTRY: if the other enumeration lacks a word, it does not compile.
  */
 #ifndef HEXAD_BASE_WORDS_H
 #define HEXAD_BASE_WORDS_H

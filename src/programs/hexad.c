@@ -690,14 +690,14 @@ static void tell_manager(service *s)
                   "pinged");
     s->stuck = stuck;
     if (stuck) {
-        manager_tell_status("stuck");
+        manager_report_status("stuck");
         return;
     }
-    manager_tell_alive();
+    manager_report_alive();
     if (queue_count(s->q, count, NULL))
-        manager_tell_status("%s%lld queued, %lld running", executor_is_draining(s->x) ? "draining: " : "",
-                            (long long)count[QUEUE_QUEUED],
-                            (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
+        manager_report_status("%s%lld queued, %lld running", executor_is_draining(s->x) ? "draining: " : "",
+                              (long long)count[QUEUE_QUEUED],
+                              (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
 }
 
 /* The interval of the pings: half of what the watchdog allows. */
@@ -705,7 +705,7 @@ static int sign_interval_ms(void)
 {
     int64_t watchdog = manager_watchdog_ms();
     if (watchdog > 0) return watchdog / 2 < INT32_MAX ? (int)(watchdog / 2) : INT32_MAX;
-    return manager_is_there() ? STATUS_MS : -1;
+    return manager_is_present() ? STATUS_MS : -1;
 }
 
 /* Takes over what belongs to users, all or nothing. */
@@ -730,7 +730,7 @@ static void reload(service *s)
     config fresh = {0};
     config_action action;
     error e = {0};
-    manager_tell_reloading();
+    manager_report_reloading();
     if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e) &&
         change_users(s, &fresh, &e)) {
         bool shared = config_shares_socket(&s->settings);
@@ -749,13 +749,13 @@ static void reload(service *s)
         log_write(LOG_LEVEL_ERROR, "cannot reload the settings, which are unchanged: %s", e.message);
     }
     config_clear(&fresh);
-    manager_tell_ready();
+    manager_report_ready();
 }
 
 static void drain(service *s, bool *draining)
 {
     const config *c = &s->settings;
-    manager_tell_stopping((*draining ? 0 : c->drain_s) + c->grace_s + LAST_WORDS_S);
+    manager_report_stopping((*draining ? 0 : c->drain_s) + c->grace_s + LAST_WORDS_S);
     if (*draining)
         executor_force(s->x);
     else
@@ -769,7 +769,7 @@ static void serve(service *s)
     bool draining = false;
     int interval_ms = sign_interval_ms();
     int64_t due_ms = clock_monotonic_ms();
-    manager_tell_ready();
+    manager_report_ready();
     for (;;) {
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};

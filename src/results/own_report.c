@@ -146,7 +146,7 @@ bool own_report_correct_all(queue *q, const char *work_dir, error *e)
     while (ok && count == AT_ONCE) {
         ok = queue_list_reused(q, after, AT_ONCE, &jobs, &count, e);
         if (!ok) break;
-        manager_tell_starting(AT_ONCE_S);
+        manager_report_starting(AT_ONCE_S);
         for (size_t i = 0; ok && i < count; i++) ok = correct_one(work_dir, &jobs[i], e);
         if (count) after = jobs[count - 1].seq;
         total += count;
