@@ -6,7 +6,7 @@
 #include "field/patches.h"
 #include "field/projection.h"
 
-/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+/* Newton steps from the centre of a cell to the surface, and limits of distances, in cell sizes. */
 static const int STEPS = 5;
 static const double ACCEPT = 1e-2, REJECT = 0.1, FARTHEST = 1.5;
 
@@ -15,7 +15,7 @@ typedef struct sample_job {
     cell_samples *out;
 } sample_job;
 
-/* Of a cell of triangles the middle of the first, which is on the surface. */
+/* For a cell of triangles: the centroid of the first one, which is on the surface. */
 static void sample_triangle(const surface *scan, size_t k, cell_samples *out)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];

@@ -8,25 +8,25 @@
 #include "field/projection.h"
 #include "voronoi/resolution.h"
 
-/* Places that are looked at: shares are told to a few tenths of a percent. */
+/* Number of sampled places: fractions are accurate to a few tenths of a percent. */
 enum { SAMPLES = 4096, GRAIN = 32 };
-/* What may stay unresolved: a fifth of what the verdict allows, since points beside unresolved ones have no cell either, and
- * spacings are not even: the least is about nine tenths of the requested one. */
+/* LEFT_OVER: fraction that may remain unresolved, a fifth of the limit of the outcome, since points next to unresolved
+ * ones have no Voronoi cell either. UNEVEN: the smallest spacing of a packing over the requested one. */
 static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
-/* Rays: one along the normal to each side, and so many at this angle to it, at which a tube of the least diameter is
- * seen with the least gap. */
+/* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the tube of
+ * smallest diameter is seen with the smallest gap. */
 enum { TILTED = 6 };
 static const double TILT = 0.58;
-/* Steps along a ray, in cells. They grow by this factor, up to the longest: what is passed over is thin, and is seen from its own
- * places. Cells of patches are as large as the spacing, which says nothing of how thin parts are: there the first step
- * is a small one, and growth has no end. */
+/* Steps along a ray, in cell sizes. They grow by a factor up to LONGEST: walls that are skipped are thin, and are found
+ * from their own places. Cells of patches are as large as the spacing, which is unrelated to the thickness of parts:
+ * there the first step is small, and growth is unlimited. */
 static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
-/* On triangles |F| is the distance to them: a ray goes on by this share of it, and ends where it is larger than what is left of the
- * ray. */
+/* On triangles |F| is the distance: a step has this fraction of it, and the ray ends if |F| exceeds its remaining
+ * length. */
 static const double CLEAR = 0.9;
-/* To the surface. */
-static const int SETTLE_STEPS = 10;
-static const double SETTLE = 1e-2;
+/* Newton steps to the surface, and their tolerance in cell sizes. */
+static const int PROJECT_STEPS = 10;
+static const double PROJECT_TOLERANCE = 1e-2;
 static const uint64_t SEED = 1;
 
 typedef struct clearance_job {
@@ -34,7 +34,8 @@ typedef struct clearance_job {
     const sizing_field *sizing;
     double h;
     double *
-        ratio; /* of each sample, largest spacing that resolves it over the requested one; INFINITY: none seen */
+        /* Per sample: the largest spacing that resolves it over the requested one; INFINITY: no opposite wall. */
+        ratio;
 } clearance_job;
 
 static double first_step(const field *f)
@@ -42,8 +43,8 @@ static double first_step(const field *f)
     return (f->patches ? PATCH_STRIDE : STRIDE) * f->cell_size;
 }
 
-/* Whether the ray from x meets the surface's other side within `reach`; then where, and the normal there. `inside`: it
- * goes into the solid. `hint`: as of field_sample_near, of x. */
+/* Whether the ray from x meets an opposite wall within `reach`; *end, *normal: where. `inside`: the ray goes into the
+ * solid. `hint`: see field_sample_near, for x. */
 static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, uint32_t hint, vec3 *end,
                  vec3 *normal)
 {
@@ -70,7 +71,7 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
     return false;
 }
 
-/* The largest spacing with which x and the other sheet at the end of a ray are told apart. */
+/* The largest spacing that separates x from the wall at the end of a ray. */
 static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool inside, double reach,
                          uint32_t hint)
 {
@@ -84,7 +85,7 @@ static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool i
     return fmax(needed, first_step(f) / RESOLUTION_GAP);
 }
 
-/* Of all rays from x. */
+/* The minimum over all rays from x. */
 static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
 {
     vec3 u = vec3_unit(vec3_cross(normal, fabs(normal.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0}));
@@ -110,8 +111,8 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const clearance_job *job = context;
     const field *f = job->scan->field;
-    const projection_limits limits = {SETTLE_STEPS, SETTLE * f->cell_size, SETTLE * f->cell_size,
-                                      f->cell_size};
+    const projection_limits limits = {PROJECT_STEPS, PROJECT_TOLERANCE * f->cell_size,
+                                      PROJECT_TOLERANCE * f->cell_size, f->cell_size};
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         rng r = rng_seed(SEED, k);

@@ -1,9 +1,9 @@
-/* clearance: by how much a spacing is too coarse for points to tell the sheets of a surface apart.
+/* clearance: the factor by which a spacing is too coarse to separate opposite walls of a surface.
  *
- * Points are drawn evenly from the surface. From each, rays go to both sides, along the normal and at an angle to it, up to
- * the first sheet that faces the point's own. The sheets are told apart where the spacing is at most the largest with
- * which neither bound of voronoi/resolution.h holds at any ray's end. Sheets that are nearer than half a cell, or of
- * patches an eighth of the spacing, count as so far apart.
+ * Points are sampled uniformly from the surface. From each, rays are traced to both sides, along the normal and at an
+ * angle to it, to the first wall that faces the point. The walls are separated if the spacing is at most the largest
+ * one at which no bound of voronoi/resolution.h holds at the end of any ray. Walls closer than half a cell, or on
+ * patches an eighth of the spacing, count as that distance apart.
  */
 #ifndef HEXAD_SIZING_CLEARANCE_H
 #define HEXAD_SIZING_CLEARANCE_H
@@ -14,14 +14,15 @@
 #include "surface/surface.h"
 
 typedef struct clearance {
-    double unresolved_share; /* of the surface, at the given spacing: facing sheets are too near there */
-    /* With the spacing times this factor nearly all of the surface is resolved; 1: it is with the given one. Where
-     * the spacing varies, it is meant in proportion. */
+    /* fraction of the surface at which walls are not separated at the given spacing */
+    double unresolved_share;
+    /* Factor of the spacing at which nearly all of the surface is resolved; 1: it is resolved at the given spacing. If
+     * the spacing varies, the factor applies everywhere. */
     double factor;
 } clearance;
 
-/* Of the requested spacing: `sizing`, or where that is NULL, h. Errors: limit_memory, cancelled. Deterministic for any
- * number of threads. */
+/* Measures the requested spacing: `sizing`, or if that is NULL the uniform spacing h, world units. Errors:
+ * limit_memory, cancelled. Deterministic for any number of threads. */
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
                        clearance *out, error *e);
 

@@ -6,14 +6,14 @@
 #include "base/memory.h"
 #include "geometry/point_tree.h"
 
-/* A side that is longer than so many steps is looked at in so many places. */
+/* Maximum number of samples of a side of a curve. */
 static const double PARTS_MOST = 1e4;
 
 struct curve_distance {
-    size_t count; /* of patches */
-    bool joined;  /* all of these are one */
+    size_t count; /* number of patches */
+    bool joined;  /* all patches are one */
     size_t *begin;
-    vec3 *place;       /* of patch p: from begin[p] to begin[p + 1] */
+    vec3 *place;       /* samples of patch p: begin[p] .. begin[p + 1] - 1 */
     point_tree **tree; /* NULL: no curves */
 };
 
@@ -23,8 +23,9 @@ static size_t parts_of(const field_patches *p, const field_curve *c, size_t side
     return (size_t)fmin(1 + vec3_norm(vec3_sub(to, from)) / step, PARTS_MOST);
 }
 
-/* Counts the places of each patch in begin[p + 1], or, once there is room for them, puts them from begin[p] on and moves that. */
-static void look_along(const field_patches *p, double step, curve_distance *d)
+/* First pass (place NULL): counts the samples of patch p in begin[p + 1]. Second pass: stores them from begin[p], which
+ * is advanced. */
+static void sample_curves(const field_patches *p, double step, curve_distance *d)
 {
     for (const field_curve *c = p->curve; c < p->curve + p->curve_count; c++)
         for (size_t k = 0; k < c->count - !c->closed; k++) {
@@ -51,12 +52,12 @@ curve_distance *curve_distance_new(const field_patches *patches, bool joined, do
     d->begin = mem_array(d->count + 1, sizeof *d->begin, what, e);
     d->tree = mem_array(d->count, sizeof *d->tree, what, e);
     if (!d->begin || !d->tree) goto fail;
-    look_along(patches, step, d);
+    sample_curves(patches, step, d);
     for (size_t k = 0; k < d->count; k++) d->begin[k + 1] += d->begin[k];
     d->place = mem_array(d->begin[d->count], sizeof *d->place, what, e);
     if (!d->place) goto fail;
-    look_along(patches, step, d);
-    for (size_t k = d->count; k > 0; k--) d->begin[k] = d->begin[k - 1]; /* each had moved to its end */
+    sample_curves(patches, step, d);
+    for (size_t k = d->count; k > 0; k--) d->begin[k] = d->begin[k - 1]; /* each was advanced to its end */
     d->begin[0] = 0;
     for (size_t k = 0; k < d->count; k++) {
         size_t places = d->begin[k + 1] - d->begin[k];

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-/* The axis that a normal follows most: 0 to 2 along it, 3 to 5 against it. */
+/* The axis closest to a normal: 0 to 2 in its positive direction, 3 to 5 in its negative direction. */
 static int direction_of(vec3 n)
 {
     int axis = fabs(n.x) >= fabs(n.y) && fabs(n.x) >= fabs(n.z) ? 0 : fabs(n.y) >= fabs(n.z) ? 1 : 2;
@@ -27,7 +27,7 @@ uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
     return k;
 }
 
-/* Groups are those of coordinates over four, rounded down. */
+/* Adds a cube to its group, whose coordinates are those of the cube over four, rounded down. */
 static bool note_cube(elements *s, elements_cube at, error *e)
 {
     int32_t low[3];
@@ -39,7 +39,7 @@ static bool note_cube(elements *s, elements_cube at, error *e)
     return true;
 }
 
-void elements_look(const elements *s, elements_cube from, int reach, elements_around *out)
+void elements_find_around(const elements *s, elements_cube from, int reach, elements_around *out)
 {
     int groups[3];
     assert(reach <= ELEMENTS_REACH);
@@ -54,7 +54,7 @@ void elements_look(const elements *s, elements_cube from, int reach, elements_ar
     }
 }
 
-/* The first element of a cube and a patch, to be read and set. NULL: no memory. */
+/* The first element of a cube and a patch, for reading and writing. NULL: out of memory. */
 static uint32_t *first_of_pair(elements *s, uint32_t cube, uint32_t patch, error *e)
 {
     if (!s->by_patch) return &s->first[cube];
@@ -64,7 +64,7 @@ static uint32_t *first_of_pair(elements *s, uint32_t cube, uint32_t patch, error
     return &s->first_of_pair[number];
 }
 
-/* The element of a cube, a direction and a patch, new if there is none. */
+/* The element of a cube, a direction and a patch; created if it does not exist. */
 static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t patch, error *e)
 {
     elements_cube at = elements_cube_of(s, position);
@@ -88,7 +88,7 @@ static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t pat
     return n;
 }
 
-/* Adds the samples to the elements, in the order of the cells. */
+/* Adds samples in the order of cells. */
 bool elements_make(const surface *scan, const cell_samples *sample, double edge, elements *out, error *e)
 {
     const char *what = "the surface's elements";

@@ -7,29 +7,30 @@
 #include "voronoi/resolution.h"
 #include "sizing/elements.h"
 
-/* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */
+/* Maximum distance, in cubes, of the contact of a ball with the plane of an element from the centre of the element: no
+ * gap between two elements remains. */
 static const double PATCH = 0.9;
-/* Half the diagonal of a cube: how far an element may be from its cube's middle. */
+/* Half the diagonal of a cube: maximum distance of an element from the centre of its cube. */
 static const double HALF_DIAGONAL = 0.8660254037844386;
-/* A ball is looked for within so many cubes, and cubes grow by this factor, so that beyond the smallest ones a ball is at
+/* Balls are searched within REACH cubes, and cubes grow by the factor GROWTH: except at the first level a ball is at
  * least two cubes wide. */
 enum { REACH = ELEMENTS_REACH - 1, GROWTH = 2 };
 enum { MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
 
-/* A cube as seen from another one. */
+/* A cube relative to another one. */
 typedef struct offset {
     int at[3];
-    double distance; /* between the middles, in cubes */
+    double distance; /* between the centres, in cubes */
 } offset;
 
 typedef struct measuring {
     const surface *scan;
     const cell_samples *sample;
-    cell_samples on_faces; /* what `sample` is where cells are of triangles; `normal` is its own */
-    offset *offset;        /* those within reach, the nearest first */
+    cell_samples on_faces; /* replaces `sample` if cells consist of triangles; owns `normal` only */
+    offset *offset;        /* offsets within reach, sorted by distance */
     size_t offsets;
     elements elements;
-    bool *is_asked, *sees; /* of each element: whether a cell of it has no size yet, whether it has a ball */
+    bool *is_asked, *sees; /* per element: a sample in it has no size yet; it has a ball */
     double *size;
 } measuring;
 
@@ -56,32 +57,32 @@ static bool list_offsets(measuring *m, error *e)
     return true;
 }
 
-/* The radius of the ball that touches the surface at x and the plane of an element that faces x, INFINITY if there is
- * none that touches that within the element. */
+/* The radius of the ball that touches the surface at x and the plane of an opposite element. INFINITY: it does not
+ * touch the plane within the element. */
 static double ball_radius(const elements *s, const element *other, vec3 x, vec3 normal)
 {
     double cosine = vec3_dot(normal, other->normal);
     if (cosine >= RESOLUTION_OPPOSITE) return INFINITY;
     vec3 d = vec3_sub(other->position, x);
-    double radius = vec3_dot(d, other->normal) / (1 - cosine); /* < 0: outside of the solid */
-    if (!(radius * vec3_dot(d, normal) < 0)) return INFINITY;  /* the other sheet is on the ball's side */
-    vec3 touch = vec3_scale(vec3_sub(other->normal, normal), radius); /* from x */
+    double radius = vec3_dot(d, other->normal) / (1 - cosine); /* < 0: the ball is outside the solid */
+    if (!(radius * vec3_dot(d, normal) < 0)) return INFINITY;  /* the other wall is on the side of the ball */
+    vec3 touch = vec3_scale(vec3_sub(other->normal, normal), radius); /* relative to x */
     double patch = PATCH * s->edge;
     return vec3_norm2(vec3_sub(touch, d)) <= patch * patch ? fabs(radius) : INFINITY;
 }
 
-/* Whether an element in a cube so far off can be touched: a ball touches within a cone about the normal. */
+/* Whether a ball can touch an element in a cube at this offset: contacts lie in a cone about the normal. */
 static bool is_in_cone(const offset *o, vec3 normal)
 {
     static const double SLOPE =
-        0.6546536707079771; /* tangent of half the angle that RESOLUTION_OPPOSITE leaves */
+        0.6546536707079771; /* tangent of half the angle that RESOLUTION_OPPOSITE permits */
     double along = fabs(o->at[0] * normal.x + o->at[1] * normal.y + o->at[2] * normal.z);
     double slack = 2 * HALF_DIAGONAL + PATCH;
     double across2 = o->distance * o->distance - along * along, most = SLOPE * (along + slack) + slack;
     return across2 <= most * most;
 }
 
-/* The smallest ball within reach. */
+/* The radius of the smallest ball within reach. */
 static double find_ball(const measuring *m, vec3 x, vec3 normal)
 {
     const elements *s = &m->elements;
@@ -89,7 +90,7 @@ static double find_ball(const measuring *m, vec3 x, vec3 normal)
     elements_around around;
     double best = 0.5 * REACH * s->edge;
     bool found = false;
-    elements_look(s, from, ELEMENTS_REACH, &around);
+    elements_find_around(s, from, ELEMENTS_REACH, &around);
     for (size_t k = 0; k < m->offsets; k++) {
         const offset *o = &m->offset[k];
         if ((o->distance - 2 * HALF_DIAGONAL - PATCH) * s->edge > 2 * best) break;
@@ -130,7 +131,7 @@ static void look_from_cells(void *context, int worker, size_t begin, size_t end)
             m->size[k] = find_ball(m, s->position[k], s->normal[k]);
 }
 
-/* Balls up to the reach of cubes of this edge; false: memory is out. *open: some cells are left. */
+/* Finds balls within the reach of cubes of this edge. *open: some cells have no size. False: out of memory. */
 static bool measure_level(measuring *m, double edge, threads *pool, bool *open, error *e)
 {
     const char *what = "the feature size";
@@ -158,8 +159,8 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
     return ok;
 }
 
-/* Samples with the normals of the triangles themselves: those between their corners turn over a whole triangle, so that sheets
- * that face each other near an edge of large ones would not. */
+/* Uses the normals of the triangles themselves. Interpolated normals turn over a whole triangle, so that opposite walls
+ * near an edge of large triangles would not be detected. */
 static bool take_faces(measuring *m, const cell_samples *sample, error *e)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];

@@ -1,15 +1,16 @@
-/* feature_size: how thin the surface's parts are, and how narrow the gaps between its sheets.
+/* feature_size: the thickness of the surface's parts and the width of its gaps.
  *
- * The feature size of a place is the radius of the smallest ball that touches the surface there and also touches, from
- * either side, a sheet that faces this one: whose normal makes an angle of more than 114 degrees with the place's. Its
- * centre is a place of the medial axis. For two parallel planes that is half their distance, for a tube its radius. A
- * convex edge is no feature, however sharp, as long as its faces meet at more than 66 degrees: the medial axis touches
- * the surface there, but a packing does not need to be finer to tell the faces apart. Nor is curvature by itself.
+ * The feature size at a place is the radius of the smallest ball, on either side, that touches the surface there and an
+ * opposite wall: a place whose normal makes an angle of more than 114 degrees with that of the place. The centre of the
+ * ball is on the medial axis. For two parallel planes the feature size is half of their distance, for a tube its
+ * radius. Sharp convex edges are no features if their faces meet at more than 66 degrees: the medial axis touches the
+ * surface there, but a packing does not need to be finer to separate the faces. Curvature alone is no feature.
  *
- * The search goes from cubes of the surface's cells to ever larger ones, and ends with those that see a facing sheet:
- * on round shapes a tenth may be missing of the size, on flat ones nothing. Sizes below about a cell
- * are not told apart. Source: the medial ball that N. Amenta and M. Bern (1999) and M. Meyer, R. Kirby and R. Whitaker
- * (2007) use, restricted to facing sheets. World space and world units. */
+ * The search starts with cubes of the size of the surface's cells and continues with larger ones, until an opposite
+ * wall is found. On round shapes sizes may be too small by a tenth; on flat ones they are exact. Sizes below about a
+ * cell are not distinguished. Source: the medial ball of N. Amenta and M. Bern (1999) and M. Meyer, R. Kirby and R.
+ * Whitaker (2007), restricted to opposite walls. World space and world units.
+ */
 #ifndef HEXAD_SIZING_FEATURE_SIZE_H
 #define HEXAD_SIZING_FEATURE_SIZE_H
 
@@ -18,8 +19,8 @@
 #include "sizing/cell_samples.h"
 #include "surface/surface.h"
 
-/* Of each cell, at its sample: INFINITY where no sheet faces it, or where the sample was not found. Errors: limit_memory,
- * cancelled. Deterministic for any number of threads. */
+/* Measures the feature size at the sample of each cell: INFINITY if there is no opposite wall, or if the sample was not
+ * found. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool feature_size_measure(const surface *scan, const cell_samples *sample, threads *pool, double *size,
                           error *e);
 

@@ -8,18 +8,18 @@
 #include "packing/pair.h"
 #include "sizing/elements.h"
 
-/* Edge of a cube of elements, over the scale. */
+/* Edge of a cube, in scales. */
 static const double EDGE_SCALE = 0.75;
-/* Weights end at this many scales: exp(-4). */
+/* Weights are 0 beyond this number of scales: exp(-4). */
 static const double REACH = 2;
-/* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
+/* Relative damping of the matrix: a neighbourhood that is nearly a line does not determine the curvature across it. */
 static const double DAMPING = 1e-3;
 
 struct scaled_curvature {
     double scale;
-    int reach; /* cubes that weights reach to either side */
+    int reach; /* range of weights in cubes, to each side */
     elements elements;
-    double *kappa1, *kappa2; /* of each element */
+    double *kappa1, *kappa2; /* per element */
 };
 
 /* Weighted sums over a neighbourhood. */
@@ -27,10 +27,10 @@ typedef struct sums {
     double weight, a, b, p, q, aa, ab, bb, pa, pb, qa, qb;
 } sums;
 
-/* What a visit to the elements around a place does with each; `squared` is the distance. */
+/* Called for each element around a place; `squared` is the squared distance. */
 typedef void visitor(void *context, uint32_t number, double squared);
 
-/* Of one patch, or of SCALED_CURVATURE_ALL. */
+/* Visits the elements of one patch, or of SCALED_CURVATURE_ALL. */
 static void visit_around(const scaled_curvature *c, vec3 x, uint32_t patch, int reach, double farthest,
                          visitor *visit, void *context)
 {
@@ -38,7 +38,7 @@ static void visit_around(const scaled_curvature *c, vec3 x, uint32_t patch, int 
     const bool all = patch == SCALED_CURVATURE_ALL;
     const elements_cube at = elements_cube_of(s, x);
     elements_around around;
-    elements_look(s, at, reach, &around);
+    elements_find_around(s, at, reach, &around);
     for (int k = -reach; k <= reach; k++)
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++)
@@ -81,7 +81,7 @@ static void add_to_fit(void *context, uint32_t number, double squared)
     s->qb += w * q * b;
 }
 
-/* The symmetric S of (p, q) = S (a, b), from sums without their means; its eigenvalues. */
+/* Solves (p, q) = S (a, b) for the symmetric S, after subtraction of the means; returns its eigenvalues. */
 static void solve_fit(const sums *s, double *kappa1, double *kappa2)
 {
     double over = 1 / s->weight;

@@ -9,51 +9,50 @@
 #include "packing/packing.h"
 #include "sizing/spacing_request.h"
 
-/* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
- * of the mean spacing, below which the request need not be told apart. */
+/* Edge of a cube of nodes: in cell sizes, so that every cube that the surface crosses contains samples; and in mean
+ * spacings, below which the request is not resolved. */
 static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
-/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's size. */
+/* Maximum of an unbounded spacing: this many mean spacings, or the surface's size. */
 static const double WIDEST_EVEN = 10;
-/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the cells. */
+/* Relative tolerance of the count: first for the sum over nodes, then over cells. */
 static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
 static const int CELLS_STEPS = 4;
 static const int SCALE_STEPS = 60;
-/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the matrix. */
+/* Relative damping of the component of the gradient across the surface, which the nodes do not determine. */
 static const double GRADIENT_DAMPING = 0.02;
-/* What is left of a ratio after growth and smoothing, at least; else a smaller share of the area is at its fine end. */
+/* Minimum fraction of a ratio after growth and smoothing; otherwise fine_share is reduced. */
 static const double RATIO_LEFT = 0.8;
-/* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
+/* A node's linear model is limited to its neighbours, and to this relative change of the spacing. */
 static const double MODEL_LIMIT = 0.5;
-/* The most that a spacing may bend, see smoothing: what a packing follows at all, for a request that is meant at each
- * point; and what it follows with few defects, for one over a distance. */
+/* Maximum second derivative of the spacing, see smooth_chunk: the limit for a packing, for requests at points; and the
+ * limit for few defects, for requests over a distance. */
 static const double BEND_AT_POINTS = 0.08, BEND_OVER_DISTANCE = 0.02;
-/* How far the average over the nodes around rises above a node where the Laplacian is 1 per squared cube; and when to
- * leave it. */
+/* Difference of the mean over the neighbours and the node for a Laplacian of 1 per squared cube; and the tolerance of
+ * smoothing. */
 static const double AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 
 #define AXIS_BITS 21
 #define NO_NODE UINT32_MAX
-/* Around the surface's box: cubes beside cubes, and beside points that stray by a few. */
+/* Margin around the surface's bounding box, in cubes: for adjacent cubes and for points slightly outside. */
 #define MARGIN_CUBES 16
-enum { SPOTS = 32 }; /* places that are looked up together */
+enum { SPOTS = 32 }; /* places that are evaluated together */
 
 typedef struct node {
     uint64_t key;
     double area;
-    vec3 position; /* mean of the surface within the cube */
-    double
-        request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
-    double cap;  /* the most that features allow anywhere in the cube, or INFINITY */
-    double away; /* distance of `position` from the nearest curve */
-    double spacing; /* after scale, bounds and growth; curves that are finer aside */
-    vec3 gradient;  /* of it */
+    vec3 position;  /* mean of the surface within the cube */
+    double request; /* Spacing before the scale: mean of logarithms, at the mean position. */
+    double cap;     /* minimum over the cube of the bounds by features, or INFINITY */
+    double away;    /* distance of `position` from the nearest curve */
+    double spacing; /* after scale, bounds and growth; without curves */
+    vec3 gradient;  /* of the spacing */
 } node;
 
-/* How often spacings are found from a request that depends on them. */
+/* Iterations for a request that depends on the spacing. */
 enum { IMPLICIT_PASSES = 4 };
 
-/* The most that a cell takes while a field is made: its place and value, and a node of its own with all that goes with one. */
+/* Maximum bytes per cell during the construction: its sample and value, and a node of its own with its links. */
 static const double CELL_BYTES =
     SPACING_REQUEST_CELL_BYTES + 2 * 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 
@@ -65,12 +64,12 @@ struct sizing_field {
     node *node;
     uint32_t *table; /* open addressing: node + 1, or 0 */
     size_t table_size;
-    uint32_t *beside;      /* 27 a node: those around it, or NO_NODE */
-    double *points_before; /* cells + 1, as area_before */
+    uint32_t *beside;      /* 27 per node: adjacent nodes, or NO_NODE */
+    double *points_before; /* cells + 1 entries, cumulated like area_before */
     sizing_field_facts facts;
 };
 
-/* The spacing at a place that is so far from the nearest curve, where without that it is `spacing`. */
+/* The spacing at a distance `away` from the nearest curve; `spacing` is that without curves. */
 static double spacing_beside(const sizing_field_params *p, double away, double spacing)
 {
     if (!p->curves) return spacing;
@@ -94,16 +93,16 @@ static size_t slot_of(const sizing_field *g, uint64_t key)
 
 static uint32_t node_at(const sizing_field *g, uint64_t key)
 {
-    return g->table[slot_of(g, key)] - 1; /* 0 - 1: NO_NODE */
+    return g->table[slot_of(g, key)] - 1; /* 0 - 1 is NO_NODE */
 }
 
-/* The key of the cube that lies (i, j, k) cubes away; cubes have a margin, so that none is negative. */
+/* The key of the cube at the offset (i, j, k). The margin keeps coordinates non-negative. */
 static uint64_t key_beside(uint64_t key, int i, int j, int k)
 {
     return key + (uint64_t)i + ((uint64_t)j << AXIS_BITS) + ((uint64_t)k << 2 * AXIS_BITS);
 }
 
-/* Of the nodes around one, the k-th of 27. */
+/* The k-th of the 27 nodes around a node. */
 static uint32_t node_beside(const sizing_field *g, const node *n, int k)
 {
     return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
@@ -142,15 +141,15 @@ static bool make_nodes(sizing_field *g, const spacing_request *r, const double *
     return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
 }
 
-/* What exists only while a field is made. */
+/* State during the construction. */
 typedef struct making {
     sizing_field *g;
     threads *pool;
-    uint32_t *heap; /* nodes whose spacing may force others down, smallest first */
-    uint32_t *at;   /* node k's place in it is at[k] - 1; 0: not in it */
+    uint32_t *heap; /* priority heap of nodes that may limit others, smallest spacing first */
+    uint32_t *at;   /* index of node k in the heap plus 1; 0: not in it */
     size_t heap_count;
-    double *from, *to; /* logarithms of spacings, before and after an average */
-    double *change;    /* of each node in the last average */
+    double *from, *to; /* logarithms of spacings, before and after an averaging pass */
+    double *change;    /* per node: change in the last pass */
 } making;
 
 static void making_free(making *m)
@@ -199,7 +198,7 @@ static void heap_put(making *m, size_t place, uint32_t k)
     m->at[k] = (uint32_t)place + 1;
 }
 
-/* Adds a node, or moves it up after its spacing fell. */
+/* Adds a node, or moves it up after its spacing was reduced. */
 static void heap_add(making *m, uint32_t k)
 {
     size_t place = m->at[k] ? m->at[k] - 1 : m->heap_count++;
@@ -222,9 +221,9 @@ static uint32_t heap_take(making *m)
     return first;
 }
 
-/* Lowers what exceeds node k by more than `gradation` times the distance; whether there was any. With `look`
- * nothing is changed. */
-static bool hold_down(making *m, uint32_t k, bool look)
+/* Reduces adjacent spacings that exceed that of node k by more than `gradation` times the distance. Returns whether
+ * there were any. `only_test`: nothing is changed. */
+static bool limit_neighbours(making *m, uint32_t k, bool only_test)
 {
     const node *n = &m->g->node[k];
     for (int i = 0; i < 27; i++) {
@@ -233,23 +232,23 @@ static bool hold_down(making *m, uint32_t k, bool look)
         node *o = &m->g->node[other];
         double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
         if (o->spacing <= most) continue;
-        if (look) return true;
+        if (only_test) return true;
         o->spacing = most;
         heap_add(m, other);
     }
     return false;
 }
 
-/* Lowers spacings until none exceeds its neighbour's by more than `gradation` times their distance. */
+/* Reduces spacings until none exceeds that of an adjacent node by more than `gradation` times their distance. */
 static void limit_growth(making *m)
 {
     if (isinf(m->g->params.gradation)) return;
     for (uint32_t k = 0; k < m->g->count; k++)
-        if (hold_down(m, k, true)) heap_add(m, k);
-    while (m->heap_count > 0 && !threads_stopped(m->pool)) hold_down(m, heap_take(m), false);
+        if (limit_neighbours(m, k, true)) heap_add(m, k);
+    while (m->heap_count > 0 && !threads_stopped(m->pool)) limit_neighbours(m, heap_take(m), false);
 }
 
-/* The spacings under a scale, and how many points they ask for. `widest` stands for no bound. */
+/* Sets the spacings for a scale, and returns the number of points. `widest`: replaces a missing upper bound. */
 static double points_under(making *m, double scale, double widest)
 {
     sizing_field *g = m->g;
@@ -292,8 +291,8 @@ static bool count_impossible(making *m, const surface *scan, size_t count, doubl
         count, p->gradation);
 }
 
-/* The scale under which the spacings ask for `want` points. Where nothing is bounded the points go as its
- * inverse square, which bounds and growth only soften. A count is whole: half a point is near enough. */
+/* Finds the scale for `want` points. Without bounds the number of points is proportional to its inverse square; bounds
+ * and growth weaken that. Half a point of error is sufficient. */
 static bool find_scale(making *m, double want, double first, double widest)
 {
     double scale = first, low = 0, high = INFINITY,
@@ -316,9 +315,9 @@ static bool find_scale(making *m, double want, double first, double widest)
 
 /* --- noise --- */
 
-/* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is
- * bounded; this bounds the second: averages over the nodes around, as far as they are needed, until nowhere
- * the Laplacian of the spacing's logarithm exceeds `bend` / spacing^2. What bends less stays as it is. */
+/* A packing cannot follow a spacing whose second derivative is large. The growth limit bounds the first derivative;
+ * this bounds the second: averages over adjacent nodes until the Laplacian of the logarithm of the spacing is at most
+ * `bend` / spacing^2 everywhere. Nodes below that do not change. */
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *m = context;
@@ -356,7 +355,7 @@ static void smooth(making *m)
 
 /* --- models --- */
 
-/* The gradient that fits the neighbours' spacings best. */
+/* The gradient that fits the adjacent nodes' spacings best, by least squares. */
 static void model_node(const making *links, size_t index)
 {
     const sizing_field *g = links->g;
@@ -394,7 +393,7 @@ static void model_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) model_node(context, k);
 }
 
-/* The nearest node: for points that stray from the cubes that were sampled. */
+/* The nearest node, for points outside the sampled cubes. */
 static const node *nearest_node(const sizing_field *g, vec3 x)
 {
     const node *nearest = g->node;
@@ -408,15 +407,15 @@ static const node *nearest_node(const sizing_field *g, vec3 x)
     return nearest;
 }
 
-/* The eight cubes whose middles surround a place. */
+/* The eight cubes whose centres surround a place. */
 typedef struct spot {
-    bool inside;        /* of all cubes; the rest is set only then */
-    uint64_t low;       /* the key of the lowest */
-    double t[3];        /* how far the place is from its middle to that of the highest */
-    uint64_t own;       /* the key of the cube that the place is in, one of the eight */
-    int beside;         /* the lowest, among the cubes around that */
-    uint32_t node;      /* of its own cube, or NO_NODE */
-    uint32_t around[8]; /* the nodes of all, or NO_NODE */
+    bool inside;        /* the place is inside the grid; otherwise the next members are not set */
+    uint64_t low;       /* key of the lowest cube */
+    double t[3];        /* position between the centres of the lowest and the highest cube, 0 .. 1 */
+    uint64_t own;       /* key of the cube that contains the place, one of the eight */
+    int beside;         /* index of the lowest cube among the 27 around that */
+    uint32_t node;      /* node of that cube, or NO_NODE */
+    uint32_t around[8]; /* nodes of the eight cubes, or NO_NODE */
 } spot;
 
 static void find_cubes(const sizing_field *g, vec3 x, spot *s)
@@ -431,14 +430,14 @@ static void find_cubes(const sizing_field *g, vec3 x, spot *s)
         if (!s->inside) return;
         uint64_t low = (uint64_t)v;
         s->t[a] = v - (double)low;
-        int high = s->t[a] >= 0.5; /* its own is the higher one */
+        int high = s->t[a] >= 0.5; /* the place is in the higher cube */
         s->low |= low << a * AXIS_BITS;
         s->own |= (low + (uint64_t)high) << a * AXIS_BITS;
         s->beside = 3 * s->beside + 1 - high;
     }
 }
 
-/* The nodes of those cubes: when the place's own has one, that knows the others. */
+/* Finds the nodes of the eight cubes, through the links of the place's own node if it exists. */
 static void find_nodes(const sizing_field *g, spot *s)
 {
     const uint32_t *row = g->beside + (s->node == NO_NODE ? 0 : 27 * (size_t)s->node + (size_t)s->beside);
@@ -447,7 +446,7 @@ static void find_nodes(const sizing_field *g, spot *s)
                                           : row[(c & 1) + 3 * (c >> 1 & 1) + 9 * (c >> 2)];
 }
 
-/* What models ask for at a place. */
+/* The interpolated value of the models at a place. */
 typedef struct blend {
     double spacing, weights;
     vec3 gradient;
@@ -462,7 +461,7 @@ ISA_INLINE void add_model(const node *n, double weight, vec3 x, bool steep, blen
     b->weights += weight;
 }
 
-/* The spacing at x, where curves are finer; `gradient` (or NULL) is that of `spacing` before. */
+/* The spacing at x with curves. `gradient` (or NULL): in: that of `spacing`; out: that of the result. */
 static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 *gradient)
 {
     const sizing_field_params *p = &g->params;
@@ -476,8 +475,8 @@ static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 
     return found;
 }
 
-/* The models of the eight cubes. Any node stands in for one that is not there, with no weight: on a surface
- * half of them are missing, and a branch would guess wrongly as often as not. */
+/* Interpolates the models of the eight cubes. A missing node is replaced by any node with weight 0: half of them are
+ * missing on a surface, and a branch would often be mispredicted. */
 ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
 {
     blend b = {0};
@@ -495,7 +494,8 @@ ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec
     return g->params.curves ? refine_beside(g, x, spacing, gradient) : spacing;
 }
 
-/* Each step waits for memory: those of several places wait together. More often than not the one before lies in the same cube. */
+/* Evaluates several places together, so that their memory accesses overlap. Consecutive places are usually in the same
+ * cube. */
 static void find_spots(const sizing_field *g, size_t count, const vec3 *x, spot *s)
 {
     for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
@@ -524,7 +524,7 @@ void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, d
     }
 }
 
-/* The points that the models ask for, summed over the cells. */
+/* The number of points for the models, summed over the cells. */
 static double sum_points(sizing_field *g, const surface *scan, const vec3 *position)
 {
     sizing_field_spacings(g, scan->cells, position, g->points_before + 1);
@@ -536,8 +536,8 @@ static double sum_points(sizing_field *g, const surface *scan, const vec3 *posit
     return g->points_before[scan->cells];
 }
 
-/* After the growth: a crease has its say before it is averaged, and of noise the fine end remains. A painted
- * map means what it says. */
+/* Smooths after the growth limit, so that a crease takes effect before it is averaged, and the fine end of noise
+ * remains. Painted maps are not smoothed. */
 static void smooth_spacing(making *m)
 {
     sizing_field *g = m->g;
@@ -548,7 +548,7 @@ static void smooth_spacing(making *m)
     limit_growth(m);
 }
 
-/* Multiplies all spacings, within their bounds. */
+/* Multiplies all spacings by a factor, within their bounds. */
 static void rescale(sizing_field *g, double factor)
 {
     double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : INFINITY;
@@ -557,8 +557,8 @@ static void rescale(sizing_field *g, double factor)
         g->node[k].spacing = fmin(fmax(factor * g->node[k].spacing, low), high);
 }
 
-/* Spacings that ask for `count` points by the nodes, then corrected, by a few percent at most, until they do by the cells. A
- * rough field, of which only the spacings are used, is neither corrected nor smoothed. */
+/* Scales the spacings to `count` points, first by the nodes, then corrected by a few percent by the cells. `is_rough`:
+ * only the spacings are used; no correction, no smoothing. */
 static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
                        bool is_rough, threads *pool, error *e)
 {
@@ -568,8 +568,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
         area += g->node[k].area;
         asked += g->node[k].area / (g->node[k].request * g->node[k].request);
     }
-    double want =
-        (double)count * area / scan->area; /* cells without a sample are taken to be like the rest */
+    double want = (double)count * area / scan->area; /* cells without a sample count like the others */
     making m;
     g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
@@ -587,7 +586,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
     return ok;
 }
 
-/* As many points as it takes. */
+/* Makes the field with a scale of 1, for as many points as it needs. */
 static bool take_points(sizing_field *g, const surface *scan, const vec3 *position, threads *pool, error *e)
 {
     making m;
@@ -606,7 +605,7 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
     return ok;
 }
 
-/* Every node has a cell at least. */
+/* Every node has at least one cell. */
 static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
     double bytes = (double)cells * CELL_BYTES;
@@ -636,15 +635,15 @@ static void describe(sizing_field *g, size_t cells)
     g->facts.least = INFINITY;
     g->facts.largest = 0;
     for (size_t k = 0; k < g->count; k++) {
-        double away = fmax(g->node[k].away - g->edge, 0); /* a curve may pass beside the node's middle */
+        double away = fmax(g->node[k].away - g->edge, 0); /* a curve may be closer elsewhere in the cube */
         g->facts.least = fmin(g->facts.least, spacing_beside(&g->params, away, g->node[k].spacing));
         g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
     }
     g->facts.points = g->points_before[cells];
 }
 
-/* The field of a request. Where that depends on the spacing itself, rough fields come first: the curvature of each pass is
- * over the mean, of logarithms, of the spacings of the two passes before. */
+/* Makes the field of a request. If that depends on the spacing, makes rough fields first: the curvature of each
+ * iteration is over the geometric mean of the spacings of the last two. */
 static bool fill_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
 {
     size_t cells = r->scan->cells;
@@ -672,8 +671,8 @@ static double ratio_of(const sizing_field *g)
     return g->facts.largest / g->facts.least;
 }
 
-/* Where growth and smoothing leave too little of a ratio, and not a bound, a smaller share of the area is at its fine end, for as
- * long as that helps. */
+/* Makes the field. While growth and smoothing (not a bound) reduce a ratio too much, halves fine_share, as long as that
+ * helps. */
 static bool find_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
 {
     const sizing_field_params *p = &g->params;
@@ -705,7 +704,7 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
         g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
         g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
         const bbox box = bbox_of_points(r.samples.position, scan->cells, pool);
-        /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
+        /* a margin of two cubes: one for adjacent cubes, one for those adjacent to an evaluated point */
         g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
         ok = find_field(g, &r, count, pool, e);
     }

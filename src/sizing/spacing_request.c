@@ -9,17 +9,17 @@
 #include "sizing/feature_size.h"
 #include "sizing/scaled_curvature.h"
 
-/* The curvature that stands for the fine end of a ratio: this share of the area bends more, the first at first. A single tip or
- * a speck of noise must not set the scale. */
+/* The curvature at the fine end of a ratio is exceeded on this fraction of the area: initially, and at least. A single
+ * tip or noise must not set the scale. */
 static const double FINE_SHARE = 0.01, LEAST_FINE_SHARE = 0.00125;
 /* A surface that bends by less than this angle, in radians, over the even spacing is flat: on flat facets rounding leaves curvatures of 1e-15
  * and less, which differ from facet to facet. */
 static const double FLAT_ANGLE = 1e-9;
-/* What is flatter than all but this share of the area can be of no help to a ratio. */
+/* The curvature that is exceeded on all but this fraction of the area limits the ratio at its coarse end. */
 static const double FLAT_SHARE = 0.001;
-/* A request that has no upper end, as on flat faces, has it here, in units of its least. */
+/* Maximum spacing over the minimum, for a request without an upper end, as on flat faces. */
 static const double WIDEST_REQUEST = 1e3;
-/* The distance of the first octave, over the even spacing. */
+/* Distance of the first octave, in mean spacings. */
 static const double FINEST_OCTAVE = 0.125;
 enum { OCTAVES = SPACING_REQUEST_OCTAVES };
 
@@ -76,7 +76,7 @@ static void request_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) request_cell(context, k);
 }
 
-/* Notes the curvature over one octave. */
+/* Stores the curvature over one octave. */
 typedef struct octave_job {
     spacing_request *request;
     const scaled_curvature *curvature;
@@ -102,7 +102,7 @@ static double octave_scale(double even, int octave)
     return ldexp(FINEST_OCTAVE * even, octave);
 }
 
-/* One octave only where the distance is the same everywhere. */
+/* Measures all octaves; only one if the distance is constant. */
 static bool measure_octaves(spacing_request *r, threads *pool, error *e)
 {
     const sizing_field_params *p = r->params;
@@ -114,7 +114,7 @@ static bool measure_octaves(spacing_request *r, threads *pool, error *e)
             p->scale_world > 0 ? p->scale_world : p->scale_spacings * octave_scale(r->even, job.octave);
         if (job.octave > 0 && scale <= scaled_curvature_least(r->scan)) {
             for (double *own = r->curvature; own < r->curvature + OCTAVES * r->scan->cells; own += OCTAVES)
-                own[job.octave] = own[job.octave - 1]; /* over the same distance */
+                own[job.octave] = own[job.octave - 1]; /* the distance is the same */
             continue;
         }
         scaled_curvature *c = scaled_curvature_new(r->scan, &r->samples, scale, pool, e);
@@ -126,7 +126,7 @@ static bool measure_octaves(spacing_request *r, threads *pool, error *e)
     return true;
 }
 
-/* The curvature of a cell over `spacing`, between octaves by logarithms. */
+/* The curvature of a cell over `spacing`, interpolated between octaves in logarithms. */
 static double curvature_over(const spacing_request *r, size_t k, double spacing)
 {
     const double *c = &r->curvature[OCTAVES * k];
@@ -146,7 +146,7 @@ static int compare_weighted(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The values that shares of the area, which ascend, stay below. */
+/* Quantiles by area: the values below which the given, ascending fractions of the area lie. */
 static bool find_quantiles(const surface *scan, const double *value, int count, const double share[],
                            double out[], error *e)
 {
@@ -169,7 +169,7 @@ static bool find_quantiles(const surface *scan, const double *value, int count, 
     return true;
 }
 
-/* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
+/* The spacing for a value, without the scale. `fine`: curvature at the fine end of a ratio. */
 static double value_to_spacing(const sizing_field_params *p, double v, double fine)
 {
     switch (p->kind) {
@@ -234,11 +234,11 @@ bool spacing_request_find(spacing_request *r, const double *over, double *spacin
                 e, ERROR_INPUT_UNSUPPORTED,
                 "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
                 "surface is, and painted?");
-        least = 1; /* flat throughout */
+        least = 1; /* flat everywhere */
     }
     for (size_t k = 0; k < scan->cells; k++)
         if (!isnan(spacing[k]))
-            spacing[k] = fmin(spacing[k], WIDEST_REQUEST * least); /* what asks for none */
+            spacing[k] = fmin(spacing[k], WIDEST_REQUEST * least); /* cells without a request */
     return true;
 }
 
