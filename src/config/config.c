@@ -15,8 +15,7 @@
 
 enum { MOST_SETTINGS = 128 };
 
-/* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to begin lists anew.
- */
+/* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to restart lists. */
 typedef struct source {
     config *c;
     FILE *file;
@@ -80,7 +79,7 @@ static void list_append(config_list *list, const char *value, const char *separa
     }
 }
 
-/* The page is on by default, so 0 must be allowed. */
+/* The page is enabled by default: 0 must be permitted. */
 static bool refuse_missing(const config_row *row, const char *value, error *e)
 {
     const char *why = build_part_missing(row->part);
@@ -131,7 +130,7 @@ static void offer_settings(nearest_name *n)
     for (size_t i = 0; i < config_table_size; i++) nearest_name_offer(n, config_table[i].key);
 }
 
-/* Sets a key from a source; the first value of a list replaces what an earlier source gave. */
+/* Sets a key from a source; the first value of a list replaces the value of earlier sources. */
 static bool set_from(source *s, const config_row *row, const char *value)
 {
     assert(config_table_size <= MOST_SETTINGS);
@@ -251,7 +250,7 @@ static bool refuse_option(const char *key, size_t length, error *e)
     return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; see hexad --help", (int)length, key);
 }
 
-/* An option and its value, `--key VALUE` or `--key=VALUE`; moves *index over both. */
+/* Splits an option and its value, `--key VALUE` or `--key=VALUE`, and advances *index. */
 static bool split_option(int argc, char *const *argv, int *index, const char **key, size_t *length,
                          const char **value, error *e)
 {
@@ -269,7 +268,7 @@ static bool split_option(int argc, char *const *argv, int *index, const char **k
     return true;
 }
 
-/* The action that an argument without a value names; NULL: none. */
+/* The action of an argument without a value; NULL: none. */
 static const struct action *find_bare_action(const char *text)
 {
     if (strcmp(text, "-h") == 0) text = "--help";
@@ -277,7 +276,7 @@ static const struct action *find_bare_action(const char *text)
     return a && !a->expected ? a : NULL;
 }
 
-/* Sets the action; a command line has one. */
+/* Sets the action; a command line has at most one. */
 static bool choose(const struct action *a, config_action *action, error *e)
 {
     for (size_t i = 0; *action != a->action && i < ACTION_COUNT; i++)
@@ -407,7 +406,7 @@ void config_take_over(config *c, config *fresh)
         void *at = (char *)c + row->offset;
         void *from = (char *)fresh + row->offset;
         if (are_equal(row, at, from)) continue;
-        assert(!row->reloads || row->type != CONFIG_TEXT); /* others hold pointers into texts */
+        assert(!row->reloads || row->type != CONFIG_TEXT); /* other modules keep pointers to texts */
         if (row->reloads) swap(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
                   row->reloads ? "has changed" : "has changed: restart hexad to apply it");

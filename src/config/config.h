@@ -1,11 +1,11 @@
 /* config: the daemon's settings.
  *
- * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The
- * configuration file (INI, read by libinih), the command line, --help and the sample file etc/hexad.conf
- * follow from it. Each key is a key of the file and an option, `--key VALUE` or `--key=VALUE`, with `-` and
- * `_` alike; an option takes precedence over the file. One thread reads the settings at the start. Afterwards
- * only config_take_over changes them, and only settings whose row says so (`reloads`): numbers, the log level
- * and lists of which the rest of the program keeps copies, but not texts, to which it keeps pointers.
+ * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The configuration
+ * file (INI, parsed by libinih), the command line, --help and the sample file etc/hexad.conf are derived from it. Each
+ * key is a key of the file and an option, `--key VALUE` or `--key=VALUE`; `-` and `_` are equivalent. Options take
+ * precedence over the file. One thread reads the settings at the start. Afterwards only config_take_over changes them,
+ * and only settings with `reloads` in their row: numbers, the log level, and lists of which other modules keep copies.
+ * Texts do not reload, because other modules keep pointers to them.
  */
 #ifndef HEXAD_CONFIG_CONFIG_H
 #define HEXAD_CONFIG_CONFIG_H
@@ -32,9 +32,9 @@ typedef struct config {
     char *engine;    /* local or slurm */
     int64_t slurm_job_limit, slurm_batch_points, slurm_batch_attempts;
     config_list slurm_options, slurm_allow, slurm_accounts;
-    char *slurm_node; /* "": beside the worker */
+    char *slurm_node; /* "": in the directory of the worker */
     double slurm_batch_s, slurm_interval_s, slurm_timeout_s, slurm_lost_s;
-    char *worker; /* "": config_find_worker looks for it */
+    char *worker; /* "": config_find_worker sets it */
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
@@ -43,8 +43,8 @@ typedef struct config {
     double session_s;
     config_list input_roots, output_roots, path_mappings;
     char *output_mode;                        /* octal digits */
-    char *output_group;                       /* "": stays */
-    int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
+    char *output_group;                       /* "": unchanged */
+    int64_t workers, threads, host_memory_mb; /* 0: from the resources of the host */
     int64_t memory_mb, max_attempts, max_interruptions;
     int64_t cache;   /* 0: no */
     int64_t file_mb; /* 0: no limit */
@@ -56,7 +56,7 @@ typedef struct config {
     int64_t free_space_mb, reserve_mb;                          /* 0: none */
     double check_interval_s;                                    /* 0: never */
     double retention_s;                                         /* 0: for ever */
-    int64_t results_mb;                                         /* 0: by the size of the disk */
+    int64_t results_mb;                                         /* 0: from the size of the disk */
     int64_t results_count, user_results_mb, user_results_count; /* 0: any number */
     int64_t delete_undelivered;                                 /* 0: no */
     double timeout_s, stall_s;                                  /* 0: none */
@@ -79,7 +79,7 @@ typedef struct config {
     int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s, webhook_retry_after_s;
     log_level log_level;
-    /* Not settings; NULL when the command line does not give them. */
+    /* Not settings; NULL if the command line does not have them. */
     char *file;   /* the last --config */
     char *backup; /* with CONFIG_BACKUP: the file to write */
     char *admit;  /* with CONFIG_ALLOW and CONFIG_DENY: a user or @GROUP, not empty */
@@ -97,25 +97,25 @@ typedef enum config_action {
     CONFIG_DENY
 } config_action;
 
-/* Reads the defaults, then the file that `--config FILE` names, then the options. On failure an error (code
- * spec_invalid) that names the file and line or the option. The caller clears. */
+/* Reads the defaults, then the file of `--config FILE`, then the options. The caller frees the members with
+ * config_clear. Error: spec_invalid, with the file and line or the option. */
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
-/* Takes the values of settings that reload from `fresh`, which gets the former ones, and logs which settings
- * changed and which need a restart. */
+/* Takes the values of settings that reload from `fresh`, which receives the former ones. Logs the changed settings and
+ * those that need a restart. */
 void config_take_over(config *c, config *fresh);
 bool config_lists_differ(const config_list *a, const config_list *b);
-void config_clear(config *c); /* accepts an empty one */
+void config_clear(config *c); /* accepts a zeroed object */
 
 /* Whether the settings admit users other than the service's own to the Unix socket. */
 bool config_shares_socket(const config *c);
 
-/* Fills c->worker when it is empty: hexad-worker beside the running program, otherwise in the bindir of the
- * build. An error (input_missing) when the worker is not an executable file. */
+/* Sets c->worker if it is empty: hexad-worker in the directory of the running program, otherwise in the bindir of the
+ * build. Error: input_missing (it is not an executable file). */
 bool config_find_worker(config *c, error *e);
-/* The same of c->slurm_node and hexad-node. */
+/* config_find_worker for c->slurm_node and hexad-node. */
 bool config_find_node(config *c, error *e);
 
 void config_print_help(FILE *file);
-void config_print_sample(FILE *file); /* what etc/hexad.conf holds */
+void config_print_sample(FILE *file); /* contents of etc/hexad.conf */
 
 #endif

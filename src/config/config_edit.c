@@ -20,7 +20,7 @@ static size_t line_length(const char *line)
     return length + (line[length] == '\n');
 }
 
-/* Where the value of the key begins in the line; 0: the line has another key, or none. */
+/* Offset of the value if the line has this key; otherwise 0. */
 static size_t value_offset(const char *line, const char *key)
 {
     const char *at = line + strspn(line, BLANKS);
@@ -36,7 +36,7 @@ static bool is_about(const char *line, const char *key)
     return value_offset(*at == '#' ? at + 1 : at, key) != 0;
 }
 
-/* The end of the last line about the key and of the lines that continue it; otherwise the end of the text. */
+/* The end of the last line with the key and of its continuation lines; otherwise the end of the text. */
 static size_t place_of(const char *text, const char *key)
 {
     const char *place = NULL;
@@ -51,7 +51,7 @@ static size_t place_of(const char *text, const char *key)
 char *config_edit_add(const char *text, const char *key, const char *value)
 {
     size_t place = place_of(text, key);
-    bool open = place && text[place - 1] != '\n'; /* the last line has no end, and gets no second one */
+    bool open = place && text[place - 1] != '\n'; /* the last line has no line break, and gets none */
     return mem_printf("%.*s%s%s = %s%s%s", (int)place, text, open ? "\n" : "", key, value, open ? "" : "\n",
                       text + place);
 }
@@ -63,15 +63,15 @@ static bool is_value(const char *item, size_t length, const char *value)
     return length == strlen(value) && memcmp(item, value, length) == 0;
 }
 
-/* The end of an item that begins here, before `end`. */
+/* The end of the item that starts here, at most `end`. */
 static const char *item_end(const char *item, const char *end)
 {
     while (item < end && *item != ',' && *item != ':') item++;
     return item;
 }
 
-/* Copies the items from `item` to `end` other than the value, with the separators between them; returns the end of the
- * copy. *found: the value was among them. */
+/* Copies the items from `item` to `end` except the value, with separators; returns the end of the copy. *found: the
+ * value was one of them. */
 static char *copy_others(char *to, const char *item, const char *end, const char *value, bool *found)
 {
     bool first = true;
@@ -103,7 +103,7 @@ char *config_edit_remove(const char *text, const char *key, const char *value)
         else if (rest > items || is_blank(*next))
             to = mempcpy(rest, end, (size_t)(next - end));
         else if (next == end && to > edited)
-            to--; /* the last line had no end, and what is the last one now gets none */
+            to--; /* the last line had no line break, and the new last line gets none */
     }
     *to = '\0';
     return edited;

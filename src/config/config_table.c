@@ -3,7 +3,7 @@
 #include "base/worker_contract.h"
 #include "config/config.h"
 
-/* A setting is called as its member of config. */
+/* The key of a setting is the name of its member of config. */
 #define SETTING(member) .key = #member, .offset = offsetof(config, member)
 
 const config_row config_table[] = {

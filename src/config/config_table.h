@@ -17,19 +17,19 @@ typedef enum config_type {
     CONFIG_LEVEL    /* log_level */
 } config_type;
 
-/* Members that a row does not name are empty: no default, no unit, not reloaded. */
+/* Members that a row does not set are zero: no default, no unit, not reloaded. */
 typedef struct config_row {
     const char *key;
     size_t offset; /* in config */
     config_type type;
-    const char *default_text; /* as it would be written; NULL: empty */
+    const char *default_text; /* in the syntax of the file; NULL: empty */
     double low, high;         /* of numbers; inclusive */
-    bool or_zero;             /* 0 is allowed, too, although it is below `low` */
+    bool or_zero;             /* 0 is permitted although it is below `low` */
     const char *unit;         /* NULL: none */
-    bool reloads;             /* SIGHUP takes a new value over; other settings need a restart */
-    build_part
-        part; /* that the setting belongs to; in a build without it only the default is allowed, and 0 of a
-                      * whole number */
+    bool reloads;             /* SIGHUP applies a new value; other settings need a restart */
+    /* Part of the program to which the setting belongs. A build without it permits only the default, and 0 for a
+     * whole number. */
+    build_part part;
     const char *help;
 } config_row;
 
