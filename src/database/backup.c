@@ -15,11 +15,12 @@
 #include "database/health.h"
 #include "database/schema.h"
 
-/* Pages between two looks at the stop flag. The copy is flushed as often: otherwise the flush of a change could wait for it. */
+/* Pages between two tests of the stop flag. The copy is flushed at the same interval: otherwise the flush of a change
+ * could wait for it. */
 #define PAGES_A_STEP 2048
 /* The page cache of a check, in KiB (negative: SQLite's unit). */
 #define CHECK_CACHE "-16000"
-/* Instructions of SQLite's virtual machine between two looks at the stop flag. */
+/* Instructions of SQLite's virtual machine between two tests of the stop flag. */
 #define CHECK_TURNS 10000
 
 /* Sets the error for a failed copy or check. A damaged copy means a damaged database: then the message is only that of
@@ -53,7 +54,7 @@ static sqlite3 *open_target(const char *path, error *e)
                     e);
 }
 
-/* The header of the copy says that it has a write-ahead log. Changes that, so that it can be read without one. */
+/* Clears the flag of a write-ahead log in the header of the copy, so that it can be read without one. */
 static bool drop_log(const char *path, error *e)
 {
     sqlite3 *file = open_own(
@@ -112,7 +113,7 @@ static bool copy_online(database *d, sqlite3 *target, const char *path, int fd, 
     sqlite3 *source = database_connection(reader);
     sqlite3_db_release_memory(
         source); /* empties the page cache, so that the copy shows what is on the disk */
-    /* without a transaction that has read, each step would begin anew after a change */
+    /* without a read transaction, each step would restart after a change */
     int code = sqlite3_get_autocommit(source)
                    ? SQLITE_ERROR
                    : sqlite3_exec(source, "SELECT 1 FROM sqlite_schema", NULL, NULL, NULL);
@@ -160,7 +161,7 @@ int backup_open(database *d, int64_t free_bytes, int64_t *bytes, error *e)
     return fd;
 }
 
-/* Opens the source in a way that keeps its log as it is, and leaves no log if there was none. */
+/* Opens the source so that its log is unchanged, and no log remains if there was none. */
 static bool copy_idle(const char *from, sqlite3 *target, const char *path, error *e)
 {
     char *log = mem_printf("%s-wal", from);
@@ -177,7 +178,7 @@ static bool copy_idle(const char *from, sqlite3 *target, const char *path, error
 }
 
 /* Whether there is a database to copy, and disk space for the copy. */
-static bool look_at_source(const char *state_dir, const char *from, const char *path, error *e)
+static bool check_source(const char *state_dir, const char *from, const char *path, error *e)
 {
     struct stat info;
     if (stat(from, &info) != 0)
@@ -192,7 +193,7 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
 {
     char *from = mem_printf("%s/" DATABASE_FILE_NAME, state_dir);
     error why = {0};
-    bool ok = look_at_source(state_dir, from, path, e);
+    bool ok = check_source(state_dir, from, path, e);
     sqlite3 *target = ok ? open_target(path, &why) : NULL;
     if (ok) {
         ok = target && copy_idle(from, target, path, &why);
@@ -326,8 +327,8 @@ static bool try_once(request *r, error *e)
     return ok;
 }
 
-/* Makes the copy a second time when the first one shows damage: the disk of the copy may be at fault, and SQLite also
- * reports a schema that it cannot read as damaged. Only what two copies show is damage of the database. */
+/* Makes the copy a second time if the first one has damage: the disk of the copy may be at fault, and SQLite also
+ * reports a schema that it cannot read as damaged. Only damage in both copies counts as damage of the database. */
 static bool try_twice(request *r, int64_t free_bytes, error *e)
 {
     error why = {0};

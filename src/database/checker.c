@@ -13,17 +13,17 @@
 #include "database/database.h"
 #include "database/health.h"
 
-/* A check that could not be made is tried again after this time. The shorter time holds while changes are refused. */
+/* Time until a failed check is repeated. The shorter time applies while changes are refused. */
 #define RETRY_MS 60000
 #define RETRY_IN_DOUBT_MS 5000
-/* The database is idle when nothing was stored for this time, or for a tenth of the interval if that is shorter. */
+/* The database is idle if no change was stored for this time, or for a tenth of the interval if that is shorter. */
 #define IDLE_MS 10000
 
 struct checker {
     database *d;
     int64_t interval_ms; /* 0: never */
     int64_t free_bytes;
-    bool told; /* the log already says that no check can be made */
+    bool logged; /* a failed check has been logged */
     pthread_t thread;
 };
 
@@ -42,9 +42,9 @@ static bool check(checker *c, bool full)
     }
     if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first finding is enough */
     health_end_check(h, name, ok, ok && *findings ? findings : NULL);
-    if (!ok && !c->told && e.code != ERROR_CANCELLED)
+    if (!ok && !c->logged && e.code != ERROR_CANCELLED)
         log_write(LOG_LEVEL_WARNING, "cannot check the database and tries again: %s", e.message);
-    c->told = !ok;
+    c->logged = !ok;
     if (ok)
         log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
     free(findings);

@@ -35,17 +35,18 @@
 /* Readers that are opened at the start. More are opened when all of them are in use, and then kept. */
 #define READERS_AT_START 8
 
-/* The log is written back to the database from this number of pages (of 4 KiB) on. SQLite's own number; a longer log is written back more seldom, and
- * takes longer to read after a crash. */
+/* The log is checkpointed from this number of pages (of 4 KiB), SQLite's default. Larger: fewer checkpoints, and a
+ * longer recovery after a crash. */
 #define LOG_PAGES 1000
-/* This number of pages is written back while no change is stored: it takes two flushes. */
+/* Remaining pages that are checkpointed while no change is stored; this takes two flushes. */
 #define LOG_REST 100
-/* From this number of pages on a change waits until readers leave the log, at most LOG_PATIENCE_MS: otherwise a log that is always read would
- * grow without end. When that does not help, as during a backup, the next time is at twice the length. */
+/* From this number of pages a change waits until readers leave the log, at most LOG_PATIENCE_MS: otherwise a log with
+ * permanent readers would grow without limit. If that fails, as during a backup, the next attempt is at twice the
+ * length. */
 #define LOG_MOST 4000
 #define LOG_PATIENCE_MS 200
-/* SQLite's files of this process: other programs are kept out, and the index of the log is in memory, so that a full disk does not
- * stop it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
+/* SQLite's files are exclusive to this process: other programs are excluded, and the index of the log is in memory, so
+ * that a full disk does not block it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
 #define OWN_VFS "unix-excl"
 
 struct database {
@@ -55,8 +56,8 @@ struct database {
         sqlite3_stmt *prepared;
     } statement[STATEMENTS];
     health *health;   /* a reader's is that of its origin */
-    database *origin; /* of a reader, which has only the members up to here; NULL: this is none */
-    database *next;   /* of the readers that are not in use */
+    database *origin; /* in a reader, which has only the members up to here: its database; otherwise NULL */
+    database *next;   /* next idle reader */
 
     int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
     int file_fd; /* for flushes; -1: a copy. Closed after all connections, because that ends the locks of the process on the file */
@@ -76,9 +77,10 @@ struct database {
     pthread_t log_thread;
     pthread_cond_t log_is_long; /* with `mutex`, which guards what follows */
     database *log_reader;       /* the thread's connection; NULL: there is no thread */
-    int log_pages, log_limit;   /* length of the log after the last change, and when it is written back */
-    int log_most;               /* see LOG_MOST */
-    bool log_stays;             /* a flush of the database failed: only the log has the changes for certain */
+    /* length of the log after the last change, and length at which it is checkpointed */
+    int log_pages, log_limit;
+    int log_most;   /* see LOG_MOST */
+    bool log_stays; /* a flush of the database failed: only the log is known to have the changes */
     bool closing;
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
@@ -88,8 +90,8 @@ struct database {
     int nice; /* of the thread that opened the database */
     pthread_t commit_thread;
     pthread_cond_t entrusted;
-    bool commits, ending; /* there is the thread; it has to end */
-    unsigned slow;        /* waiting threads of a lower priority: the thread commits their changes */
+    bool commits, ending; /* the thread exists; it has to end */
+    unsigned slow; /* number of waiting threads of a lower priority: the thread commits their changes */
 
     pthread_mutex_t news_mutex;
     pthread_cond_t news;
@@ -247,7 +249,7 @@ char *database_text(sqlite3_stmt *s, int column)
 
 /* ---- changes */
 
-/* Logs when changes can no longer be stored, and when they can again, but not every failure between. */
+/* Logs the first failed change, and the first successful one after it. */
 static void note_stored(database *d)
 {
     if (!d->trouble) return;
@@ -323,14 +325,15 @@ static void lead(database *d)
     pthread_mutex_lock(&d->gate);
     for (change *c = all, *next; c; c = next) {
         next = c->next;
-        c->done = true; /* from here on its thread may have returned, and the change is gone */
+        c->done = true; /* from here its thread may have returned, and the change may be gone */
     }
     d->leading = false;
     pthread_cond_broadcast(&d->turn);
     if (d->first && d->slow) pthread_cond_signal(&d->entrusted);
 }
 
-/* Commits for threads of a lower priority than the process. Such a thread may wait long for a processor, and all changes would wait with it. */
+/* Commits for threads of a lower priority than the process: such a thread may wait long for a CPU, and all changes
+ * would wait with it. */
 static void *commit_entrusted(void *argument)
 {
     database *d = argument;
@@ -396,7 +399,7 @@ static void close_connection(database *d)
     sqlite3_close(d->connection);
 }
 
-/* NULL when there are no descriptors or no memory. */
+/* NULL: no descriptors or no memory. */
 static database *open_reader(database *d, error *e)
 {
     database *r = mem_alloc(sizeof *r);
@@ -445,7 +448,7 @@ void database_end_read(database *r)
     plain(r, "COMMIT", NULL);
     if (!sqlite3_get_autocommit(r->connection)) plain(r, "ROLLBACK", NULL);
     const bool ended = sqlite3_get_autocommit(r->connection);
-    if (!ended) { /* another one is opened; this one would show the past */
+    if (!ended) { /* it would read an old state; another one is opened instead */
         close_connection(r);
         free(r);
     }
@@ -465,7 +468,7 @@ static int note_log(void *context, sqlite3 *connection, const char *name, int pa
 {
     (void)connection, (void)name;
     database *d = context;
-    if (pages < d->log_pages) { /* it has begun anew */
+    if (pages < d->log_pages) { /* the log was restarted */
         d->log_limit = LOG_PAGES;
         d->log_most = LOG_MOST;
     }
@@ -474,8 +477,8 @@ static int note_log(void *context, sqlite3 *connection, const char *name, int pa
     return SQLITE_OK;
 }
 
-/* Writes back what no reader prevents, in SQLite's `mode` of a checkpoint. Returns how many pages of the log are written back now; 0 when the disk
- * is full or fails. */
+/* Checkpoints pages that no reader needs, in SQLite's `mode`. Returns the number of pages of the log that are
+ * checkpointed; 0: the disk is full or failed. */
 static int write_back(database *d, int mode)
 {
     int written = 0;
@@ -484,18 +487,18 @@ static int write_back(database *d, int mode)
     return code == SQLITE_OK || code == SQLITE_BUSY ? written : 0;
 }
 
-/* While no change is stored: the last pages, after which the next change begins the log anew if nothing reads it. */
+/* While no change is stored: checkpoints the last pages. The next change then restarts the log if no reader needs it. */
 static void end_log(database *d)
 {
     const bool waits = d->log_pages >= d->log_most;
     sqlite3_busy_timeout(d->log_reader->connection, waits ? LOG_PATIENCE_MS : 0);
     write_back(d, waits ? SQLITE_CHECKPOINT_RESTART : SQLITE_CHECKPOINT_PASSIVE);
     if (waits) d->log_most = 2 * d->log_pages;
-    d->log_limit = d->log_pages + LOG_REST; /* unless it begins anew */
+    d->log_limit = d->log_pages + LOG_REST; /* unless it is restarted */
 }
 
-/* Writes the log back while changes are stored, until little is left or it is too long; then the rest. After a failed flush the kernel takes
- * the pages for written: the log is kept then, and the next start writes all of it back. */
+/* Checkpoints the log while changes are stored, until little is left or it is too long; then the rest. After a failed
+ * flush the kernel considers the pages written: the log is kept then, and the next start checkpoints all of it. */
 static void *keep_log_short(void *argument)
 {
     database *d = argument;
@@ -509,7 +512,7 @@ static void *keep_log_short(void *argument)
         int before = written;
         pthread_mutex_unlock(&d->mutex);
         written = write_back(d, SQLITE_CHECKPOINT_PASSIVE);
-        /* SQLite does not when changes came meanwhile; then the end would take long */
+        /* SQLite does not flush if changes were stored meanwhile; the end would then take long */
         bool flushed = fdatasync(d->file_fd) == 0;
         pthread_mutex_lock(&d->mutex);
         d->log_stays |= !flushed;

@@ -1,13 +1,13 @@
 /* database: the connection to SQLite, and transactions that threads share. Only src/database and src/queue use SQLite.
  *
- * Any thread may call any function. To read, use the connection that database_begin_read returns. Readers wait neither for
- * each other nor for a change: SQLite's log keeps the pages that they read. To write, pass a
- * `change` to database_change. One of the waiting threads takes all changes that have arrived, applies them one after
- * the other in a single transaction, and commits. Then all of these threads return. So they share one flush to disk,
- * and readers never see a change that could still be lost. Each change has a savepoint: one that fails is rolled back
- * alone. When the commit fails, all changes of the transaction fail. A thread with a higher nice value than the one that opened the
- * database commits nothing: a thread of the database does it instead. Another one writes the log back to the database, so that a change waits
- * for the flush of the log alone.
+ * Any thread may call any function. To read, use the connection that database_begin_read returns. Readers wait neither
+ * for each other nor for changes: SQLite's log keeps the pages that they read. To write, pass a `change` to
+ * database_change. One of the waiting threads applies all changes that have arrived, one after another in a single
+ * transaction, and commits. Then all of these threads return. They share one flush to disk, and readers never see a
+ * change that could still be lost. Each change has a savepoint: a failed change is rolled back alone. If the commit
+ * fails, all changes of the transaction fail. A thread with a higher nice value than the one that opened the database
+ * never commits: a thread of the database does. Another thread checkpoints the log, so that a change waits for the
+ * flush of the log only.
  */
 #ifndef HEXAD_DATABASE_DATABASE_H
 #define HEXAD_DATABASE_DATABASE_H
@@ -22,34 +22,35 @@
 
 typedef struct database database;
 
-/* Opens or creates the database in an existing directory, which stays locked until database_close. Fails when another
- * process holds the directory (the message says so), when it is on a network file system, or when a newer version of
- * the program created the database. */
+/* Opens or creates the database in an existing directory, which is locked until database_close. Error, if another
+ * process has locked the directory, if it is on a network file system, or if a newer version of the program created the
+ * database; the message has the reason. */
 database *database_open(const char *state_dir, error *e);
-/* Opens a copy of a database (database/backup) for reading. An older version is migrated first, in the copy. */
+/* Opens a copy of a database (database/backup) for reading. The copy is migrated if it has an older version. */
 database *database_open_copy(const char *path, error *e);
 void database_close(database *d); /* accepts NULL */
 
-/* Returns a connection that reads the database as it is at the first statement, until database_end_read. It has every change
- * whose database_change has returned. For the functions of statements below; a thread has one at a time. A connection is opened when all
- * others are in use. When that fails, the call waits until one is returned. */
+/* Returns a connection for the functions of statements below; it reads the state at its first statement until
+ * database_end_read, with every change whose database_change has returned. A thread has at most one. If all connections
+ * are in use, another one is opened; if that fails, the call waits until one is returned. */
 database *database_begin_read(database *d);
 void database_end_read(database *reader);
 
-/* Has `call` called after each commit, before database_change returns. Call it before other threads use the database. */
+/* Sets a function that is called after each commit, before database_change returns. Call it before other threads use
+ * the database. */
 void database_on_commit(database *d, void (*call)(void *context), void *context);
 
 typedef struct change change;
 struct change {
-    /* Runs inside the transaction, possibly in another thread. The change is the first member of a larger struct, which
-     * takes the outputs. */
+    /* Runs inside the transaction, possibly in another thread. The change is the first member of a larger struct that
+     * has the outputs. */
     bool (*apply)(database *d, change *c);
     error fault;
     bool done, ok;
     change *next;
 };
 
-/* Returns when the change is on disk, or has failed: then *e tells why. */
+/* Returns when the change is on disk, or has failed (false, *e). */
 bool database_change(database *d, change *c, error *e);
 
 /* One value of a statement's parameters. */
@@ -70,7 +71,7 @@ static inline value integer(int64_t n)
     return (value){.type = VALUE_INTEGER, .number = n};
 }
 
-/* Binds NULL unless the number is known. */
+/* Binds NULL if the number is unknown. */
 static inline value integer_if(int64_t n, bool known)
 {
     return known ? integer(n) : text(NULL);
@@ -98,15 +99,15 @@ void database_end(sqlite3_stmt *s);
 /* Reads the integer in the first column of a statement's only row; 0: there is no row, or it is NULL. */
 bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e);
 
-/* Whether at least as much disk space is free as database_reserve has reserved. A new job needs that. */
+/* Whether the free disk space is at least the reserve of database_reserve, which a new job requires. */
 bool database_has_room(database *d);
 
-/* Reserves disk space for changes that have to succeed on a full disk (database/reserve). 0: none. When the space
- * cannot be reserved, a warning is logged. */
+/* Reserves disk space for changes that must succeed on a full disk (database/reserve). 0: none. If the space cannot be
+ * reserved, a warning is logged. */
 void database_reserve(database *d, int64_t bytes);
 
-/* Waits until changes were stored or database_signal was called since *seen (0 at first), or until the deadline
- * (monotonic). Returns true and updates *seen when something happened. */
+/* Waits until changes were stored or database_signal was called since *seen (initially 0), or until the deadline
+ * (monotonic). Returns true and updates *seen if one of these happened. */
 bool database_wait(database *d, uint64_t *seen, int64_t until_ms);
 void database_signal(database *d);
 
@@ -122,6 +123,6 @@ sqlite3 *database_connection(database *d);
 struct health *database_health(database *d);
 const char *database_directory(database *d); /* the state directory */
 uint64_t database_change_count(database *d); /* number of rows changed since the start */
-char *database_copy_path(database *d);       /* where a copy may be made; to be freed */
+char *database_copy_path(database *d);       /* path for a copy; to be freed */
 
 #endif

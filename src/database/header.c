@@ -19,13 +19,13 @@ bool header_exists(const char *state_dir)
 {
     struct stat info;
     char *path = mem_printf("%s/" DATABASE_FILE_NAME, state_dir);
-    /* a file that cannot be examined may exist: opening it then tells what is wrong */
+    /* a file that cannot be examined may exist: the error follows when it is opened */
     bool there = stat(path, &info) == 0 ? info.st_size > 0 : errno != ENOENT;
     free(path);
     return there;
 }
 
-/* Whether there is a log with content: it begins with a magic number, whose last bit gives the byte order. */
+/* Whether there is a log with content: it starts with a magic number, whose last bit gives the byte order. */
 static bool has_log(const char *path)
 {
     uint8_t begin[4] = {0};

@@ -12,11 +12,11 @@
 /* The database, in the state directory. */
 #define DATABASE_FILE_NAME "queue.db"
 
-/* Whether a database that is not empty exists: then database_open does not create one. */
+/* Whether a database that is not empty exists; then database_open does not create one. */
 bool header_exists(const char *state_dir);
 
-/* An error (database_damaged) when the file is not a database, or its length does not fit its header. A missing or empty
- * file passes. A file with a write-ahead log passes, too, because the log may hold newer pages. */
+/* Error: database_damaged (the file is not a database, or its length does not match its header). A missing or empty
+ * file passes. A file with a write-ahead log passes, too, because the log may have newer pages. */
 bool header_check(const char *path, error *e);
 
 #endif

@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 
-/* What the messages tell an operator to do about damage. */
+/* Instruction in messages about damage. */
 #define HEALTH_WAY_OUT                                                                                      \
     "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt" \
     " without one; doc/operations.md says how"
@@ -33,10 +33,10 @@ health *health_new(void);
 void health_free(health *h); /* accepts NULL */
 
 /* Records damage. `found_by` is "statement", "copy", "quick_check" or "integrity_check". Only the first damage is
- * logged and kept. `doubt` marks a read error: the next check that finds no damage clears it. */
+ * logged and kept. `doubt`: a read error, which the next check without damage clears. */
 void health_note_damage(health *h, const char *found_by, const char *what, bool doubt);
 
-/* False when the database is damaged. The error (database_damaged) tells what is damaged and what to do. */
+/* False if the database is damaged. The error (database_damaged) describes the damage and the required actions. */
 bool health_allows_changes(health *h, error *e);
 
 void health_begin_check(health *h);

@@ -14,11 +14,11 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-/* For how long, and how often, a lock is tried that another process holds. */
+/* Maximum time, and interval, of attempts to take a lock that another process holds. */
 #define PATIENCE_MS 1000
-#define LOOK_MS 20
+#define POLL_MS 20
 
-static void say_holder(int fd, const char *state_dir, error *e)
+static void describe_holder(int fd, const char *state_dir, error *e)
 {
     char holder[16] = "";
     ssize_t got = pread(fd, holder, sizeof holder - 1, 0);
@@ -47,13 +47,13 @@ static void note_holder(int fd)
                   strerror(errno));
 }
 
-/* A process that was killed holds its lock until the kernel has taken it apart. */
+/* A killed process holds its lock until the kernel has released it. */
 static bool lock_file(int fd, int64_t patience_ms)
 {
     int64_t until_ms = clock_monotonic_ms() + patience_ms;
     while (flock(fd, LOCK_EX | LOCK_NB) != 0) {
         if (errno != EWOULDBLOCK || clock_monotonic_ms() >= until_ms) return false;
-        poll(NULL, 0, LOOK_MS);
+        poll(NULL, 0, POLL_MS);
     }
     return true;
 }
@@ -65,7 +65,7 @@ int lock_take(const char *state_dir, bool *in_use, error *e)
     bool ok = fd >= 0 && give_to_owner(fd, state_dir) && lock_file(fd, in_use ? 0 : PATIENCE_MS);
     bool held = !ok && fd >= 0 && errno == EWOULDBLOCK;
     if (held)
-        say_holder(fd, state_dir, e);
+        describe_holder(fd, state_dir, e);
     else if (!ok)
         error_set(e, ERROR_INTERNAL, "cannot lock %s: %s", path, strerror(errno));
     else

@@ -15,8 +15,8 @@
 
 /* The first bytes of a WAL: its magic number. A file of zeros is an empty log. */
 enum { HEADER_BYTES = 32 };
-/* What the log usually takes: it is written back to the database from a thousand pages of 4 KiB on, and grows meanwhile. On a full disk it
- * cannot, because the database would grow, so the log goes on growing. */
+/* Usual size of the log: it is checkpointed from a thousand pages of 4 KiB, and grows meanwhile. On a full disk it
+ * cannot be checkpointed, because the database would grow, and continues to grow. */
 enum { USUAL_BYTES = 5 << 20 };
 
 typedef struct names {
@@ -77,7 +77,7 @@ static bool name_log(const names *n)
     return link(n->log, n->fresh) == 0 && rename(n->fresh, n->reserve) == 0;
 }
 
-/* On a disk with too little space, fallocate would fail and still take what is free. */
+/* If the disk has too little space, fallocate would fail and still allocate the free blocks. */
 static bool allocate(int fd, int64_t bytes)
 {
     struct stat file;

@@ -14,13 +14,13 @@
 
 #define SCHEMA_VERSION 13
 
-/* What jobs are sorted by when they are sorted by name. */
+/* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
-/* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a task that runs or is delayed
- * keeps the later ones waiting. */
+/* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a running or delayed task blocks
+ * the later ones. */
 #define SCHEMA_CLAIMABLE \
     "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
 
@@ -29,15 +29,15 @@
     " (SELECT priority, seq FROM job INDEXED BY job_ready WHERE job.owner = owner.name" \
     " AND " SCHEMA_CLAIMABLE " ORDER BY priority DESC, seq LIMIT 1)"
 
-/* SQL conditions on a row of job: it has ended and left something to be kept; and it is not known how many bytes. */
+/* SQL conditions on a row of job: it has ended with results or logs to keep; their size is unknown. */
 #define SCHEMA_KEPT "finished_ms IS NOT NULL AND succeeded + failed + timed_out > 0"
 #define SCHEMA_UNMEASURED "result_bytes IS NULL AND finished_ms IS NOT NULL"
 
 /* SQL condition on a row of job: results could not be copied to output.directory, and their owner has not downloaded them. */
 #define SCHEMA_UNDELIVERED "copy_state = 'failed' AND delivered_ms IS NULL"
 
-/* Creates or migrates the tables and compares them with the expected schema. When they cannot be read or differ, the
- * error has the code database_damaged and tells what is wrong and what to do. */
+/* Creates or migrates the tables and compares them with the expected schema. Error: database_damaged (they cannot be
+ * read or differ; the message has the required actions). */
 bool schema_prepare(sqlite3 *database, error *e);
 
 /* Compares tables, columns and indexes with those of this version. Writes a line for each difference and counts them.
