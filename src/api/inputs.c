@@ -198,7 +198,7 @@ static void inspect(const http_context *c, const char *path, reply *r)
     json *asked = json_new_object();
     json_put_string(asked, "path", path);
     char *text = json_print(asked);
-    estimator_verdict verdict = estimator_ask(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
+    estimator_verdict verdict = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
                                               QUEUE_NO_FRAME, threads, memory_mb, 0, &found, &e);
     if (verdict == ESTIMATOR_MADE)
         reply_set_text(r, "application/json", found);

@@ -33,7 +33,7 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     if (!job_lookup_find_own(c, request, &job, r)) return;
     bool ended = queue_state_is_final(job.state),
          wants_end = command == QUEUE_RETRY || command == QUEUE_DELIVER;
-    if (!executor_tell(c->x, job.id, command, &found, &changed, &now, &e)) {
+    if (!executor_apply_command(c->x, job.id, command, &found, &changed, &now, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
         reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
@@ -84,7 +84,7 @@ static void retry_all(const http_context *c, const http_request *request, reply 
     bool found = false, changed = false, admin = request->caller->scopes & SCOPE_ADMIN;
     queue_state now = QUEUE_QUEUED;
     if (!job_lookup_find_own(c, request, &job, r)) return;
-    if (!executor_tell(c->x, job.id, QUEUE_RETRY, &found, &changed, &now, &e) ||
+    if (!executor_apply_command(c->x, job.id, QUEUE_RETRY, &found, &changed, &now, &e) ||
         !queue_retry_dependents(c->q, job.id, admin ? NULL : request->caller->user, &retried, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!changed && !retried.count) {

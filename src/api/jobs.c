@@ -621,7 +621,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         size_t sent_count = 0;
         char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
         verdict =
-            estimator_ask(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent, sent_count,
+            estimator_run(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent, sent_count,
                           o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads, memory_mb,
                           clock_seconds(parameter_integer(request, "within_ms", 0)), &found, &e);
         free_sent(sent, sent_count);

@@ -13,11 +13,11 @@
 #include "results/result.h"
 #include "store/inputs.h"
 
-/* Files changed in this time before the attempt are not trusted: time stamps are coarse, and file servers have clocks
- * of their own. */
+/* Files changed within this time before the attempt are not trusted: time stamps are coarse, and file servers have
+ * their own clocks. */
 #define CLOCK_DOUBT_MS 2000
 
-/* Copies an object without the members that a result does not depend on. */
+/* Copies an object without the members that do not affect a result. */
 static json *copy_without(json_at object, const char *const *members, size_t count)
 {
     json *copy = json_new_object();
@@ -57,7 +57,7 @@ static void put_number(json *o, const char *key, int64_t number)
     free(text);
 }
 
-/* A file as it is now. */
+/* The present state of a file. */
 typedef struct present {
     bool named_by_hash; /* an uploaded file, whose name identifies it: the rest is not set */
     dev_t device;
@@ -100,8 +100,8 @@ static int64_t read_number(json_at input, const char *key)
     return strtoll(json_string(json_member(&input, key), "-1"), NULL, 10);
 }
 
-/* Whether the path names the file that the worker has opened: what the report says of its descriptor is true of the path. The
- * device is not compared, since nodes of a farm may number devices otherwise. */
+/* Whether the path leads to the file that the worker opened, by the description of its descriptor in the report. The
+ * device is not compared, since nodes of a farm may number devices differently. */
 static bool is_what_was_read(json_at input, const present *now)
 {
     double bytes = json_number(json_member(&input, "bytes"), -1);

@@ -16,21 +16,20 @@
 #include "store/file.h"
 #include "store/root.h"
 
-/* The key of what a normalised spec asks of this version of the program: equal keys, equal results. False: the result
- * of such a job is never reused. */
+/* The key of a normalised spec for this version of the program: equal keys, equal results. False: the result of such a
+ * job is never reused. */
 bool cache_key(const json *spec, char key[STORE_HASH_SIZE]);
 
-/* Describes the present state of the input files that a result's report names, as a text to be freed. NULL, and then
- * the result cannot be cached, when a path does not name the file any more that the worker has opened (the report has its
- * size, inode and times), or a file was changed after `since_ms` (wall clock, the start of the attempt) or cannot be
- * examined. */
+/* Describes the state of the input files in a result's report, as a text that the caller frees. NULL (the result cannot
+ * be cached): a path no longer leads to the file that the worker opened (the report has its size, inode and times), or
+ * a file was changed after `since_ms` (wall clock, start of the attempt), or cannot be examined. */
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms);
 
 /* Whether no input has changed since it was described. */
 bool cache_is_fresh(const store_roots *roots, const char *inputs);
 
-/* Creates the directory `to` with hard links to the files of the result in `from`, and with a report of its own, which
- * has this spec. *r describes the result; the caller clears it. */
+/* Creates the directory `to` with hard links to the files of the result in `from`, and with its own report, which has
+ * this spec. *r describes the result; the caller clears it. */
 bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e);
 
 #endif

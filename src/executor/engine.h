@@ -1,9 +1,9 @@
-/* engine: an interface to run attempts, as a table of functions. There are two: processes of this machine
- * (executor/local), and jobs of Slurm (slurm/slurm).
+/* engine: an interface to run attempts, as a table of functions. There are two implementations: processes of this
+ * machine (executor/local), and jobs of Slurm (slurm/slurm).
  *
- * The caller starts an attempt, waits for its descriptors or for the request's wake_fd, and polls it then. It may cancel
- * the attempt. It settles the attempt exactly once, after poll has returned true, or leaves it. No function waits. One thread makes
- * all calls for one attempt.
+ * The caller starts an attempt, waits for its descriptors or for the request's wake_fd, and then polls it. It may
+ * cancel the attempt. It settles the attempt exactly once after poll has returned true, or leaves it. No function
+ * waits. One thread makes all calls for one attempt.
  */
 #ifndef HEXAD_EXECUTOR_ENGINE_H
 #define HEXAD_EXECUTOR_ENGINE_H
@@ -23,74 +23,74 @@
 typedef struct engine_request {
     const char *worker;    /* path of the worker program */
     const char *command;   /* "run", "estimate" or "inspect" */
-    const char *directory; /* the attempt's own directory, which exists and is empty; takes the output */
+    const char *directory; /* directory of the attempt, which exists and is empty; receives the output */
     const char *spec;      /* JSON text */
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
-    control_groups *groups;  /* in which the kernel keeps this limit; NULL: the worker keeps it itself */
-    int64_t file_mb;         /* the longest file that the worker may write; 0: no limit */
-    sandbox_mode sandbox;    /* the sandbox that the worker has to enter */
+    control_groups *groups;  /* the kernel enforces the memory limit in these; NULL: the worker does */
+    int64_t file_mb;         /* maximum size of a file that the worker writes; 0: no limit */
+    sandbox_mode sandbox;    /* sandbox that the worker enters */
     int threads;             /* > 0 */
     int frame;               /* QUEUE_NO_FRAME: none */
-    const char *trace; /* traceparent of the submission, which the worker finds as TRACEPARENT; NULL: none */
-    const char *previous; /* directory of the results that this frame begins with; NULL: none */
-    const char *instance; /* id of this service; "": of no attempt, as for an estimate */
-    const char *owner;    /* of the job; NULL: nobody */
+    const char *trace;    /* traceparent of the submission, passed to the worker as TRACEPARENT; NULL: none */
+    const char *previous; /* directory of the results from which this frame starts; NULL: none */
+    const char *instance; /* id of this service; "": no attempt, such as an estimate */
+    const char *owner;    /* of the job; NULL: none */
     int priority;         /* of the job */
-    double timeout_s;     /* what is left of its time; 0: no limit */
-    int wake_fd; /* an eventfd to be written to when poll has news; an engine with descriptors leaves it alone */
+    double timeout_s;     /* remaining time; 0: no limit */
+    int wake_fd; /* eventfd that is written to when poll has news; unused by engines with descriptors */
 } engine_request;
 
-typedef struct engine_attempt engine_attempt; /* each engine has its own */
+typedef struct engine_attempt engine_attempt; /* defined by each engine */
 
-/* Why an attempt has no ending of its own, or one that the engine knows the cause of. */
+/* The cause, known to the engine, of an attempt without a regular end. */
 typedef enum engine_loss {
     ENGINE_NOT_LOST,
-    ENGINE_GIVEN_BACK,  /* its worker was never started, or was stopped to make room: it does not count */
-    ENGINE_INTERRUPTED, /* it ended with its node: as with the daemon's host */
-    ENGINE_CRASHED,     /* stopped from outside, or it could not be run there: it counts */
-    ENGINE_OUT_OF_TIME, /* at a limit of the engine */
-    ENGINE_REFUSED      /* the engine does not take it, and would not take it later */
+    ENGINE_GIVEN_BACK,  /* its worker was never started, or was preempted: it does not count */
+    ENGINE_INTERRUPTED, /* it ended with its node, as with the daemon's host */
+    ENGINE_CRASHED,     /* killed by others, or it could not run there: it counts */
+    ENGINE_OUT_OF_TIME, /* exceeded a limit of the engine */
+    ENGINE_REFUSED      /* the engine permanently refuses it */
 } engine_loss;
 
 typedef struct engine_ending {
     int exit_status, signal; /* one of them -1; both when the attempt is lost */
     engine_loss loss;
-    char why[256];     /* of a loss, in words */
-    char host[65];     /* where it ran; "": here, or not known */
-    int64_t ran_ms;    /* how long the worker ran; 0: as the caller measured */
-    int64_t waited_ms; /* in the engine's queue before the worker began; 0: it has none, or it is not known */
+    char why[256];             /* description of a loss */
+    char host[65];             /* host of the worker; "": this host, or unknown */
+    int64_t ran_ms;            /* running time of the worker; 0: use the caller's measurement */
+    int64_t waited_ms;         /* in the engine's queue before the worker started; 0: none, or unknown */
     int64_t processor_ms;      /* of the worker and its readers; 0: not known */
     int64_t peak_memory_bytes; /* 0: not known */
-    bool out_of_memory;        /* the kernel ended it at its limit of memory */
-    char *last_words;          /* last line of standard error, "" when there is none; to be freed */
+    bool out_of_memory;        /* the kernel killed it at its memory limit */
+    char *last_words;          /* last line of standard error, "" if there is none; to be freed */
 } engine_ending;
 
 typedef struct engine {
     const char *name;
-    /* NULL and an error (internal) when the attempt did not start. `place` is the engine's own (executor_settings). */
+    /* Starts an attempt. Error: internal, NULL. `place`: data of the engine (executor_settings). */
     engine_attempt *(*start)(void *place, const engine_request *request, error *e);
-    /* Takes up an attempt that an earlier daemon started and that runs on. NULL: attempts end with the daemon. */
+    /* Resumes an attempt that an earlier daemon started and that still runs. NULL: attempts end with the daemon. */
     engine_attempt *(*resume)(void *place, const engine_request *request, error *e);
-    /* Whether the attempt in this directory may be resumed; as resume. */
+    /* Whether the attempt in this directory can be resumed. NULL like resume. */
     bool (*runs_on)(void *place, const char *directory);
-    /* Frees an attempt that the next daemon is to resume; it runs on. As resume. */
+    /* Frees an attempt that the next daemon will resume; it continues to run. NULL like resume. */
     void (*leave)(engine_attempt *attempt);
-    /* After all were resumed: removes what the engine has of other attempts. As resume. */
+    /* Removes data of all attempts that were not resumed. NULL like resume. */
     void (*sweep)(void *place);
-    /* When the worker began, by the monotonic clock; INT64_MAX: it waits. */
+    /* Start of the worker, monotonic clock; INT64_MAX: it waits. */
     int64_t (*began_ms)(const engine_attempt *attempt);
     /* The name of the worker for the log. */
     const char *(*identify)(const engine_attempt *attempt);
     /* Writes the descriptors to wait for and returns their number. */
     size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
-    /* Reads what the worker has written. *progress is the newest complete line since the last call, or NULL. It is
-     * valid until the next call. True when the attempt has ended. */
+    /* Reads the output of the worker. *progress: the newest complete line since the last call, or NULL; valid until the
+     * next call. True: the attempt has ended. */
     bool (*poll)(engine_attempt *attempt, const char **progress);
     /* Asks the attempt to end, or with `force` kills it. */
     void (*cancel)(engine_attempt *attempt, bool force);
-    /* Writes worker.log into the attempt's directory, fills *ending and frees the attempt. */
+    /* Writes worker.log to the attempt's directory, sets *ending and frees the attempt. */
     void (*settle)(engine_attempt *attempt, engine_ending *ending);
 } engine;
 

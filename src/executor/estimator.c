@@ -17,7 +17,7 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* An estimate is a small JSON object; what lies in a file may be long. */
+/* Maximum size of a document: estimates are small, descriptions of files may be long. */
 #define LONGEST_BYTES (8u << 20)
 
 struct estimator {
@@ -27,21 +27,21 @@ struct estimator {
     double timeout_s;
     atomic_int running;
     atomic_uint number; /* number of the next directory */
-    int end_fd;         /* readable: no more estimates are made */
+    int end_fd;         /* readable: the estimator is dismissed */
 };
 
 estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e)
 {
     estimator *m = mem_alloc(sizeof *m);
     m->settings = *settings;
-    m->settings.engine = &engine_local; /* an estimate is asked for while a client waits */
+    m->settings.engine = &engine_local; /* clients wait for estimates */
     m->directory = mem_printf("%s/estimates", settings->state_dir);
     m->at_once = at_once;
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = m->end_fd >= 0 ||
               error_set(e, ERROR_INTERNAL, "cannot create an event descriptor: %s", strerror(errno));
-    if (ok && store_remove(m->directory, e)) return m; /* created together with the first directory in it */
+    if (ok && store_remove(m->directory, e)) return m; /* created with its first subdirectory */
     estimator_close(m);
     return NULL;
 }
@@ -60,7 +60,7 @@ void estimator_close(estimator *m)
     free(m);
 }
 
-/* Waits until the worker has ended. It is killed when its time is over or the estimator is dismissed: then false. */
+/* Waits until the worker has ended. False: it was killed at its time limit or when the estimator was dismissed. */
 static bool await(const estimator *m, engine_attempt *attempt, double timeout_s)
 {
     int64_t end_ms = clock_monotonic_ms() + (int64_t)(timeout_s * 1000);
@@ -78,7 +78,7 @@ static bool await(const estimator *m, engine_attempt *attempt, double timeout_s)
     return !stopped;
 }
 
-/* Reads what the worker wrote. NULL when it is no JSON object. */
+/* Reads the output of the worker. NULL: it is not a JSON object. */
 static char *read_document(const engine_request *request)
 {
     size_t length = 0;
@@ -129,7 +129,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, double withi
     return verdict;
 }
 
-estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
+estimator_verdict estimator_run(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
                                 int64_t memory_mb, double within_s, char **document, error *e)
 {

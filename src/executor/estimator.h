@@ -1,8 +1,8 @@
-/* estimator: has a worker look at a job (`hexad-worker estimate`) or a file (`hexad-worker inspect`), and waits for it.
+/* estimator: runs a worker for an estimate of a job (`hexad-worker estimate`) or the description of a file
+ * (`hexad-worker inspect`), and waits for it.
  *
- * They run on this machine, whatever engine runs the attempts. These workers have the same input roots, sandbox and
- * limits as those that run jobs. Their number and their time are limited, apart from the attempts. Any thread may call
- * these functions.
+ * These workers run on this machine, whatever the engine of the attempts, with the same input roots, sandbox and limits
+ * as workers that run jobs. Their number and their time are limited separately. Any thread.
  */
 #ifndef HEXAD_EXECUTOR_ESTIMATOR_H
 #define HEXAD_EXECUTOR_ESTIMATOR_H
@@ -12,25 +12,25 @@
 
 typedef struct estimator estimator;
 
-/* What the settings point to must outlive the estimator. Creates or empties the directory estimates/ in the state
- * directory. */
+/* Objects to which the settings point must outlive the estimator. Creates or empties the directory estimates/ in the
+ * state directory. */
 estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e);
 /* Ends the running estimates; later ones fail. */
 void estimator_dismiss(estimator *m);
-void estimator_close(estimator *m); /* after the last estimator_ask has returned; accepts NULL */
+void estimator_close(estimator *m); /* after the last estimator_run has returned; accepts NULL */
 
 typedef enum estimator_verdict {
     ESTIMATOR_MADE,
-    ESTIMATOR_FAULT, /* the job would fail: the error tells why */
-    ESTIMATOR_BUSY,  /* none now: others are running */
-    ESTIMATOR_NONE   /* no estimate could be made: the error tells why */
+    ESTIMATOR_FAULT, /* the job would fail; the error has the reason */
+    ESTIMATOR_BUSY,  /* the maximum number is running */
+    ESTIMATOR_NONE   /* no estimate could be made; the error has the reason */
 } estimator_verdict;
 
-/* `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` names a path (base/worker_contract.h). The answer
- * is given up after `within_s` seconds, or after those of the setting if these are fewer or `within_s` is 0. `threads` and
- * `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (run/run.h,
- * inspect/inspection.h), to be freed. */
-estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
+/* `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` has a path (base/worker_contract.h).
+ * The worker is stopped after `within_s` seconds, or after the time of the setting if that is shorter or `within_s` is
+ * 0. `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document
+ * is one JSON object (run/run.h, inspect/inspection.h); the caller frees it. */
+estimator_verdict estimator_run(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
                                 int64_t memory_mb, double within_s, char **document, error *e);
 

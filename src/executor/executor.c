@@ -34,24 +34,26 @@
 #include "results/retention.h"
 #include "store/file.h"
 
-/* After a database error (a full disk): long enough not to spin, short enough to recover. */
+/* Delay after a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
-/* The longest time between two tries while no worker can be started (the program is replaced, memory is short). */
+/* Maximum delay between two tries while no worker can be started (the program is being replaced, memory is exhausted). */
 #define START_WAIT_MOST_MS 30000
-/* Between two checks whether a full disk has space again. */
+/* Interval of checks for free space on a full disk. */
 #define ROOM_WAIT_MS 1000
 
-/* Between two looks at the attempts that run: thousands may be claimed, and those that end meanwhile are to be settled. */
+/* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
+ * meanwhile. */
 #define CLAIMS_A_TURN 16
 
-/* The share of the machine's memory for attempts when host_memory_mb is not set. */
+/* Fraction of the machine's memory for attempts if host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
-/* What an attempt on another host may ask for when no setting says it; the engine knows what its hosts have. */
+/* Default limits of an attempt on another host; the engine knows the resources of its hosts. */
 #define NODE_THREADS 256
 #define NODE_MEMORY_MB (4 << 20)
 
-/* Jobs that wait to be given the results of equal ones, which takes milliseconds each; further ones take their turn. */
+/* Maximum number of jobs that wait for the results of equal jobs, which takes milliseconds each; others are claimed as
+ * usual. */
 #define REPEATS_MOST 256
 
 struct executor {
@@ -63,9 +65,9 @@ struct executor {
     meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
-    int threads;       /* that an attempt may have; with processes of this host, that all may have together */
-    int64_t memory_mb; /* likewise */
-    int64_t times;     /* how often there are these threads and this memory: 1 with processes of this host */
+    int threads;        /* maximum of an attempt; with processes of this host, of all together */
+    int64_t memory_mb;  /* likewise */
+    int64_t times;      /* number of hosts with these resources: 1 with processes of this host */
     queue *q;
     progress_ring *progress;
     retention *retention;
@@ -84,12 +86,13 @@ struct executor {
     bool has_changed;
     char repeat[REPEATS_MOST][ULID_SIZE]; /* jobs of executor_offer; guarded by the mutex */
     size_t repeat_count;
-    size_t workers;    /* slots that may start workers */
-    size_t resumed;    /* so many of the first have begun with attempts of an earlier daemon */
-    size_t slot_count; /* one more, the last, for jobs that get the result of an equal one */
+    size_t workers; /* slots that may start workers */
+    size_t resumed; /* number of slots that started with attempts of an earlier daemon */
+    /* one more than workers: the last slot is for jobs that get the result of an equal job */
+    size_t slot_count;
     slot **slots;
 
-    bool look;             /* supervisor: something may have become claimable */
+    bool may_claim;        /* supervisor: something may have become claimable */
     clock_watch watch;     /* supervisor */
     int64_t due_ms;        /* supervisor: when the next delayed task is due, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
@@ -128,7 +131,7 @@ uint64_t executor_count_evicted(const executor *x)
     return retention_count_evicted(x->retention);
 }
 
-/* Steps a slot and handles what follows for the other slots. */
+/* Steps a slot and handles the consequences for other slots. */
 static void serve(executor *x, slot *s)
 {
     unsigned news = slot_step(s);
@@ -139,15 +142,15 @@ static void serve(executor *x, slot *s)
         x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     }
     if (news & SLOT_FREED) {
-        x->look = true;
+        x->may_claim = true;
         retention_wake(x->retention); /* the job may be kept for a short time only */
     }
 }
 
-/* What the running attempts leave free. */
-static queue_room find_room(const executor *x)
+/* Resources that running attempts leave free. */
+static queue_resources find_free(const executor *x)
 {
-    queue_room room = {
+    queue_resources free_now = {
         .threads = (int)(x->threads * x->times),
         .all_threads = x->threads,
         .memory_mb = x->memory_mb * x->times,
@@ -157,29 +160,29 @@ static queue_room find_room(const executor *x)
     };
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
-        room.threads -= usage.threads;
-        room.memory_mb -= usage.memory_mb;
+        free_now.threads -= usage.threads;
+        free_now.memory_mb -= usage.memory_mb;
     }
-    return room;
+    return free_now;
 }
 
 /* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds either a
  * queued task or its slot. */
-static bool claim(executor *x, slot *s, queue_room *room)
+static bool claim(executor *x, slot *s, queue_resources *free_now)
 {
     error e = {0};
     bool found = false;
     queue_claimed claimed = {0};
     pthread_mutex_lock(&x->order);
-    if (queue_claim(x->q, room, &claimed, &found, &e)) {
+    if (queue_claim(x->q, free_now, &claimed, &found, &e)) {
         if (found) {
             int width = claimed.job.threads;
             int64_t memory_mb = claimed.job.memory_mb;
             executor_size(x, &width, &memory_mb, NULL); /* the slot fails a task that can never fit */
             meter_note_claim(&x->meter, &claimed);
             slot_take(s, &claimed, width, memory_mb);
-            room->threads -= width;
-            room->memory_mb -= memory_mb;
+            free_now->threads -= width;
+            free_now->memory_mb -= memory_mb;
         }
     } else {
         log_write(LOG_LEVEL_DEBUG, "cannot claim a job: %s", e.message); /* the queue has logged it */
@@ -189,24 +192,24 @@ static bool claim(executor *x, slot *s, queue_room *room)
     return found;
 }
 
-/* Nothing can be claimed now. Notes when the next delayed task becomes due. */
+/* Nothing can be claimed now: reads when the next delayed task is due. */
 static void note_due(executor *x)
 {
-    x->look = false;
+    x->may_claim = false;
     if (!queue_next_due(x->q, &x->due_ms, NULL)) x->due_ms = clock_wall_ms() + RETRY_MS;
 }
 
 static void fill_slots(executor *x)
 {
     if (clock_was_set_back(&x->watch)) {
-        x->look = true;
-        if (!queue_shorten_waits(x->q, NULL)) x->watch = CLOCK_WATCH; /* at the next look again */
+        x->may_claim = true;
+        if (!queue_shorten_waits(x->q, NULL)) x->watch = CLOCK_WATCH; /* tried again later */
     }
-    if (x->due_ms <= clock_wall_ms()) x->look = true;
-    if (!x->look) return;
-    queue_room room = find_room(x);
+    if (x->due_ms <= clock_wall_ms()) x->may_claim = true;
+    if (!x->may_claim) return;
+    queue_resources free_now = find_free(x);
     int claims = 0;
-    for (size_t i = 0; x->look && i < x->workers && claims < CLAIMS_A_TURN; i++) {
+    for (size_t i = 0; x->may_claim && i < x->workers && claims < CLAIMS_A_TURN; i++) {
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
@@ -214,10 +217,10 @@ static void fill_slots(executor *x)
             x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
             return;
         }
-        if (claim(x, s, &room)) {
+        if (claim(x, s, &free_now)) {
             claims++;
             serve(x, s);
-            if (slot_is_free(s)) room = find_room(x);
+            if (slot_is_free(s)) free_now = find_free(x);
         } else {
             if (!x->claim_ms) note_due(x); /* otherwise the claim failed and is tried again at claim_ms */
             return;
@@ -225,7 +228,7 @@ static void fill_slots(executor *x)
     }
 }
 
-/* Takes the next job that was offered; false: there is none. */
+/* Takes the next offered job. False: there is none. */
 static bool next_repeat(executor *x, char id[ULID_SIZE])
 {
     pthread_mutex_lock(&x->mutex);
@@ -238,7 +241,8 @@ static bool next_repeat(executor *x, char id[ULID_SIZE])
     return any;
 }
 
-/* Gives jobs the results of equal ones while all other slots are busy. What is not claimed here has its turn later. */
+/* Gives jobs the results of equal ones while all other slots are busy. Jobs that are not claimed here are claimed
+ * later. */
 static void answer_repeats(executor *x)
 {
     char id[ULID_SIZE];
@@ -263,24 +267,24 @@ static void wait_for_news(executor *x, struct pollfd *fds)
 {
     size_t count = 0;
     int64_t due = INT64_MAX;
-    bool room = false;
+    bool has_free_slot = false;
     fds[count++] = (struct pollfd){.fd = x->wake_fd, .events = POLLIN};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot *s = x->slots[i];
-        room |= i < x->workers && slot_is_free(s);
+        has_free_slot |= i < x->workers && slot_is_free(s);
         due = least(due, slot_due(s));
         count += slot_watch(s, &fds[count]);
     }
-    if (room && executor_takes_jobs(x)) {
-        if (x->look) due = least(due, x->claim_ms); /* 0: at once */
+    if (has_free_slot && executor_takes_jobs(x)) {
+        if (x->may_claim) due = least(due, x->claim_ms); /* 0: at once */
         if (x->due_ms < INT64_MAX) due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
     }
     int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
     if (due != INT64_MAX && wait < 0) wait = 0;
-    /* one millisecond more, because due is rounded: waking too early would be useless */
+    /* one millisecond more: due is rounded, and waking early would be useless */
     descriptor_wait(fds, count, wait < 0 ? -1 : wait >= INT32_MAX ? INT32_MAX : (int)wait + 1);
     uint64_t times;
-    if (fds[0].revents && descriptor_take_event(x->wake_fd, &times, sizeof times)) x->look = true;
+    if (fds[0].revents && descriptor_take_event(x->wake_fd, &times, sizeof times)) x->may_claim = true;
     if (x->claim_ms && clock_monotonic_ms() >= x->claim_ms) x->claim_ms = 0;
 }
 
@@ -299,7 +303,7 @@ static void set_limits(slot_context *context, const executor_settings *settings)
     context->grace_s = settings->grace_s;
 }
 
-/* Takes over what other threads requested since the last turn. They wake the supervisor after a request. */
+/* Applies requests of other threads, which wake the supervisor after a request. */
 static void take_changes(executor *x)
 {
     pthread_mutex_lock(&x->mutex);
@@ -364,7 +368,7 @@ static void executor_free(executor *x)
     free(x);
 }
 
-/* Of an engine whose attempts run elsewhere: their number is the only limit here. */
+/* For an engine whose attempts run elsewhere: their number is the only limit here. */
 static void set_room_of_nodes(executor *x, const executor_settings *settings)
 {
     x->threads = settings->threads > 0 ? settings->threads : NODE_THREADS;
@@ -409,7 +413,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
     };
 }
 
-/* Call it when all members that the context refers to are set. */
+/* Call it after all members to which the context refers are set. */
 static void set_context(executor *x)
 {
     const executor_settings *settings = &x->settings;
@@ -434,7 +438,7 @@ static void set_context(executor *x)
     set_limits(&x->context, settings);
 }
 
-/* A settlement_keep: a slot takes the attempt over if the engine says that it runs on. */
+/* A settlement_keep: a slot takes over the attempt if the engine can resume it. */
 static bool keep_running(void *keeper, const queue_claimed *c)
 {
     executor *x = keeper;
@@ -479,7 +483,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     x->q = q;
     copy_settings(x, settings);
     x->progress = progress_ring_new();
-    x->look = true;
+    x->may_claim = true;
     x->due_ms = INT64_MAX;
     x->watch = CLOCK_WATCH;
     pthread_mutex_init(&x->order, NULL);
@@ -572,11 +576,11 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
                      *memory_mb, x->memory_mb);
 }
 
-bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
-                   queue_state *now, error *e)
+bool executor_apply_command(executor *x, const char *id, queue_command command, bool *found, bool *changed,
+                            queue_state *now, error *e)
 {
     pthread_mutex_lock(&x->order);
-    bool ok = queue_tell(x->q, id, command, found, changed, now, e);
+    bool ok = queue_apply_command(x->q, id, command, found, changed, now, e);
     if (ok && *found && *now == QUEUE_CANCELLING)
         for (size_t i = 0; i < x->slot_count; i++) slot_cancel(x->slots[i], id);
     if (ok && *found && (command == QUEUE_PAUSE || command == QUEUE_RESUME))

@@ -1,11 +1,11 @@
 /* executor: claims tasks from the queue, runs each as an attempt of an engine, and settles it.
  *
- * One supervisor thread claims tasks while there is room, and waits for all attempts at once. It never sleeps for a
- * fixed time. Each task goes through a slot (executor/slot). Room means threads and memory of this host: an attempt
- * takes what its job asks for, and as many attempts run at once as fit. None is started while the disk is full. Time
- * limits come from the job's spec (/limits), else from the settings. A job that equals an earlier one gets its result
- * (executor/cache). After a crash of its worker a task is tried again, after a wait, up to max_attempts times. An
- * attempt that fails because a disk is full or failed does not count. Any thread may call these functions.
+ * One supervisor thread claims tasks while resources are free, and waits for all attempts at once. It never sleeps for
+ * a fixed time. Each task is processed by a slot (executor/slot). Resources are the threads and the memory of this
+ * host: an attempt takes the amount that its job requests, and as many attempts run at once as fit. None is started
+ * while the disk is full. Time limits come from the job's spec (/limits), else from the settings. A job that equals an
+ * earlier one gets its result (executor/cache). After a crash of its worker a task is tried again, after a delay, up to
+ * max_attempts times. An attempt that fails because a disk is full or failed does not count. Any thread.
  */
 #ifndef HEXAD_EXECUTOR_EXECUTOR_H
 #define HEXAD_EXECUTOR_EXECUTOR_H
@@ -37,57 +37,59 @@ typedef struct executor_settings {
     store_inputs *inputs;        /* uploaded files; must outlive the executor; NULL: none */
     double inputs_keep_s;        /* after their last use; 0: for ever */
     int workers;                 /* attempts at once; 0: one per thread */
-    int threads;                 /* of all attempts; 0: the processors there are */
-    int64_t host_memory_mb;      /* of all attempts; 0: nine tenths of what there is */
+    int threads;                 /* of all attempts; 0: the number of processors */
+    int64_t host_memory_mb;      /* of all attempts; 0: nine tenths of the host's memory */
     int64_t memory_mb;           /* of a job that names no limit, > 0 */
     bool cache;                  /* equal jobs get the same result */
-    int64_t file_mb;             /* the longest file a worker may write; 0: no limit */
+    int64_t file_mb;             /* maximum size of a file that a worker writes; 0: no limit */
     sandbox_mode sandbox;        /* that workers enter */
     control_groups *groups;      /* of attempts; must outlive the executor; NULL: none */
     int most_of_owner;           /* attempts of one owner at once; 0: any number */
-    const user_numbers *weights; /* as queue_room's; must outlive the executor */
+    const user_numbers *weights; /* as queue_resources's; must outlive the executor */
     double timeout_s, stall_s;   /* of a job that names no limit; 0: none */
-    output_place *outputs; /* where results may be copied to; must outlive the executor; NULL: nowhere */
-    double grace_s;        /* between SIGTERM and SIGKILL */
-    double retry_s, retry_most_s; /* the first and the longest wait after a crash */
-    int64_t free_space_mb;        /* minimum on the state directory's disks to start an attempt; 0: any */
-    int storage_retries;          /* of a task, because a disk was full or failed */
-    int max_interruptions;        /* of a task, by the end of the daemon or the host; 0: any number */
-    bool adopt;                   /* results that the queue does not know are added to it */
+    /* permitted destinations of result copies; must outlive the executor; NULL: none */
+    output_place *outputs;
+    double grace_s;               /* between SIGTERM and SIGKILL */
+    double retry_s, retry_most_s; /* first and longest delay after a crash */
+    /* minimum free space on the state directory's disks to start an attempt; 0: none */
+    int64_t free_space_mb;
+    int storage_retries;   /* of a task, because a disk was full or failed */
+    int max_interruptions; /* of a task, by the end of the daemon or the host; 0: any number */
+    bool adopt;            /* results that are missing in the queue are added to it */
 } executor_settings;
 
-/* Settles what a crash left, compares results/ and attempts/ with the queue (results/inventory), gives both the same
- * instance id (results/instance), and starts the supervisor. Copies the settings. The queue must outlive the executor.
- */
+/* Settles tasks that a crash left, compares results/ and attempts/ with the queue (results/inventory), gives both the
+ * same instance id (results/instance), and starts the supervisor. Copies the settings. The queue must outlive the
+ * executor. */
 executor *executor_start(const executor_settings *settings, queue *q, error *e);
 
-/* Ends the supervisor. Attempts that still run are stopped at once and queued again, or left to the next
- * daemon (executor/engine). Accepts NULL. */
+/* Ends the supervisor. Running attempts are stopped at once and queued again, or left to the next daemon
+ * (executor/engine). Accepts NULL. */
 void executor_stop(executor *x);
 
 /* Like queue_delete, and removes the job's directories. */
 bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, error *e);
 
-/* These two are retention_note_sent and retention_count_evicted. */
+/* See retention_note_sent and retention_count_evicted. */
 void executor_note_sent(executor *x, const fetches_result *of, size_t index, size_t count);
 uint64_t executor_count_evicted(const executor *x);
 
-/* Call it after a job was put into the queue or edited. */
+/* Wakes the supervisor. Call it after a job was put into the queue or edited. */
 void executor_wake(executor *x);
 
-/* The job has this priority now. Attempts that wait in an engine's own queue are given back to be claimed again. */
+/* Records a new priority of the job. Attempts that wait in an engine's own queue are queued again. */
 void executor_move(executor *x, const char *id, int priority);
 
-/* Replaces the threads (*width) and memory that a job asks for by what its attempt takes of the host. 0 becomes the
- * default: the threads of the host divided by the workers, the default memory. More threads than the host has become
- * all of them. An error (limit_memory) when the host has less memory than that. */
+/* Replaces the threads (*width) and memory requested by a job by the amounts that its attempt takes of the host. 0
+ * becomes the default: the threads of the host divided by the workers, the default memory. More threads than the host
+ * has become all of them. Error: limit_memory (the host has less memory). */
 bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e);
 
-/* Like queue_tell, and stops the running attempts of a cancelled job at once. */
-bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
-                   queue_state *now, error *e);
+/* Like queue_apply_command, and stops the running attempts of a cancelled job at once. */
+bool executor_apply_command(executor *x, const char *id, queue_command command, bool *found, bool *changed,
+                            queue_state *now, error *e);
 
-/* An equal job has succeeded, and its inputs have not changed: this one is given its result even when no worker can be
+/* Call it if an equal job has succeeded with unchanged inputs: this job gets the same result, even if no worker can be
  * started. */
 void executor_offer(executor *x, const char *id);
 
@@ -104,7 +106,7 @@ typedef struct executor_load {
     int64_t memory_mb, all_memory_mb;
 } executor_load;
 
-/* What the attempts take at the moment, and what there is. */
+/* Resources used by the attempts, and total resources. */
 executor_load executor_get_load(executor *x);
 
 const meter *executor_get_meter(const executor *x);
@@ -116,12 +118,12 @@ typedef struct executor_space {
 
 executor_space executor_get_space(const executor *x);
 
-/* While closed, the executor starts no attempt; running ones go on. A restart of the daemon ends it. */
+/* While closed, the executor starts no attempt; running ones continue. A restart of the daemon opens it. */
 void executor_close(executor *x, bool on);
-/* Neither closed nor draining. */
+/* Whether it is neither closed nor draining. */
 bool executor_takes_jobs(const executor *x);
 
-/* Stops claiming and lets running attempts end. Those that still run after `seconds` are stopped and queued again
+/* Stops claiming; running attempts continue. Attempts that still run after `seconds` are stopped and queued again
  * without being counted. Returns at once. May be called again to shorten the time. */
 void executor_drain(executor *x, double seconds);
 
@@ -129,10 +131,10 @@ void executor_drain(executor *x, double seconds);
 void executor_force(executor *x);
 bool executor_is_draining(const executor *x);
 
-/* Takes over timeout_s, stall_s and file_mb for attempts that start from now on, and grace_s at once. */
+/* Applies timeout_s, stall_s and file_mb to attempts that start from now on, and grace_s at once. */
 void executor_change(executor *x, const executor_settings *settings);
 
-/* The number of turns of the supervisor's loop. It grows after each executor_wake, unless the supervisor hangs. */
+/* The number of iterations of the supervisor's loop. It grows after each executor_wake, unless the supervisor hangs. */
 uint64_t executor_turns(const executor *x);
 
 /* A descriptor that becomes readable at the end of a drain. */

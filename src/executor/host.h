@@ -1,12 +1,11 @@
-/* host: memory, name and boot of this machine, as far as this process may use it. No state; any thread. */
+/* host: memory, name and boot of this machine, as available to this process. No state; any thread. */
 #ifndef HEXAD_EXECUTOR_HOST_H
 #define HEXAD_EXECUTOR_HOST_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* The main memory in MiB, or the limit of the control group of this process (version 2, with its parents) when that is
- * lower. */
+/* The main memory in MiB, or the limit of this process' control group (version 2, with its parents) if that is lower. */
 int64_t host_memory_mb(void);
 
 /* The memory limit of the control group "/a/b" in the tree at `root`. INT64_MAX: no limit. Public so that tests can use

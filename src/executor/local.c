@@ -34,11 +34,11 @@ struct engine_attempt {
     char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
-    char *trace;          /* the variable of the environment, which also begins the log; NULL: none */
+    char *trace;          /* environment variable, also the first line of the log; NULL: none */
     control_group *group; /* NULL: none */
     char *log;            /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
-    bool log_fresh;              /* it has more than its file shows */
+    bool log_fresh;              /* it has more than its file */
     int64_t log_shown_ms;        /* monotonic */
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
@@ -46,7 +46,7 @@ struct engine_attempt {
     char newest[LOCAL_LINE_BYTES];
 };
 
-/* What the child needs. All of it is prepared before the child begins. */
+/* Data for the child, prepared before it starts. */
 typedef struct launch {
     char **arguments;
     int spec_fd, null_fd, log_fd, progress_fd;
@@ -201,7 +201,7 @@ static void free_arguments(char **arguments)
 
 #define TRACE_VARIABLE "TRACEPARENT="
 
-/* The environment of the daemon, with the trace of the job in place of its own. The pointers are borrowed, but for
+/* The environment of the daemon, with the trace of the job instead of its own. The strings are not owned, except
  * `trace`. */
 static char **make_environment(char *trace)
 {
@@ -226,8 +226,8 @@ static rlim_t address_space_of(int64_t memory_mb)
 #endif
 }
 
-/* Starts the child; returns when it runs the worker or has ended, which l->why tells. Negative: there is no child. fork would copy the tables of all
- * pages of the daemon, and no other thread could allocate memory meanwhile: 20 to 100 ms with 200 MB. */
+/* Starts the child; returns when it executes the worker or has ended (l->why). Negative: there is no child. fork would
+ * copy the page tables of the daemon and block memory allocations of other threads: 20 to 100 ms with 200 MB. */
 static pid_t start_child(launch *l)
 {
     sigset_t all, before;
@@ -250,7 +250,7 @@ static void attempt_free(engine_attempt *a)
     free(a);
 }
 
-/* Its descriptors are opened later. */
+/* The descriptors are opened later. */
 static launch make_launch(const engine_request *request, const engine_attempt *a)
 {
     launch l = {
@@ -288,7 +288,7 @@ static engine_attempt *start(void *place, const engine_request *request, error *
     a->directory = mem_strdup(request->directory);
     a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
     a->log_fresh = true;
-    a->log_shown_ms = clock_monotonic_ms(); /* who ends soon needs no other file than the last one */
+    a->log_shown_ms = clock_monotonic_ms(); /* a worker that ends soon needs no file but the final one */
     a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
     if (request->groups && !(a->group = control_group_new(request->groups, request->memory_mb << 20, e))) {
         attempt_free(a);
@@ -340,7 +340,7 @@ static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
     return 3;
 }
 
-/* Reads once. 0: nothing to read now, or the end, at which the descriptor is closed. */
+/* Reads once. 0: no data, or the end, at which the descriptor is closed. */
 static size_t read_some(int *fd, char *buffer, size_t room)
 {
     if (*fd < 0) return 0;
@@ -361,7 +361,7 @@ static void keep_log(engine_attempt *a, const char *text, size_t length)
     a->log_fresh = true;
 }
 
-/* True when a complete line has come. The newest is in a->newest. */
+/* True if a complete line was read; the newest is in a->newest. */
 static bool keep_lines(engine_attempt *a, const char *text, size_t length)
 {
     bool whole = false;
@@ -384,7 +384,7 @@ static bool keep_lines(engine_attempt *a, const char *text, size_t length)
     return whole;
 }
 
-/* What the file of the log holds, to be freed. */
+/* The contents of the log file; the caller frees it. */
 static char *log_text(const engine_attempt *a, size_t *length)
 {
     size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
@@ -396,14 +396,14 @@ static char *log_text(const engine_attempt *a, size_t *length)
     return text;
 }
 
-/* The file of a log is renewed no more often. */
-#define SHOW_LOG_MS 500
+/* Minimum interval between updates of the log file. */
+#define LOG_FILE_MS 500
 
-/* For those who read the log while the worker runs. The end stores it for good, and says so where that fails. */
-static void show_log(engine_attempt *a)
+/* Updates the log file for readers while the worker runs. Errors are ignored: the final update reports them. */
+static void update_log_file(engine_attempt *a)
 {
     int64_t now = clock_monotonic_ms();
-    if (!a->log_fresh || now - a->log_shown_ms < SHOW_LOG_MS) return;
+    if (!a->log_fresh || now - a->log_shown_ms < LOG_FILE_MS) return;
     size_t length;
     char *text = log_text(a, &length), *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     int fd = open(path, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644);
@@ -443,17 +443,17 @@ static bool take_in(engine_attempt *a, int turns)
 
 static bool poll_attempt(engine_attempt *a, const char **progress)
 {
-    /* ask this first: what the process wrote before its end is then in the pipes */
+    /* test this first: then all output of the ended process is in the pipes */
     struct pollfd end = {.fd = a->pidfd, .events = POLLIN};
     bool ended = poll(&end, 1, 0) > 0;
     *progress = take_in(a, READS_A_TURN) ? a->newest : NULL;
-    if (!ended) show_log(a);
+    if (!ended) update_log_file(a);
     return ended;
 }
 
 static void cancel(engine_attempt *a, bool force)
 {
-    /* the process was not waited for yet, so its number and group cannot belong to another one */
+    /* the process is not reaped, so that its pid and group cannot belong to another one */
     if (kill(-a->pid, force ? SIGKILL : SIGTERM) != 0) kill(a->pid, force ? SIGKILL : SIGTERM);
 }
 

@@ -1,4 +1,4 @@
-/* meter: what the executor has counted since the daemon started, for /metrics. Any thread may read and write. */
+/* meter: counters of the executor since the daemon started, for /metrics. Any thread may read and write. */
 #ifndef HEXAD_EXECUTOR_METER_H
 #define HEXAD_EXECUTOR_METER_H
 
@@ -21,17 +21,17 @@ typedef enum meter_outcome { METER_LIST(WORDS_ENUMERATOR, METER) METER_OUTCOME_C
 const char *meter_outcome_name(meter_outcome outcome);
 
 typedef struct meter {
-    atomic_uint_fast64_t attempts[METER_OUTCOME_COUNT][ERROR_CODE_COUNT]; /* that have ended */
-    histogram durations;                                                  /* of those that had a worker */
+    atomic_uint_fast64_t attempts[METER_OUTCOME_COUNT][ERROR_CODE_COUNT]; /* ended attempts */
+    histogram durations;                                                  /* of attempts with a worker */
     histogram waits; /* from the submission of a job to the first attempt of each of its tasks */
-    atomic_uint_fast64_t cache_hits, cache_misses; /* of jobs that may take the result of an equal one */
+    atomic_uint_fast64_t cache_hits, cache_misses; /* of jobs that may get the result of an equal one */
 } meter;
 
-/* An attempt was claimed. */
+/* Records a claim of an attempt. */
 void meter_note_claim(meter *m, const queue_claimed *claimed);
 
-/* An attempt has ended. `state` is its task's, QUEUE_QUEUED when another attempt follows; `outcome` is that of a
- * success; `ran_ms` is 0 when no worker ran. */
+/* Records the end of an attempt. `state` is that of its task, QUEUE_QUEUED if another attempt follows; `outcome` is
+ * that of a success; `ran_ms` is 0 if no worker ran. */
 void meter_note_end(meter *m, queue_state state, queue_outcome outcome, error_code code, int64_t ran_ms);
 
 #endif

@@ -1,8 +1,8 @@
 /* progress_ring: the newest progress lines of all attempts, for clients that follow a job live.
  *
- * A ring buffer of PROGRESS_RING_LINES lines in memory. Lines are numbered in rising order. Nothing is stored on disk:
- * a client that is slower than the ring, or connects after a restart, misses lines and sees that from the numbers. Any
- * thread may call these functions.
+ * A ring buffer of PROGRESS_RING_LINES lines in memory. Lines are numbered in ascending order. Nothing is stored on
+ * disk: a client that is slower than the ring, or connects after a restart, misses lines and detects that by the
+ * numbers. Any thread.
  */
 #ifndef HEXAD_EXECUTOR_PROGRESS_RING_H
 #define HEXAD_EXECUTOR_PROGRESS_RING_H

@@ -310,7 +310,7 @@ static void bound_interruptions(const settlement_place *place, const queue_claim
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* When the task may be tried again, wall clock; 0: at once. */
+/* Earliest time of the next attempt, wall clock; 0: now. */
 static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, settlement_verdict verdict)
 {
     if (verdict != SETTLEMENT_RETRY_CRASHED && verdict != SETTLEMENT_RETRY_STORAGE) return 0;
@@ -394,7 +394,7 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
-/* The space that the attempt leaves. A result that is kept for the next attempt counts when that ends. */
+/* The disk space of the attempt. A result that is kept for the next attempt counts when that ends. */
 static int64_t measure_left(const settlement_place *place, const queue_claimed *c, const settlement *s,
                             const char *directory)
 {
@@ -457,8 +457,8 @@ static void decide_interrupted(bool restarted, settlement *s)
     set_interrupted(s);
 }
 
-/* Moves something that is no result out of the place of the result. The attempt did not make it, because attempts only
- * rename complete results. So it must not be deleted. */
+/* Moves a file or directory that is not a result out of the place of the result. The attempt did not create it, because
+ * attempts only rename complete results; therefore it is not deleted. */
 static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
 {
     const char *name = strrchr(results, '/') + 1;
@@ -496,7 +496,7 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     if (good) {
         set_success(&s, outcome);
         s.in_place = true;
-        s.copy_pending = c->directory != NULL; /* it is not known whether it was copied */
+        s.copy_pending = c->directory != NULL; /* whether it was copied is unknown */
         snprintf(s.reason, sizeof s.reason, "the result was found at the start of the daemon");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");

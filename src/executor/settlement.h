@@ -1,9 +1,9 @@
-/* settlement: decides what becomes of a task whose attempt has ended, and carries that out.
+/* settlement: decides on the task of an ended attempt, and applies the decision.
  *
- * The decision depends only on how the attempt ended and what it left. settlement_apply moves the result into place and
+ * The decision depends only on how the attempt ended and on its files. settlement_apply moves the result into place and
  * updates the queue, in an order that can be recovered after a crash at any point:
- *     the attempt's directory is renamed to results/ID and both parents are flushed,
- *     then the queue's transaction ends the task.
+ * the attempt's directory is renamed to results/ID and both parents are flushed,
+ * then the queue's transaction ends the task.
  * After a crash the task is still running in the queue. If results/ID is complete, only the second step is missing.
  * Only the supervisor thread calls these functions.
  */
@@ -21,11 +21,11 @@ typedef enum settlement_stop {
     SETTLEMENT_TIMED_OUT,
     SETTLEMENT_STALLED,
     SETTLEMENT_DRAINED,
-    SETTLEMENT_PAUSED, /* before its worker began */
-    SETTLEMENT_MOVED   /* likewise; the job has another priority now */
+    SETTLEMENT_PAUSED, /* paused before its worker started */
+    SETTLEMENT_MOVED   /* likewise; the priority of the job has changed */
 } settlement_stop;
 
-/* What becomes of the task. */
+/* The decision on the task. */
 typedef enum settlement_verdict {
     SETTLEMENT_UNDECIDED, /* the result cannot be read at the moment (message says why): decide again later */
     SETTLEMENT_SUCCEED, /* the attempt's directory is a result: it is delivered and the task has succeeded */
@@ -82,8 +82,8 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e);
  * succeeds, and the queue notes why the result was not delivered. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
-/* How long a task waits after a crashed attempt: `first_s` after the first one that counts, twice as long after each
- * further one, up to `most_s`. */
+/* Delay after a crashed attempt: `first_s` after the first one that counts, doubled after each further one, up to
+ * `most_s`. */
 typedef struct settlement_backoff {
     double first_s, most_s;
 } settlement_backoff;
@@ -99,16 +99,17 @@ typedef struct settlement_place {
     int max_interruptions; /* of a task; 0: any number */
 } settlement_place;
 
-/* Carries out the verdict, which must not be UNDECIDED. May be called again after a failure. `ending` is NULL when no
- * worker ran or nothing is known of it. */
+/* Applies the decision, which must not be UNDECIDED. May be called again after a failure. `ending` is NULL if no worker
+ * ran or its end is unknown. */
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Takes over a claim whose attempt runs on without this daemon; false: it does not. */
+/* Takes over a claim whose attempt still runs. False: it does not. */
 typedef bool settlement_keep(void *keeper, const queue_claimed *claimed);
 
-/* Settles the tasks that a crash left running in the queue, but for those that keep(keeper, ...) takes over (NULL: none). Such an attempt does not count, but too many of them end
- * the task (error interrupted). `restarted`: the host was restarted, too. */
+/* Settles the tasks that a crash left running in the queue, except those that keep(keeper, ...) takes over (NULL:
+ * none). Such an attempt does not count, but too many of them end the task (error interrupted). `restarted`: the host
+ * was restarted, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, settlement_keep *keep, void *keeper,
                         error *e);
 

@@ -19,23 +19,23 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* Between two tries to decide or to settle: long enough not to spin, short enough to recover. */
+/* Delay before deciding or settling is repeated: long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
 
 typedef struct limits {
     double timeout_s, stall_s; /* 0: none */
 } limits;
 
-/* All that belongs to the task in hand; zero in a free slot. */
+/* The data of the current task; zero in a free slot. */
 typedef struct work {
     /* written by the supervisor under the mutex */
     queue_claimed claimed;
-    int threads; /* what the attempt takes of the host */
+    int threads; /* resources that the attempt uses */
     int64_t memory_mb;
     char *progress;                                /* the newest progress line */
     bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
 
-    /* the supervisor's own */
+    /* used by the supervisor only */
     bool repeat;     /* no worker is to be started */
     bool resumed;    /* an earlier daemon has started the worker */
     char *directory; /* of the attempt */
@@ -52,14 +52,14 @@ typedef struct work {
     publication *publication; /* in PUBLISHING */
     settlement verdict;
     int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
-    /* what the verdict points to */
+    /* referenced by the verdict */
     char *copied;
     char cached_from[ULID_SIZE], *cache_inputs;
 } work;
 
 struct slot {
     const slot_context *context;
-    pthread_mutex_t mutex; /* never held while the queue or the disk works */
+    pthread_mutex_t mutex; /* never held during queries or disk access */
     slot_phase phase;      /* written by the supervisor under the mutex */
     work w;
 };
@@ -169,7 +169,7 @@ static limits read_limits(const slot_context *x, const queue_claimed *c)
     };
 }
 
-/* Where the results of the task are copied to, to be freed; NULL: nowhere. */
+/* The path to which the results of the task are copied, to be freed; NULL: none. */
 static char *copy_path(const queue_claimed *c)
 {
     if (!c->directory) return NULL;
@@ -223,7 +223,7 @@ static bool use_cached(slot *s)
     return found;
 }
 
-/* The same, and counts it. */
+/* use_cached, with counting. */
 static bool take_cached(slot *s)
 {
     if (!is_cacheable(s)) return false;
@@ -274,7 +274,7 @@ static bool start_worker(slot *s, error *e)
         .wake_fd = x->wake_fd,
     };
     w->moved_ms = clock_monotonic_ms();
-    w->started_wall_ms = w->resumed ? 0 : clock_wall_ms(); /* 0: long ago, so that nothing of it is cached */
+    w->started_wall_ms = w->resumed ? 0 : clock_wall_ms(); /* 0: its result is not cached */
     if (w->resumed)
         w->attempt = x->engine->resume(x->engine_place, &request, e);
     else if (store_directory_create(w->directory, e))
@@ -371,8 +371,8 @@ static int64_t stall_ms(const slot *s)
     return began == INT64_MAX ? INT64_MAX : after(most(s->w.moved_ms, began), s->w.limit.stall_s);
 }
 
-/* What the user wants of the job. */
-static settlement_stop find_wish(slot *s)
+/* The user's request for the job. */
+static settlement_stop find_request(slot *s)
 {
     pthread_mutex_lock(&s->mutex);
     bool cancel = s->w.cancel_wanted, pause = s->w.pause_wanted, move = s->w.move_wanted;
@@ -386,7 +386,7 @@ static settlement_stop find_wish(slot *s)
 static settlement_stop find_reason(slot *s, int64_t now)
 {
     const slot_context *x = s->context;
-    settlement_stop wish = find_wish(s);
+    settlement_stop wish = find_request(s);
     if (wish != SETTLEMENT_NOT_STOPPED) return wish;
     if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
     if (now >= stall_ms(s)) return SETTLEMENT_STALLED;
@@ -444,7 +444,7 @@ static unsigned step_running(slot *s)
 
 /* ---- deciding, publishing, settling */
 
-/* The result may be given to other jobs if it is known what it was made of. */
+/* Describes the inputs of the result, so that other jobs may reuse it. */
 static void describe_for_cache(slot *s)
 {
     work *w = &s->w;
@@ -511,7 +511,7 @@ static unsigned step_once(slot *s)
     return SLOT_NO_NEWS;
 }
 
-/* A worker that was just started, or asked to end, has nothing to tell yet: the next step comes when it has. */
+/* A worker that was just started or asked to end has no output yet: the next step follows when it has. */
 unsigned slot_step(slot *s)
 {
     unsigned news = SLOT_NO_NEWS;
@@ -541,7 +541,7 @@ int64_t slot_due(const slot *s)
     case SLOT_SETTLING:
         return w->retry_ms;
     case SLOT_FREE:
-    case SLOT_PUBLISHING: /* which writes to wake_fd when it has ended */
+    case SLOT_PUBLISHING: /* it writes to wake_fd at its end */
         break;
     }
     return INT64_MAX;

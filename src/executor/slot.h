@@ -1,15 +1,15 @@
-/* slot: one place of the executor, which takes a claimed task from its claim to its settlement.
+/* slot: processes a claimed task from its claim to its settlement.
  *
- * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch tell when the next
+ * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return when the next
  * step is useful:
  *
- *     free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
- *                |                                                 ^              ^
- *                +-- the result exists already --------------------+              |
- *                +-- no worker is started ----------------------------------------+
+ * free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
+ * | ^ ^
+ * +-- the result exists already --------------------+ |
+ * +-- no worker is started ----------------------------------------+
  *
- * deciding and settling are tried again after a while when the disk or the database is at fault. The supervisor thread
- * calls these functions, except for those at the end of this file.
+ * deciding and settling are repeated after a delay if the disk or the database is at fault. The supervisor thread calls
+ * these functions, except for those at the end of this file.
  */
 #ifndef HEXAD_EXECUTOR_SLOT_H
 #define HEXAD_EXECUTOR_SLOT_H
@@ -38,8 +38,8 @@ typedef enum slot_phase {
     SLOT_SETTLING    /* the verdict is to be carried out and stored in the queue */
 } slot_phase;
 
-/* What all slots share. The supervisor may change the second part between two steps. Everything that is pointed to
- * outlives the slots. */
+/* Data shared by all slots. The supervisor may change the second part between two steps. All pointers outlive the
+ * slots. */
 typedef struct slot_context {
     const settlement_place *place; /* the queue and the state directory, too */
     const engine *engine;
@@ -58,14 +58,14 @@ typedef struct slot_context {
     int64_t memory_mb;      /* of all attempts together */
     int wake_fd;            /* an eventfd that is written to when a step has become useful */
 
-    int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
+    int64_t file_mb;           /* maximum size of a file that a worker writes; 0: no limit */
     double timeout_s, stall_s; /* of jobs that name no limit; 0: none */
     double grace_s;            /* between SIGTERM and SIGKILL */
     int64_t drain_ms;          /* monotonic: when running workers are stopped because of a drain */
     bool draining, forcing;    /* forcing: without the grace time */
 } slot_context;
 
-/* What slot_step has done, as a set. */
+/* What slot_step did, as a set of bits. */
 typedef enum slot_news {
     SLOT_NO_NEWS = 0,
     SLOT_STARTED = 1,     /* a worker was started */
@@ -80,41 +80,41 @@ void slot_free(slot *s); /* it must be free; accepts NULL */
 
 bool slot_is_free(const slot *s);
 
-/* A free slot takes over the claim. `width` threads and `memory_mb` are what the attempt takes of the host. */
+/* A free slot takes over the claim. The attempt uses `width` threads and `memory_mb` of the host. */
 void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
 
-/* The same for a job whose equal has a result: it takes nothing of the host, and goes back to the queue when the result
- * turns out to be gone. */
+/* slot_take for a job with the result of an equal one: it uses no resources of the host, and is queued again if the
+ * result no longer exists. */
 void slot_take_repeat(slot *s, const queue_claimed *claimed);
 
-/* The same for a task whose attempt an earlier daemon started, and which runs on (engine.h, resume). */
+/* slot_take for a task whose attempt an earlier daemon started and which still runs (engine.h, resume). */
 void slot_take_resumed(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
 
-/* Does what can be done now, through as many phases as need no wait. Returns a set of slot_news. */
+/* Executes all phases that need no waiting. Returns a set of slot_news. */
 unsigned slot_step(slot *s);
 
-/* When the slot wants its next step though nothing it watches is ready, monotonic; INT64_MAX: never. */
+/* Time of the next step if no descriptor becomes ready, monotonic; INT64_MAX: never. */
 int64_t slot_due(const slot *s);
 
-/* Writes the descriptors to wait for, and returns how many. */
+/* Writes the descriptors to wait for; returns their number. */
 size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS]);
 
 /* ---- any thread */
 
-/* The worker is to be stopped if the slot holds a task of this job. The next step does it. */
+/* Requests the stop of the worker if the slot has a task of this job; the next step does it. */
 void slot_cancel(slot *s, const char *id);
 
-/* Gives the task back if it is of this job and its worker has not begun, unless it is taken back (`paused` false) in
- * time. */
+/* Queues the task again if it belongs to this job and its worker has not started, unless the request is withdrawn
+ * (`paused` false) in time. */
 void slot_pause(slot *s, const char *id, bool paused);
 
-/* Likewise if it was claimed with another priority: the next claim tells the engine the new one. */
+/* Likewise if it was claimed with another priority: the next claim passes the new priority to the engine. */
 void slot_move(slot *s, const char *id, int priority);
 
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */
 char *slot_progress(slot *s, const char *id);
 
-/* What the attempt in the slot takes of the host; all zero when the slot is free. */
+/* Resources that the attempt in the slot uses; all zero if the slot is free. */
 typedef struct slot_usage {
     int attempts; /* 0 or 1 */
     int threads;

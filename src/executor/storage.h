@@ -10,13 +10,13 @@
 #include <stdint.h>
 
 typedef struct storage {
-    const char *state_dir, *work_dir; /* outlive it; one directory may be both */
+    const char *state_dir, *work_dir; /* outlive the struct; may be the same directory */
     int64_t floor_bytes;              /* 0: none */
     bool low;                         /* the last answer of storage_has_room was false */
 } storage;
 
-/* The bytes that the service may use (f_bavail), INT64_MAX when they cannot be determined, and the size of the disk
- * where they are, 0 when it cannot. */
+/* The bytes that the service may use (f_bavail), INT64_MAX if they cannot be determined, and the size of that disk, 0
+ * if it cannot be determined. */
 int64_t storage_free_bytes(const storage *s, int64_t *size_bytes);
 
 /* Whether at least floor_bytes are free. Logs when that changes. */

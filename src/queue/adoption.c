@@ -1,4 +1,4 @@
-/* Results that were found in the state directory and that the queue did not know of. */
+/* Adopts results in the state directory that are missing in the queue. */
 #include <stdio.h>
 #include <string.h>
 

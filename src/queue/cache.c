@@ -1,4 +1,4 @@
-/* The lookup of results that can be reused. */
+/* Lookup of reusable results. */
 #include <stdio.h>
 #include <stdlib.h>
 

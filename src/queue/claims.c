@@ -1,4 +1,4 @@
-/* Claims of tasks: a task is claimed by an attempt, and the attempt is settled: the task ends or is queued again. */
+/* Claims of tasks, and the end of attempts: the task ends or is queued again. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,13 +17,13 @@
 typedef struct claiming {
     change change;
     queue *q;
-    const queue_room *room; /* NULL: claims a task of the job `id`, whatever the room */
+    const queue_resources *resources; /* NULL: claims a task of the job `id`, whatever the free resources */
     const char *id;
     queue_claimed claimed;
     bool found;
 } claiming;
 
-/* Queues delayed tasks whose time has come. */
+/* Queues delayed tasks that are due. */
 static bool promote(database *d, int64_t now, error *e)
 {
     for (;;) {
@@ -92,7 +92,7 @@ static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *cl
     return ok && read_inputs(d, seq, claimed, e);
 }
 
-/* Finds the frame whose result a task of an ordered job begins with. */
+/* Finds the frame from whose result a task of an ordered job starts. */
 static bool find_previous(database *d, int64_t seq, int number, int *frame, error *e)
 {
     bool ok = false;
@@ -104,7 +104,7 @@ static bool find_previous(database *d, int64_t seq, int number, int *frame, erro
     return ok;
 }
 
-/* Makes the first queued task of the job running. */
+/* Starts the first queued task of the job. */
 static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
 {
     bool ok = false, any = false;
@@ -132,7 +132,7 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     j.ready--;
     j.running++;
     j.attempts++;
-    ok = (!c->room || owner_take_turn(d, seq, c->room->weights, e)) &&
+    ok = (!c->resources || owner_take_turn(d, seq, c->resources->weights, e)) &&
          job_state_save(d, &before, &j, now, e) &&
          job_state_add_event(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt,
                              now, e) &&
@@ -149,9 +149,9 @@ static bool claim(database *d, change *asked)
     error *e = &asked->fault;
     int64_t now = clock_wall_ms(), seq = 0;
     bool ok, held = false, full = false;
-    if (c->room)
+    if (c->resources)
         ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, d, &full, e) &&
-             (held || full || owner_choose(c->q, c->room, &seq, e));
+             (held || full || owner_choose(c->q, c->resources, &seq, e));
     else
         ok = database_read_integer(
             d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)), &seq, e);
@@ -170,9 +170,9 @@ static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found
     return true;
 }
 
-bool queue_claim(queue *q, const queue_room *room, queue_claimed *claimed, bool *found, error *e)
+bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.q = q, .room = room};
+    claiming c = {.q = q, .resources = resources};
     return run_claim(q, &c, claimed, found, e);
 }
 
@@ -185,7 +185,7 @@ bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *fou
 bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, error *e)
 {
     queue_claimed *read = NULL;
-    size_t used = 0, room = 0;
+    size_t used = 0, capacity = 0;
     bool ok = false;
     static const char sql[] = "SELECT " CLAIMED_COLUMNS " FROM task INDEXED BY task_running"
                               " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
@@ -193,8 +193,8 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it is not going to be started */
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
+        read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it will not be started */
         read_row(s, &read[used++]);
     }
     database_end_read(d);
@@ -234,7 +234,7 @@ static bool end_attempt(database *d, const settling *s, const job_state *j, int 
                                s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
 }
 
-/* Whether the attempt is the current one of its task, and runs. Reads the frame. */
+/* Whether the attempt is the current one of its task and runs. Reads the frame. */
 static bool check_fence(database *d, const settling *s, const job_state *j, bool *current, int *frame,
                         error *e)
 {
@@ -291,7 +291,7 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
                                                           frame, s->fence->attempt, now, e);
 }
 
-/* In an ordered job, the tasks behind one that did not succeed end, too, because they have no result to begin with. */
+/* In an ordered job, ends the tasks after one that did not succeed: they have no result to start from. */
 static bool end_followers(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
@@ -304,7 +304,7 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
                                  e);
 }
 
-/* Notes that the result of the task has yet to be copied to output.directory, or could not be. */
+/* Records that the result of the task has to be copied to output.directory, or could not be copied. */
 static bool note_uncopied(database *d, const settling *s, const job_state *j, error *e)
 {
     const queue_ending *x = s->ending;
@@ -320,7 +320,7 @@ static bool note_uncopied(database *d, const settling *s, const job_state *j, er
                text(failed ? x->copy_message : NULL));
 }
 
-/* Adds what the attempt leaves on the disk. */
+/* Adds the disk space of the attempt. */
 static bool note_left(database *d, const settling *s, const job_state *j, error *e)
 {
     const queue_ending *x = s->ending;

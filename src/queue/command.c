@@ -1,4 +1,4 @@
-/* Commands of users on jobs in the queue: cancel, pause, resume, retry, edit, delete. */
+/* User commands on jobs: cancel, pause, resume, retry, edit, delete. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -53,7 +53,7 @@ static bool retry(database *d, job_state *j, bool *changed, error *e)
     return true;
 }
 
-/* Marks the results to be copied again: those that could not be copied, otherwise all. */
+/* Marks the results to copy again: those that could not be copied, otherwise all. */
 static bool deliver(database *d, const job_state *j, bool *changed, error *e)
 {
     if (!queue_state_is_final(j->state) || !j->succeeded) return true;
@@ -102,8 +102,8 @@ static bool tell(database *d, change *asked)
     return ok;
 }
 
-bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
-                error *e)
+bool queue_apply_command(queue *q, const char *id, queue_command command, bool *found, bool *changed,
+                         queue_state *now, error *e)
 {
     telling t = {.change.apply = tell, .id = id, .command = command};
     if (!database_change(q->database, &t.change, e)) return false;
@@ -121,11 +121,12 @@ typedef struct retrying {
     queue_retried retried;
 } retrying;
 
-/* Jobs that ended as dependency_failed, behind the job and each other. A job is behind those that came before it. */
+/* Jobs that ended as dependency_failed and depend, directly or indirectly, on the job. In order of arrival, a job
+ * follows those that it depends on. */
 static bool list_dependents(database *d, const char *id, int64_t **seqs, size_t *count, error *e)
 {
     bool ok = false;
-    size_t room = 0;
+    size_t capacity = 0;
     sqlite3_stmt *s = ASK(d, e,
                           "WITH RECURSIVE behind (seq) AS (SELECT seq FROM job WHERE id = ?1 UNION"
                           " SELECT job.seq FROM behind JOIN dependency ON needs = behind.seq JOIN job ON"
@@ -134,7 +135,7 @@ static bool list_dependents(database *d, const char *id, int64_t **seqs, size_t 
                           " ORDER BY behind.seq",
                           text(id), text(error_code_name(ERROR_DEPENDENCY_FAILED)));
     while (database_next(d, s, &ok, e)) {
-        if (*count == room) *seqs = mem_resize(*seqs, (room = room * 2 + 16) * sizeof **seqs);
+        if (*count == capacity) *seqs = mem_resize(*seqs, (capacity = capacity * 2 + 16) * sizeof **seqs);
         (*seqs)[(*count)++] = sqlite3_column_int64(s, 0);
     }
     return ok;
@@ -250,7 +251,8 @@ typedef struct deleting {
     bool found, deleted;
 } deleting;
 
-/* The events of a job are deleted with it. Clients that follow events are told up to which number some are missing. */
+/* The events of a job are deleted with it. Clients that follow events receive the number up to which events are
+ * missing. */
 static bool note_removed_events(database *d, const job_state *j, error *e)
 {
     return RUN(d, e,

@@ -11,7 +11,7 @@
 
 typedef struct noting {
     change change;
-    const char *directory, *name; /* directory NULL: delete the note */
+    const char *directory, *name; /* directory NULL: deletes the record */
     const char *output, *owner;
 } noting;
 
@@ -63,12 +63,12 @@ bool queue_forget_copy(queue *q, const char *name, error *e)
 bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e)
 {
     queue_copy *read = NULL;
-    size_t used = 0, room = 0;
+    size_t used = 0, capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s = database_ask(d, "SELECT directory, name FROM copy ORDER BY name", NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
         read[used++] = (queue_copy){database_text(s, 0), database_text(s, 1)};
     }
     database_end_read(d);
@@ -90,7 +90,7 @@ void queue_copies_free(queue_copy *copies, size_t count)
     free(copies);
 }
 
-/* ---- results that are to be copied again */
+/* ---- results to copy again */
 
 void queue_uncopied_clear(queue_uncopied *job)
 {
@@ -157,7 +157,7 @@ static bool note_copied(database *d, change *asked)
     if (!copy_forget(d, c->name, e) ||
         !database_read_integer(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1", text(c->id)), &seq, e))
         return false;
-    if (!seq) return true; /* the job was deleted meanwhile */
+    if (!seq) return true; /* the job has been deleted */
     if (c->fault)
         return RUN(d, e, "UPDATE task SET copy_code = ?3, copy_message = ?4 WHERE job = ?1 AND number = ?2",
                    integer(seq), integer(c->task->number), text(error_code_name(c->fault->code)),

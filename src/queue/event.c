@@ -8,7 +8,7 @@
 #include "queue/members.h"
 #include "queue/job_row.h"
 
-/* Events read for one page. That takes some milliseconds. */
+/* Maximum number of events read for one page: a few milliseconds. */
 #define EXAMINED_MOST 4096
 
 static const char *const names[QUEUE_EVENT_TYPE_COUNT] = {
@@ -28,8 +28,8 @@ static queue_event_type type_from_name(const char *name)
     return (queue_event_type)type;
 }
 
-/* CROSS JOIN keeps the order by event number. The last column tells whether the event passes the filter. Events that do
- * not pass are read, too, so that the position of the page is known. */
+/* CROSS JOIN keeps the order by event number. The last column is true if the event passes the filter. Events that do
+ * not pass are read, too, since they determine the position of the page. */
 #define EVENTS                                                                                       \
     "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"          \
     " (?2 IS NULL OR owner = ?2) AND"                                                                \
@@ -56,7 +56,7 @@ static void read_event(sqlite3_stmt *s, queue_event *event)
     queue_state_from_name((const char *)sqlite3_column_text(s, 5), &event->state);
 }
 
-/* The newest event may have been deleted, so the last number is read from SQLite's own table. */
+/* The newest event may have been deleted: its number comes from SQLite's own table. */
 static bool read_bounds(database *d, queue_event_page *page, error *e)
 {
     static const char sql[] =
@@ -73,15 +73,16 @@ static bool read_bounds(database *d, queue_event_page *page, error *e)
 static bool read_page(database *d, const queue_event_filter *filter, queue_event_page *page, error *e)
 {
     bool ok = true;
-    size_t room = 0, limit = (size_t)filter->limit;
+    size_t capacity = 0, limit = (size_t)filter->limit;
     int examined = 0, most = filter->id ? INT_MAX : EXAMINED_MOST;
     sqlite3_stmt *s = ASK(d, e, filter->id ? of_job : of_all, integer(page->position), text(filter->owner),
                           text(filter->label), text(filter->id));
     while (!page->more && database_next(d, s, &ok, e)) {
         page->position = sqlite3_column_int64(s, 0);
         if (sqlite3_column_int(s, PASSES)) {
-            if (page->count == room)
-                page->events = mem_resize(page->events, (room = room * 2 + 16) * sizeof *page->events);
+            if (page->count == capacity)
+                page->events =
+                    mem_resize(page->events, (capacity = capacity * 2 + 16) * sizeof *page->events);
             read_event(s, &page->events[page->count++]);
         }
         page->more = page->count == limit || ++examined == most;

@@ -1,4 +1,4 @@
-/* Figures for a meter that looks often: none costs more with more jobs. */
+/* Figures for monitoring, whose cost does not depend on the number of jobs. */
 #include <string.h>
 
 #include "database/schema.h"

@@ -1,6 +1,6 @@
-/* hold: whether tasks are started at all.
+/* hold: whether the queue is held, so that no tasks are started.
  *
- * Private to src/queue. The public functions are in queue.h.
+ * Private to src/queue. queue.h has the public functions.
  */
 #ifndef HEXAD_QUEUE_HOLD_H
 #define HEXAD_QUEUE_HOLD_H

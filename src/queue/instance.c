@@ -1,4 +1,4 @@
-/* The service instance that the database belongs to. */
+/* The service instance that owns the database. */
 #include <stdio.h>
 
 #include "queue/members.h"

@@ -36,7 +36,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     return ok;
 }
 
-/* What all listings ask for. */
+/* Conditions of all listings. */
 #define CONDITIONS                                                                             \
     " (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR owner = ?4) AND (?6 IS NULL OR name = ?6)" \
     " AND (?11 IS NULL OR instr(lower(name), lower(?11))) AND created_ms >= ?7 AND created_ms < ?8"
@@ -46,8 +46,8 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     " AND (?14 IS NULL OR EXISTS (SELECT 1 FROM dependency WHERE needs = " NEEDED \
     " AND dependency.job = seq))"
 
-/* How a listing walks over jobs, falling or rising: between two places, both excluded, of which the lower is (?9, ?10) and the upper
- * (?12, ?1). The statement `stop` finds the last place that a page visits, in the index alone. */
+/* A walk of a listing, descending or ascending, between two places (both excluded): (?9, ?10) is the lower and (?12,
+ * ?1) the upper. The statement `stop` finds the last place that a page visits, in the index alone. */
 typedef struct walk {
     const char *stop, *list;
 } walk;
@@ -62,7 +62,7 @@ typedef struct walk {
         WALK(key, rows, more, falling), WALK(key, rows, more, rising) \
     }
 
-/* By age, with the condition that an index answers. A listing takes the first that it has. */
+/* By age, with a condition that an index answers. A listing uses the first one that applies. */
 enum { BY_NEED, BY_LABEL, BY_NAME, BY_UNFINISHED_STATE, BY_OWNER, BY_STATE, ALL, CONDITION_COUNT };
 #define BY_AGE(index, condition)                                                                            \
     BOTH_WAYS("NULL", "job " index " WHERE seq > ?10 AND seq < ?1" condition, LABELLED NEEDING, "seq DESC", \
@@ -91,8 +91,8 @@ static const walk age_walks[CONDITION_COUNT][2] = {
     [ALL] = BY_AGE("NOT INDEXED", ""),
 };
 
-/* The other orders. Each has an index of its key and seq. Where a place is not known, it is an end of the index: all blobs are
- * behind all texts and numbers. */
+/* The other orders, each with an index of its key and seq. An unknown place is an end of the index: blobs sort after
+ * all texts and numbers. */
 #define LOW(low) "coalesce(?9, " low ")"
 #define HIGH "coalesce(?12, x'')"
 #define SORTED(index, key, low)                                                                   \
@@ -108,7 +108,7 @@ static const walk key_walks[QUEUE_ORDER_COUNT][2] = {
     [QUEUE_BY_PRIORITY] = SORTED("job_by_priority", "priority", "-9223372036854775808"),
 };
 
-/* The walk that visits the fewest rows. */
+/* The walk with the fewest rows. */
 static const walk *choose_walk(const queue_filter *f)
 {
     if (f->order != QUEUE_BY_AGE) return &key_walks[f->order][f->rising];
@@ -122,8 +122,8 @@ static const walk *choose_walk(const queue_filter *f)
                                       : ALL][f->rising];
 }
 
-/* The lowest seq of a job of this time or later; 0: unknown, because there are too many such jobs to look at each. The
- * orders by seq and by time differ where the clock was set back. */
+/* The lowest seq of a job created at this time or later; 0: unknown, because there are too many such jobs. The orders
+ * by seq and by time differ where the clock was set back. */
 static bool find_first(database *d, int64_t since_ms, int64_t *first, error *e)
 {
     bool ok = false;
@@ -139,7 +139,7 @@ static bool find_first(database *d, int64_t since_ms, int64_t *first, error *e)
     return ok;
 }
 
-/* The values of a walk's statements, by their index. */
+/* Indices of the values of a walk's statements. */
 enum { UPPER_SEQ = 0, LOWER_KEY = 8, LOWER_SEQ = 9, UPPER_KEY = 11, STOP_OFFSET = 12, VALUE_COUNT = 14 };
 static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUNT])
 {
@@ -165,8 +165,7 @@ static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUN
     memcpy(v, values, sizeof values);
 }
 
-/* Finds the place where a page stops that visits `visits` rows, and has the walk end there; *stop stays empty when there are
- * fewer. */
+/* Finds the place where a page of `visits` rows stops, and ends the walk there. *stop remains empty if there are fewer. */
 static bool find_stop(database *d, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
                       queue_place *stop, error *e)
 {
@@ -192,7 +191,7 @@ void queue_page_clear(queue_page *page)
 static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_page *page, error *e)
 {
     queue_page read = {0};
-    size_t room = 0;
+    size_t capacity = 0;
     bool ok = false;
     int64_t first = 0;
     value v[VALUE_COUNT];
@@ -204,7 +203,8 @@ static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_pa
     }
     sqlite3_stmt *s = ok ? database_ask(d, w->list, v, VALUE_COUNT, e) : NULL;
     while (ok && database_next(d, s, &ok, e)) {
-        if (read.count == room) read.jobs = mem_resize(read.jobs, (room = room * 2 + 16) * sizeof *read.jobs);
+        if (read.count == capacity)
+            read.jobs = mem_resize(read.jobs, (capacity = capacity * 2 + 16) * sizeof *read.jobs);
         job_row_read(s, 0, &read.jobs[read.count++]);
     }
     database_end_read(d);
@@ -215,7 +215,7 @@ static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_pa
     return ok;
 }
 
-/* A job at this place of the list, for comparison only; its texts are borrowed. */
+/* A job at this place of the list, for comparisons only; its texts are not owned. */
 static queue_job job_at(const queue_place *place, queue_order order)
 {
     queue_job job = {.seq = place->seq, .name = place->key, .owner = place->key};
@@ -229,7 +229,7 @@ static int compare_jobs(const void *a, const void *b, void *filter)
     return queue_compare(a, b, filter);
 }
 
-/* Adds a part to a page. The page stops where the first of its parts stops. */
+/* Appends a part to a page. The page stops where the first of its parts stops. */
 static void add_part(queue_page *page, queue_page *part, const queue_filter *filter)
 {
     page->jobs = mem_resize(page->jobs, (page->count + part->count + 1) * sizeof *page->jobs);
@@ -243,7 +243,7 @@ static void add_part(queue_page *page, queue_page *part, const queue_filter *fil
     free(unused);
 }
 
-/* Sorts the jobs of several parts, and leaves those out that another page will list. */
+/* Sorts the jobs of several parts, and removes those that belong to a later page. */
 static void end_parts(queue_page *page, const queue_filter *filter)
 {
     size_t kept = 0;
@@ -253,7 +253,8 @@ static void end_parts(queue_page *page, const queue_filter *filter)
         queue_job *job = &page->jobs[i];
         bool wanted = kept < (size_t)filter->limit &&
                       (!page->stop.seq || queue_compare(job, &stop, filter) <= 0) &&
-                      (!kept || page->jobs[kept - 1].seq != job->seq); /* its state has changed meanwhile */
+                      /* its state has changed between two reads */
+                      (!kept || page->jobs[kept - 1].seq != job->seq);
         if (wanted)
             page->jobs[kept++] = *job;
         else
@@ -343,7 +344,7 @@ bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task
                       error *e)
 {
     queue_task *read = NULL;
-    size_t used = 0, room = 0;
+    size_t used = 0, capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s = ASK(d, e,
@@ -351,7 +352,7 @@ bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task
                           " AND number > ?2 ORDER BY number LIMIT ?3",
                           text(id), integer(after), integer(limit));
     while (database_next(d, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
         job_row_read_task(s, 0, &read[used++]);
     }
     database_end_read(d);
@@ -395,7 +396,7 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
                          queue_attempt **attempts, size_t *count, error *e)
 {
     queue_attempt *read = NULL;
-    size_t used = 0, room = 0;
+    size_t used = 0, capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s =
@@ -407,7 +408,7 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
             " ORDER BY a.task, a.number LIMIT ?4",
             text(id), integer(after_task), integer(after), integer(limit));
     while (database_next(d, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){
             .task = sqlite3_column_int(s, 0),
             .frame = column_or(s, 1, QUEUE_NO_FRAME),
@@ -433,7 +434,7 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
     return true;
 }
 
-/* Reads one time; INT64_MAX: there is none. */
+/* Reads one time; INT64_MAX: none. */
 static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {
     int64_t read = INT64_MAX;
@@ -467,7 +468,7 @@ bool queue_next_expiry(queue *q, int64_t after_ms, int64_t *wall_ms, error *e)
     return ok;
 }
 
-/* Adds jobs up to the limit to the list. */
+/* Appends expired jobs up to the limit. */
 static bool list_expired(database *d, const running_bound *bound, int limit, char (*ids)[ULID_SIZE],
                          size_t *count, error *e)
 {

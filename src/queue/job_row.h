@@ -23,7 +23,7 @@
 
 #define TASK_COLUMN_COUNT 14
 
-/* `at` is the first of the columns. The spec is not read. Texts are allocated: queue_job_clear and
+/* `at`: index of the first of the columns. The spec is not read. Texts are allocated; queue_job_clear and
  * queue_task_clear free them. */
 void job_row_read(sqlite3_stmt *s, int at, queue_job *job);
 void job_row_read_task(sqlite3_stmt *s, int at, queue_task *task);

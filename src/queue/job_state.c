@@ -97,7 +97,7 @@ queue_state job_state_derive(const job_state *j)
     return waiting < j->tasks ? QUEUE_RUNNING : QUEUE_QUEUED;
 }
 
-/* The job gets the error of its first failed task. For an array the message also tells how many tasks failed. */
+/* The job gets the error of its first failed task. For an array the message also has the number of failed tasks. */
 static bool store_error(database *d, const job_state *j, error *e)
 {
     bool ok = false, read = false;
@@ -148,7 +148,7 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved));
 }
 
-/* Notes that the webhook of the job, if it has one, is to be told of its end. */
+/* Adds the notification of the job's end to the outbox, if the job has a webhook. */
 static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
 {
     char event[ULID_SIZE];
@@ -166,7 +166,7 @@ void job_state_count_outcome(job_state *j, queue_outcome outcome)
     j->not_converged += outcome == QUEUE_NOT_CONVERGED;
 }
 
-/* Stores one job, without those that depend on it. */
+/* Stores one job; its dependents are not updated. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
     j->state = job_state_derive(j);
@@ -237,10 +237,10 @@ bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *
     return ok;
 }
 
-/* Updates one dependent job after the end of `need`. It may end itself because of that. The needs are counted anew, since
- * one that was retried ends more than once. */
-static bool tell_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
-                           error *e)
+/* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted again,
+ * since a retried job ends more than once. */
+static bool update_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
+                             error *e)
 {
     job_state before = *j;
     bool lost = false;
@@ -249,7 +249,7 @@ static bool tell_dependent(database *d, const char *need, queue_state state, job
     return save_one(d, &before, j, now, e);
 }
 
-/* Loads the next job that depends on the ended one; those up to `after` are done. */
+/* Loads the next job with a seq above `after` that depends on the ended one. */
 static bool next_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found, error *e)
 {
     return load(d,
@@ -270,15 +270,15 @@ static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
     return ok;
 }
 
-/* Updates all dependent jobs. A dependent that fails ends its own dependents, so ended jobs go into a list, which is
- * worked off without recursion. */
-static bool tell_dependents(database *d, const job_state *ended, int64_t now, error *e)
+/* Updates all dependent jobs. A dependent that fails ends its own dependents; ended jobs are kept in a list, so that
+ * there is no recursion. */
+static bool update_dependents(database *d, const job_state *ended, int64_t now, error *e)
 {
-    size_t count = 1, room = 16;
+    size_t count = 1, capacity = 16;
     struct {
         int64_t seq;
         queue_state state;
-    } *line = mem_alloc(room * sizeof *line);
+    } *line = mem_alloc(capacity * sizeof *line);
     line[0].seq = ended->seq;
     line[0].state = ended->state;
     bool ok = true;
@@ -292,9 +292,9 @@ static bool tell_dependents(database *d, const job_state *ended, int64_t now, er
             ok = next_dependent(d, line[i].seq, after, &j, &found, e);
             if (!ok || !found) break;
             after = j.seq;
-            ok = tell_dependent(d, id, line[i].state, &j, now, e);
+            ok = update_dependent(d, id, line[i].state, &j, now, e);
             if (!queue_state_is_final(j.state)) continue;
-            if (count == room) line = mem_resize(line, (room *= 2) * sizeof *line);
+            if (count == capacity) line = mem_resize(line, (capacity *= 2) * sizeof *line);
             line[count].seq = j.seq;
             line[count++].state = j.state;
         }
@@ -307,5 +307,5 @@ bool job_state_save(database *d, const job_state *before, job_state *j, int64_t 
 {
     return save_one(d, before, j, now, e) &&
            (!queue_state_is_final(j->state) || queue_state_is_final(before->state) ||
-            tell_dependents(d, j, now, e));
+            update_dependents(d, j, now, e));
 }

@@ -1,9 +1,9 @@
-/* job_state: the part of a job that changes: the counts of its tasks by state, what was asked of the job, and the
- * state of the job that follows from both.
+/* job_state: the variable part of a job: the numbers of its tasks by state, its commands, and the state that follows
+ * from both.
  *
  * Private to src/queue. Call every function inside a change (database/database). To change tasks: load the job state,
- * adjust its counts, save it. Saving updates everything that depends on it, and nothing else does: the state, times
- * and events of the job, the counts of its owner, and the jobs that depend on this one.
+ * adjust its counts, save it. Saving, and nothing else, updates everything that depends on it: the state, times and
+ * events of the job, the counts of its owner, and the jobs that depend on this one.
  */
 #ifndef HEXAD_QUEUE_JOB_STATE_H
 #define HEXAD_QUEUE_JOB_STATE_H
@@ -22,7 +22,7 @@ typedef struct job_state {
     int64_t started_ms, finished_ms, retention_s;
 } job_state;
 
-/* *found is false when there is no such job. */
+/* *found is false if there is no such job. */
 bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e);
 /* The job must exist. */
 bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
@@ -33,28 +33,28 @@ queue_state job_state_derive(const job_state *j);
 /* Counts the outcome of a task that succeeded. */
 void job_state_count_outcome(job_state *j, queue_outcome outcome);
 
-/* Adds the first event of a job whose row was just inserted, and counts the job for its owner. */
+/* Adds the first event of a job whose row was just inserted, and adds the job to the counts of its owner. */
 bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);
 
-/* Stores the job state under the next revision. `before` is the job state as it was loaded. */
+/* Stores the job state with the next revision. `before`: the job state as it was loaded. */
 bool job_state_save(database *d, const job_state *before, job_state *j, int64_t now, error *e);
 
 /* Ends all waiting tasks in the final state `state`. `code` and `message` give the reason and may be NULL. */
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
                            const char *message, int64_t now, error *e);
 
-/* Counts the jobs that the job still waits for. *lost: one of them had to succeed and has ended without success. */
+/* Counts the jobs for which this one still waits. *lost: one of them had to succeed and did not. */
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
 
 /* Fails all waiting tasks, because the job `need`, which this one depends on, ended in the state `how`. */
 bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue_state how, int64_t now,
                               error *e);
 
-/* Adds an event. `frame` may be QUEUE_NO_FRAME, and `attempt` 0 when the event is of no attempt. */
+/* Adds an event. `frame` may be QUEUE_NO_FRAME; `attempt` is 0 if the event belongs to no attempt. */
 bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,
                          queue_outcome outcome, int frame, int attempt, int64_t now, error *e);
 
-/* Notes that the directories of all tasks are to be removed. Call it in the transaction that deletes the job. */
+/* Records that the directories of all tasks have to be removed. Call it in the transaction that deletes the job. */
 bool job_state_note_removals(database *d, const job_state *j, error *e);
 
 /* The counter of tasks that ended in the state `final`. */

@@ -1,6 +1,7 @@
-/* members: what an open queue consists of.
+/* members: the struct of an open queue.
  *
- * Private to src/queue. `overtaken` and `changed` belong to the thread that makes changes, `stamp` and `commits` to any thread.
+ * Private to src/queue. `overtaken` and `changed` belong to the thread that makes changes; `stamp` and `commits` to any
+ * thread.
  */
 #ifndef HEXAD_QUEUE_MEMBERS_H
 #define HEXAD_QUEUE_MEMBERS_H
@@ -13,7 +14,7 @@
 /* Jobs whose seq differ by a multiple of this share a stamp. */
 #define MEMBERS_STAMPS 4096
 
-/* What claims remember from one to the next: the job that did not fit, and how often others have overtaken it. */
+/* State between claims: the job that did not fit, and the number of times that others have overtaken it. */
 typedef struct overtaken {
     int64_t seq;
     int times;
@@ -24,12 +25,12 @@ struct queue {
     overtaken overtaken;
     queue_bounds bounds;
     running_time *running;
-    atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* of jobs */
+    atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* stamps of jobs */
     atomic_uint_fast64_t commits;
-    bool changed[MEMBERS_STAMPS]; /* stamps that the next commit raises */
+    bool changed[MEMBERS_STAMPS]; /* stamps that the next commit increments */
 };
 
-/* The periods of the last queue_store_running. */
+/* Reads the periods of the last queue_store_running. */
 bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t *count, error *e);
 
 #endif

@@ -1,4 +1,4 @@
-/* Notifications of ended jobs that are still to be delivered. */
+/* Pending notifications of ended jobs. */
 #include <stdio.h>
 #include <stdlib.h>
 

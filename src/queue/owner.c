@@ -5,7 +5,7 @@
 #include "database/schema.h"
 #include "queue/usage.h"
 
-/* Among how many users, and how many jobs of each, a job is searched that fits. */
+/* Number of users, and number of jobs of each, among which a fitting job is searched. */
 #define USERS_AHEAD "64"
 #define JOBS_AHEAD "64"
 
@@ -22,7 +22,7 @@ static bool count(database *d, int64_t seq, int unfinished, int running, error *
                integer(seq), integer(unfinished), integer(running));
 }
 
-/* Forgets users without jobs, except those whose next turn is still to come while others wait. */
+/* Deletes users without jobs, except those whose next turn is in the future while others wait. */
 static bool forget(database *d, error *e)
 {
     static const char sql[] = "DELETE FROM owner WHERE unfinished = 0 AND (pass <= (SELECT turn FROM service)"
@@ -40,7 +40,7 @@ bool owner_update(database *d, int64_t seq, int unfinished, int running, error *
            (unfinished >= 0 || forget(d, e));
 }
 
-/* Reads the name of the job's owner, to be freed. */
+/* Reads the name of the job's owner; the caller frees it. */
 static bool read_name(database *d, int64_t seq, char **name, error *e)
 {
     bool ok = false;
@@ -67,16 +67,16 @@ bool owner_take_turn(database *d, int64_t seq, const user_numbers *weights, erro
 #define FITS "((min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5)"
 
 /* Finds the job that is first in order, and whether it fits. */
-static bool find_head(database *d, const queue_room *room, const queue_sum *bound, int64_t *seq, bool *fits,
-                      error *e)
+static bool find_head(database *d, const queue_resources *resources, const queue_sum *bound, int64_t *seq,
+                      bool *fits, error *e)
 {
     bool ok = false;
     sqlite3_stmt *s =
         ASK(d, e,
             "SELECT job.seq, " FITS " FROM owner CROSS JOIN job ON job.seq = owner.first WHERE " MAY_CLAIM
             " ORDER BY " IN_TURN " LIMIT 1",
-            integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
-            integer(room->memory_mb), integer(room->all_memory_mb), integer(bound->bytes),
+            integer(resources->most_of_owner), integer(resources->all_threads), integer(resources->threads),
+            integer(resources->memory_mb), integer(resources->all_memory_mb), integer(bound->bytes),
             integer(bound->results));
     while (database_next(d, s, &ok, e)) {
         *seq = sqlite3_column_int64(s, 0);
@@ -86,7 +86,8 @@ static bool find_head(database *d, const queue_room *room, const queue_sum *boun
 }
 
 /* Finds the first job that fits. */
-static bool find_fitting(database *d, const queue_room *room, const queue_sum *bound, int64_t *seq, error *e)
+static bool find_fitting(database *d, const queue_resources *resources, const queue_sum *bound, int64_t *seq,
+                         error *e)
 {
     return database_read_integer(
         d,
@@ -100,27 +101,27 @@ static bool find_fitting(database *d, const queue_room *room, const queue_sum *b
             " ORDER BY priority DESC, seq LIMIT " JOBS_AHEAD ")"
             "  WHERE " FITS " LIMIT 1)"
             " ORDER BY job.priority DESC, near.pass, job.seq LIMIT 1",
-            integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
-            integer(room->memory_mb), integer(room->all_memory_mb), integer(bound->bytes),
+            integer(resources->most_of_owner), integer(resources->all_threads), integer(resources->threads),
+            integer(resources->memory_mb), integer(resources->all_memory_mb), integer(bound->bytes),
             integer(bound->results)),
         seq, e);
 }
 
-bool owner_choose(queue *q, const queue_room *room, int64_t *seq, error *e)
+bool owner_choose(queue *q, const queue_resources *resources, int64_t *seq, error *e)
 {
     database *d = q->database;
     overtaken *o = &q->overtaken;
     int64_t head = 0;
     bool fits = false;
     *seq = 0;
-    if (!find_head(d, room, &q->bounds.user, &head, &fits, e)) return false;
+    if (!find_head(d, resources, &q->bounds.user, &head, &fits, e)) return false;
     if (!head || fits) {
         *seq = head;
         return true;
     }
     if (o->seq != head) *o = (overtaken){.seq = head};
     if (o->times == QUEUE_OVERTAKE_MOST) return true;
-    if (!find_fitting(d, room, &q->bounds.user, seq, e)) return false;
+    if (!find_fitting(d, resources, &q->bounds.user, seq, e)) return false;
     if (*seq) o->times++;
     return true;
 }

@@ -1,4 +1,4 @@
-/* Opening and closing; the words of the queue's enumerations, and the release of what it hands out. */
+/* Opening and closing; words of enumerations; freeing of results. */
 #include "queue/queue.h"
 
 #include <stdlib.h>
@@ -15,7 +15,7 @@ static void note_row(void *context, int operation, const char *schema, const cha
     if (strcmp(table, "job") == 0) q->changed[(uint64_t)row % MEMBERS_STAMPS] = true;
 }
 
-/* `commits` is raised first: queue_get returns no stamp of a job that has changed since it was read. */
+/* Increments `commits` first: then queue_get returns no stamp for a job that changed during the read. */
 static void raise_stamps(void *context)
 {
     queue *q = context;

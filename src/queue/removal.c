@@ -1,4 +1,4 @@
-/* Directories that are to be removed, and lookups of the directories found in the state directory. */
+/* Directories to remove, and lookups of directories found in the state directory. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,13 +29,13 @@ bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, que
         "SELECT number, id, frame, attempts FROM removal WHERE number > ?1 AND id = ?3"
         " ORDER BY number LIMIT ?2";
     queue_removal *read = NULL;
-    size_t used = 0, room = 0;
+    size_t used = 0, capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s = id ? ASK(d, e, of_job, integer(after), integer(limit), text(id))
                          : ASK(d, e, all, integer(after), integer(limit));
     while (database_next(d, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
         queue_removal *r = &read[used++];
         *r = (queue_removal){.number = sqlite3_column_int64(s, 0),
                              .frame = frame_at(s, 2),
@@ -90,7 +90,7 @@ static bool find_task(database *d, queue_directory *x, error *e)
     while (database_next(d, s, &ok, e)) {
         const char *state = (const char *)sqlite3_column_text(s, 0);
         x->known = true;
-        x->state = QUEUE_QUEUED; /* also for a delayed task */
+        x->state = QUEUE_QUEUED; /* also if delayed */
         queue_state_from_name(state, &x->state);
         x->last_attempt = sqlite3_column_int(s, 1);
     }

@@ -1,4 +1,4 @@
-/* The periods in which the daemon ran, and waits after the wall clock was set back. */
+/* Running periods of the daemon, and waits after the wall clock was set back. */
 #include "base/clock.h"
 #include "queue/members.h"
 

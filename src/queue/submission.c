@@ -16,7 +16,7 @@ typedef struct submitting {
     queue_receipt receipt;
 } submitting;
 
-/* Looks for the idempotency key. If it was used before, fills the receipt. */
+/* Looks up the idempotency key. If it was used before, sets the receipt. */
 static bool find_replay(database *d, submitting *s, bool *seen, error *e)
 {
     bool ok = false;
@@ -48,17 +48,17 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
     return ok;
 }
 
-/* Whether there is room for more results. */
+/* Whether the bounds permit more results. */
 static bool check_results(database *d, submitting *s, bool *full, error *e)
 {
-    usage_verdict verdict = USAGE_ROOM;
-    if (!usage_judge(s->q, d, s->owner, &verdict, e)) return false;
-    *full = verdict != USAGE_ROOM;
+    usage_verdict verdict = USAGE_BELOW_BOUNDS;
+    if (!usage_check(s->q, d, s->owner, &verdict, e)) return false;
+    *full = verdict != USAGE_BELOW_BOUNDS;
     if (*full) s->receipt.verdict = verdict == USAGE_FULL ? QUEUE_RESULTS_FULL : QUEUE_USER_RESULTS_FULL;
     return true;
 }
 
-/* Reads the state of a job that the new one depends on. */
+/* Reads the state of a job on which the new one depends. */
 static bool look_at_need(database *d, const char *id, bool *found, queue_state *state, error *e)
 {
     bool ok = false;
@@ -69,14 +69,14 @@ static bool look_at_need(database *d, const char *id, bool *found, queue_state *
     return ok;
 }
 
-/* The index-th of the jobs that the new one waits for. *any_end: whatever their end. */
+/* The job with this index for which the new one waits. *any_end: it need not succeed. */
 static const char *need_at(const queue_submission *in, size_t index, bool *any_end)
 {
     *any_end = index >= in->depends_on_count;
     return *any_end ? in->after[index - in->depends_on_count] : in->depends_on[index];
 }
 
-/* Counts the jobs that the new one has to wait for. *lost is one that ended without success, or NULL. */
+/* Counts the jobs for which the new one has to wait. *lost: one that ended without success, or NULL. */
 static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
                         bool *unknown, error *e)
 {

@@ -45,7 +45,7 @@ bool usage_is_met(queue *q, database *d, bool *met, error *e)
     " ?1"
 #define FIRST_LEAVING " ORDER BY (delivered_ms IS NULL), coalesce(delivered_ms, finished_ms) LIMIT 1"
 
-/* Finds the job that goes first, of all users or (owner not NULL) of one; 0: none may go. */
+/* Finds the job to delete first, of all users or (owner not NULL) of one; *seq 0: none may be deleted. */
 static bool find_leaving(queue *q, database *d, const char *owner, int64_t *seq, error *e)
 {
     value undelivered = integer(q->bounds.undelivered);
@@ -55,13 +55,13 @@ static bool find_leaving(queue *q, database *d, const char *owner, int64_t *seq,
     return database_read_integer(d, s, seq, e);
 }
 
-bool usage_judge(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e)
+bool usage_check(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e)
 {
     queue_sum sum;
     int64_t leaving = 1;
     bool met;
     if (!usage_is_met(q, d, &met, e) || (met && !find_leaving(q, d, NULL, &leaving, e))) return false;
-    *verdict = leaving ? USAGE_ROOM : USAGE_FULL;
+    *verdict = leaving ? USAGE_BELOW_BOUNDS : USAGE_FULL;
     if (!leaving || !owner) return true;
     if (!read_sum(d, ASK(d, e, "SELECT bytes, results FROM usage WHERE owner = ?1", text(owner)), &sum, e))
         return false;
@@ -70,7 +70,7 @@ bool usage_judge(queue *q, database *d, const char *owner, usage_verdict *verdic
     return true;
 }
 
-/* Finds the first job to go of a user who has met a bound, if one of his may go. */
+/* Finds the first job to delete of a user who has reached a bound. */
 static bool find_leaving_of_users(queue *q, database *d, int64_t *seq, error *e)
 {
     char **owner = NULL;
@@ -114,19 +114,20 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
     static const char sql[] =
         "SELECT owner, bytes, results FROM usage WHERE bytes > 0 OR results > 0 ORDER BY bytes DESC, owner";
     queue_usage read = {0};
-    usage_verdict verdict = USAGE_ROOM;
-    size_t room = 0;
+    usage_verdict verdict = USAGE_BELOW_BOUNDS;
+    size_t capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
     read.bounds = q->bounds;
     sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
-        if (read.count == room) read.user = mem_resize(read.user, (room = room * 2 + 16) * sizeof *read.user);
+        if (read.count == capacity)
+            read.user = mem_resize(read.user, (capacity = capacity * 2 + 16) * sizeof *read.user);
         queue_user_sum *u = &read.user[read.count++];
         snprintf(u->name, sizeof u->name, "%s", (const char *)sqlite3_column_text(s, 0));
         u->sum = (queue_sum){sqlite3_column_int64(s, 1), sqlite3_column_int64(s, 2)};
     }
-    ok = ok && read_total(d, &read.all, e) && usage_judge(q, d, NULL, &verdict, e);
+    ok = ok && read_total(d, &read.all, e) && usage_check(q, d, NULL, &verdict, e);
     read.full = verdict == USAGE_FULL;
     database_end_read(d);
     if (ok)
@@ -136,13 +137,13 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
     return ok;
 }
 
-/* ---- what was delivered, and what was not measured yet */
+/* ---- deliveries and measured space */
 
 typedef struct noting {
     change change;
     const char *id;
     int frame;
-    int64_t number; /* the time of the delivery, or the bytes */
+    int64_t number; /* time of the delivery, or bytes */
 } noting;
 
 bool usage_note_delivery(database *d, const char *id, int frame, int64_t wall_ms, error *e)

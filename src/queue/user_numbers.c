@@ -15,7 +15,7 @@ typedef struct entry {
 } entry;
 
 struct user_numbers {
-    pthread_mutex_t mutex; /* for what follows */
+    pthread_mutex_t mutex; /* protects the next members */
     entry *item;           /* sorted by user */
     size_t count;
 };
@@ -88,7 +88,7 @@ static const entry *find(const user_numbers *n, const char *user)
 double user_numbers_of(const user_numbers *n, const char *user, double otherwise)
 {
     if (!n) return otherwise;
-    pthread_mutex_t *mutex = (pthread_mutex_t *)&n->mutex; /* to hold it changes no number */
+    pthread_mutex_t *mutex = (pthread_mutex_t *)&n->mutex; /* locking is logically const */
     pthread_mutex_lock(mutex);
     const entry *found = find(n, user);
     if (!found) found = find(n, OTHERS);

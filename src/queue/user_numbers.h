@@ -1,6 +1,4 @@
-/* user_numbers: a number for each user, as a setting gives them: alice:2, bob:1, *:0.5, where * stands for all others.
- *
- * Any thread.
+/* user_numbers: a number per user, from a setting: alice:2, bob:1, *:0.5, where * stands for all others. Any thread.
  */
 #ifndef HEXAD_QUEUE_USER_NUMBERS_H
 #define HEXAD_QUEUE_USER_NUMBERS_H
@@ -11,15 +9,15 @@
 
 typedef struct user_numbers user_numbers;
 
-/* Reads items of the form user:number. Error spec_invalid: an item has another form, its number is below `low` or above
- * `high`, or a user is named twice. */
+/* Parses items of the form user:number. The caller frees the result. Error: spec_invalid (an item has another form, its
+ * number is outside `low` .. `high`, or a user occurs twice). */
 user_numbers *user_numbers_read(const char *const *items, size_t count, double low, double high, error *e);
 void user_numbers_free(user_numbers *n); /* accepts NULL */
 
-/* Gives `n` the numbers of `fresh`, and frees that. */
+/* Replaces the numbers of `n` by those of `fresh`, and frees `fresh`. */
 void user_numbers_change(user_numbers *n, user_numbers *fresh);
 
-/* The number of this user: his own, else that of *, else `otherwise`. Accepts NULL, which names nobody. */
+/* The number of this user: the user's own, else that of *, else `otherwise`. `n` NULL: `otherwise`. */
 double user_numbers_of(const user_numbers *n, const char *user, double otherwise);
 
 #endif

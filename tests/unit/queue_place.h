@@ -192,11 +192,11 @@ static inline queue_task get_task(place *p, const char *id, int number)
     return task;
 }
 
-static const queue_room wide = {
+static const queue_resources wide = {
     .threads = 64, .all_threads = 64, .memory_mb = 100000, .all_memory_mb = 100000};
 
 /* Claims the next task, which has to be of `id`, or there is none where that is NULL. */
-static inline queue_task claim_in(place *p, const queue_room *room, const char *id)
+static inline queue_task claim_in(place *p, const queue_resources *room, const char *id)
 {
     queue_claimed claimed = {0};
     bool found = true;
@@ -244,7 +244,7 @@ static inline queue_state tell(place *p, const char *id, queue_command command, 
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;
     error e = {0};
-    if (!queue_tell(p->q, id, command, &found, &changed, &now, &e)) fail_msg("%s", e.message);
+    if (!queue_apply_command(p->q, id, command, &found, &changed, &now, &e)) fail_msg("%s", e.message);
     assert_true(found);
     assert_int_equal(changed, expected);
     return now;

@@ -50,7 +50,7 @@ static void test_waiting_ends_with_news(void **state)
     assert_int_equal(pthread_create(&thread, NULL, put_one, p), 0);
     assert_true(queue_wait(p->q, &seen, INT64_MAX));
     assert_int_equal(pthread_join(thread, NULL), 0);
-    claim_in(p, &(queue_room){.threads = 0, .all_threads = 1, .all_memory_mb = 1000}, NULL);
+    claim_in(p, &(queue_resources){.threads = 0, .all_threads = 1, .all_memory_mb = 1000}, NULL);
     assert_false(queue_wait(p->q, &seen, 0)); /* nothing was claimed: no news */
     queue_signal(p->q);
     assert_true(queue_wait(p->q, &seen, 0));

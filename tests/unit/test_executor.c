@@ -490,7 +490,7 @@ static void test_cancel_of_a_deaf_worker(void **state)
     wait_file(p, "child");
     bool found, changed;
     queue_state now;
-    assert_true(executor_tell(p->x, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
+    assert_true(executor_apply_command(p->x, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_true(found && changed && now == QUEUE_CANCELLING);
     expect_end(p, id, QUEUE_CANCELLED, "cancelled", NULL);
     expect_child_gone(p);
@@ -661,7 +661,7 @@ static void test_waits_double(void **state)
     meter counts = {.cache_hits = 0};
     const settlement_place where = {
         .q = p->q, .work_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
-    const queue_room room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
+    const queue_resources room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
     put(p, "{}", 99, id);
     for (int i = 0; i < 5; i++) {
         queue_claimed claimed = {0};
@@ -670,8 +670,8 @@ static void test_waits_double(void **state)
         if (i > 0) { /* its time has not come: a cancellation and a retry take the wait away, and the count */
             assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
             assert_false(found);
-            assert_true(queue_tell(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
-            assert_true(queue_tell(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL));
+            assert_true(queue_apply_command(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
+            assert_true(queue_apply_command(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL));
         }
         assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
         assert_true(found);
@@ -755,7 +755,7 @@ static void test_recovery(void **state)
     claim_and_die(p, worn);
     put(p, "{}", 3, cancelled);
     claim_and_die(p, cancelled);
-    assert_true(queue_tell(p->q, cancelled, QUEUE_CANCEL, &found, &changed, &now, NULL));
+    assert_true(queue_apply_command(p->q, cancelled, QUEUE_CANCEL, &found, &changed, &now, NULL));
     start(p, PROLOGUE REPORT, 1);
     expect_end(p, done, QUEUE_SUCCEEDED, NULL, NULL);
     queue_job job = get(p, done);
@@ -825,7 +825,7 @@ static void test_interruptions_have_a_bound(void **state)
     recover(&where, false);
     expect_end(p, id, QUEUE_FAILED, "interrupted", "3 times");
     expect_end(p, id, QUEUE_FAILED, "interrupted", "max_interruptions");
-    assert_true(queue_tell(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL) && changed);
+    assert_true(queue_apply_command(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL) && changed);
     assert_int_equal(only_task(p, id).interrupted, 0);
     for (int times = 1; times <= 5; times++) {
         claim_and_die(p, id);

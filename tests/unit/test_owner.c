@@ -12,7 +12,7 @@ static void put_for(place *p, const char *owner, int priority, int count)
 }
 
 /* Claims a task and ends it; its owner has to be this one. */
-static void expect_turn(place *p, const queue_room *room, const char *owner)
+static void expect_turn(place *p, const queue_resources *room, const char *owner)
 {
     queue_claimed claimed = {0};
     bool found = false;
@@ -25,7 +25,7 @@ static void expect_turn(place *p, const queue_room *room, const char *owner)
 }
 
 /* Claims tasks and ends them; returns how many of them were this owner's. */
-static int count_turns(place *p, const queue_room *room, const char *owner, int claims)
+static int count_turns(place *p, const queue_resources *room, const char *owner, int claims)
 {
     int count = 0;
     for (int i = 0; i < claims; i++) {
@@ -77,7 +77,7 @@ static void test_turns_go_by_weight(void **state)
     place *p = *state;
     static const char *const given[] = {"alice:2", "*:0.5", "bob:1"};
     user_numbers *weights = user_numbers_read(given, 3, 0.01, 100, NULL);
-    queue_room room = wide;
+    queue_resources room = wide;
     room.weights = weights;
     put_for(p, "alice", 0, 100);
     put_for(p, "bob", 0, 100);
@@ -163,7 +163,7 @@ static void test_an_array_has_a_turn_for_each_task(void **state)
 static void test_a_limit_saves_no_turns(void **state)
 {
     place *p = *state;
-    queue_room one_each = wide;
+    queue_resources one_each = wide;
     queue_claimed held = {0};
     bool found = false;
     one_each.most_of_owner = 1;
@@ -185,7 +185,8 @@ static void test_newcomers_do_not_starve_a_large_task(void **state)
     s.owner = "ann";
     s.threads = 4;
     submit_for(p, &s, large);
-    queue_room busy = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000}, idle = busy;
+    queue_resources busy = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000},
+                    idle = busy;
     idle.threads = 4;
     for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) {
         snprintf(name, sizeof name, "user%d", i);

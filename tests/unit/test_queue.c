@@ -213,7 +213,7 @@ static void test_cancel(void **state)
     expect_state(p, running, QUEUE_CANCELLED);
     bool found = true, changed = true;
     queue_state now;
-    assert_true(queue_tell(p->q, "nobody", QUEUE_CANCEL, &found, &changed, &now, NULL));
+    assert_true(queue_apply_command(p->q, "nobody", QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_false(found || changed);
 }
 
@@ -283,7 +283,7 @@ static void test_a_user_runs_so_many(void **state)
     for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
     s.owner = "bob";
     submit_for(p, &s, bob);
-    queue_room room = wide;
+    queue_resources room = wide;
     room.most_of_owner = 1;
     queue_task task = claim_in(p, &room, ann[0]);
     claim_in(p, &room, bob);
@@ -302,7 +302,7 @@ static void test_what_fits_passes_by_but_not_for_ever(void **state)
     submit_for(p, &s, large);
     s.threads = 1;
     for (int i = 0; i <= QUEUE_OVERTAKE_MOST; i++) submit_for(p, &s, small[i]);
-    queue_room room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
+    queue_resources room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
     for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &room, small[i]);
     claim_in(p, &room, NULL); /* from here on all wait for the large one */
     room.threads = 4;
