@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Counts what makes C code hard to change: constants, statements, and circles of calls between files.
+"""Counts what makes C code hard to change: lines, constants, statements, and circles of calls between files.
 
     tools/complexity.py constants FOLDER ...    named constants, and numeric literals elsewhere, of each folder
     tools/complexity.py statements FOLDER ...   statements of each folder
+    tools/complexity.py lines FOLDER ...        lines of each folder without comments and blank lines
     tools/complexity.py circles FOLDER ...      groups of .c files each of which reaches every other by calls; ends with 1 if there are any
 
 A named constant is a `static const` number or array of numbers, a member of an enumeration with a value, or a macro that is a number; one of
@@ -52,6 +53,12 @@ def statements_of(path):
     return re.sub(r'\bfor \([^{}]*?;[^{}]*?;', 'for (', code_of(path)).count(';')
 
 
+def lines_of(path):
+    """Lines that are not blank once comments are removed."""
+    code = re.sub(rf"{STRING.pattern}|({COMMENT.pattern})", lambda m: "" if m[1] else m[0], path.read_text(), flags=re.S)
+    return sum(1 for line in code.split("\n") if line.strip())
+
+
 def sources(folder, *suffixes):
     return sorted(p for p in pathlib.Path(folder).rglob('*') if p.suffix in suffixes)
 
@@ -87,7 +94,7 @@ def reach(path, calls):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("constants", "statements", "circles"))
+    parser.add_argument("what", choices=("constants", "statements", "lines", "circles"))
     parser.add_argument("folder", nargs="+")
     args = parser.parse_args()
     if args.what == "circles":
@@ -99,8 +106,8 @@ def main():
     for folder in args.folder:
         of = collections.Counter()
         for path in sources(folder, ".c", ".h", ".cc"):
-            if args.what == "statements":
-                of["statements"] += statements_of(path)
+            if args.what in ("statements", "lines"):
+                of[args.what] += {"statements": statements_of, "lines": lines_of}[args.what](path)
             else:
                 of["named"], of["elsewhere"] = (a + b for a, b in zip((of["named"], of["elsewhere"]), constants_of(path)))
         total += of
