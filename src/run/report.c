@@ -359,6 +359,21 @@ static void put_target(json *report, const report_facts *facts)
     }
 }
 
+/* What describes the solve and not its result: as members of `diagnostics`, and until version 2 of the report itself. */
+static void put_diagnostics(json *object, const report_facts *facts)
+{
+    const solver_points *solved = solver_result_points(facts->solver);
+    json_put_number(object, "sigma", solved->sigma);
+    json_put_number(object, "mean_neighbours", solved->mean_neighbours);
+    json_put_number(object, "step_left", solved->step_left);
+    json *energy = json_put_object(object, "energy");
+    json_put_number(energy, "mean", solved->mean_energy);
+    json_put_number(energy, "ideal", solved->ideal_energy);
+    json_put_number(energy, "excess", solved->mean_energy / solved->ideal_energy - 1);
+    json_put_integer(object, "threads", threads_count(facts->pool));
+    json_put_string(object, "isa", isa_name(facts->isa));
+}
+
 void report_fill(json *report, const report_facts *facts)
 {
     const solver_points *solved = solver_result_points(facts->solver);
@@ -374,21 +389,14 @@ void report_fill(json *report, const report_facts *facts)
     if (facts->source->field->patches)
         patch_report_put(facts->source->field->patches, solved, facts->farthest,
                          solver_spacing(facts->solver), facts->source->whole.labels, report);
-    json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", solver_spacing(facts->solver));
-    json_put_number(report, "mean_neighbours", solved->mean_neighbours);
-    json_put_number(report, "step_left", solved->step_left);
-    json *energy = json_put_object(report, "energy");
-    json_put_number(energy, "mean", solved->mean_energy);
-    json_put_number(energy, "ideal", solved->ideal_energy);
-    json_put_number(energy, "excess", solved->mean_energy / solved->ideal_energy - 1);
+    put_diagnostics(json_put_object(report, "diagnostics"), facts);
+    put_diagnostics(report, facts);
     put_quality(report, facts);
     ratings_describe(facts->measures, report);
     put_rounds(report, facts->solver);
     put_sweeps(report, facts->solver);
     put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
-    json_put_integer(report, "threads", threads_count(facts->pool));
-    json_put_string(report, "isa", isa_name(facts->isa));
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

@@ -266,6 +266,8 @@ def test_small_steps_are_not_rest(worker, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["sweeps"][-1]["rms_step"] < 0.003 < report["step_left"]
     assert "step_left" in [r["criterion"] for r in report["outcome_reasons"]]
+    diagnostics = report["diagnostics"]
+    assert diagnostics["step_left"] == report["step_left"] and diagnostics["energy"] == report["energy"]
 
 
 QUARTIC = {"analytic": {"shape": "quartic"}}
