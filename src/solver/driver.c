@@ -304,8 +304,9 @@ static bool is_last_level(const solver *s)
 /* Of what converged with this gain, and has the ideal energy or not. */
 static solver_outcome outcome_of(const solver *s, bool is_on_target)
 {
-    return is_on_target && s->state.gain <= s->state.regime->schedule->coarsest_gain ? SOLVER_CONVERGED
-                                                                                     : SOLVER_STALLED;
+    return is_on_target && s->state.gain <= schedule_coarsest_gain(s->state.regime->schedule)
+               ? SOLVER_CONVERGED
+               : SOLVER_STALLED;
 }
 
 /* A result that has converged goes through the actions that complete it; another one ends as it is. */

@@ -11,12 +11,11 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                           \
-    .gain = 1e-8, .patience_early = 100, .patience_more = 50, .coarsest_gain = 1e-5, .omega_shake = 2.6, \
-    .omega_least = 1.2, .longest_step = 0.05, .shake_sweeps = 15, .one_sweep_count = 2.15e5,             \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3,                     \
-    .defects_sweeps = {2, 3.5}, .defects_least = {0.05, 0.02}, .defects_most = 0.25, .stage_step = 0.03, \
-    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,       \
+#define COMMON                                                                                             \
+    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .shake_sweeps = 15, .one_sweep_count = 2.15e5, \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3,                       \
+    .defects_sweeps = {2, 3.5}, .defects_least = {0.05, 0.02}, .defects_most = 0.25, .stage_step = 0.03,   \
+    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,         \
     .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
@@ -36,6 +35,8 @@ const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true,
 /* Points keep their positions as far as the new surface allows: short steps from the first sweep on. */
 const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1};
 
+/* Parts of the patience: in earlier stages, and after the first multiplication of the gain. */
+enum { EARLY_PATIENCE = 4, MORE_PATIENCE = 8 };
 /* Ratios of a stage to the next one. */
 static const double GAIN_RATIO = 100, STEP_RATIO = 3;
 
@@ -47,6 +48,11 @@ static bool is_early(const schedule_position *at)
 double schedule_gain(const schedule *s, int stage)
 {
     return s->gain * pow(GAIN_RATIO, SCHEDULE_STAGES - 1 - stage);
+}
+
+double schedule_coarsest_gain(const schedule *s)
+{
+    return 10 * GAIN_RATIO * s->gain;
 }
 
 /* The rms step over h with which a stage ends. */
@@ -97,7 +103,7 @@ double schedule_omega(const schedule *s, const schedule_position *at)
     if (!s->is_paced || is_early(at)) return s->omega;
     const double t = paced_time(s, at);
     if (t < 1) return s->omega_shake + (s->omega - s->omega_shake) * t * t;
-    return fmax(s->omega / t, s->omega_least);
+    return fmax(s->omega / t, s->omega / 2);
 }
 
 bool schedule_is_shaken(const schedule *s, const schedule_position *at)
@@ -142,11 +148,11 @@ schedule_end schedule_round_end(const schedule *s, const schedule_position *at, 
 
 bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain)
 {
-    bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * s->coarsest_gain;
+    bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * schedule_coarsest_gain(s);
     const int owed = schedule_least_sweeps(s, at);
-    const int patience = schedule_is_last_stage(at) ? s->patience : s->patience_early,
+    const int patience = schedule_is_last_stage(at) ? s->patience : s->patience / EARLY_PATIENCE,
               over = at->sweeps - (owed > patience ? owed : patience);
-    return over >= 0 && over % (fails ? s->patience : s->patience_more) == 0;
+    return over >= 0 && over % (fails ? s->patience : s->patience / MORE_PATIENCE) == 0;
 }
 
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)

@@ -17,17 +17,16 @@ typedef struct schedule {
      * under a wrong one. */
     double gain;
     /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After
-     * `patience` sweeps of a round (patience_early in earlier stages), and not before the least sweeps of its level, the gain is
-     * multiplied by 10, and again after every `patience_more`. Beyond coarsest_gain, with which a solve is not converged, this takes
-     * `patience` sweeps each. A stage of a coarsest level that is judged by steps has no more than `patience` sweeps. */
-    int patience_early, patience, patience_more;
-    double coarsest_gain;
+     * `patience` sweeps of a round (a quarter of it in earlier stages), and not before the least sweeps of its level, the gain is
+     * multiplied by 10, and again after every eighth of `patience`. Beyond schedule_coarsest_gain this takes `patience` sweeps each. A
+     * stage of a coarsest level that is judged by steps has no more than `patience` sweeps. */
+    int patience;
 
     /* Over-relaxation: the factor on Newton's step with the first term of the Hessian (10), which is about twice the true one. If is_paced,
-     * a level starts with omega_shake, falls to omega over its least sweeps, and then falls with the inverse number of sweeps to
-     * omega_least. Otherwise, and in earlier stages, the factor is omega. */
+     * a level starts with omega_shake, falls to omega over its least sweeps, and then falls with the inverse number of sweeps to half
+     * of omega. Otherwise, and in earlier stages, the factor is omega. */
     bool is_paced;
-    double omega, omega_shake, omega_least;
+    double omega, omega_shake;
     /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during shake_sweeps of an earlier
      * stage; then the limit falls from longest_step with the inverse square of the sweeps. */
     double longest_step;
@@ -90,6 +89,9 @@ static inline bool schedule_is_last_level(const schedule_position *at)
 
 /* The gain with which a stage begins. */
 double schedule_gain(const schedule *s, int stage);
+
+/* The largest gain with which a solve is converged. */
+double schedule_coarsest_gain(const schedule *s);
 
 /* Least sweeps of the level. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);

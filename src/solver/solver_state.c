@@ -103,7 +103,7 @@ double solver_gain(const solver *s)
 
 double solver_coarsest_gain(const solver *s)
 {
-    return s->state.regime->schedule->coarsest_gain;
+    return schedule_coarsest_gain(s->state.regime->schedule);
 }
 
 solver_particles solver_current_particles(const solver *s)
