@@ -192,7 +192,7 @@ def listed_tests(root, variables):
 @pytest.fixture(scope="module")
 def files_by_tier(source):
     found = {tier: set() for tier in TIERS}
-    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_house.py"):  # equal names in two folders
+    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_source_tree.py"):  # equal names in two folders
         done = subprocess.run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "-q", "--tiers", place],
                               cwd=source, capture_output=True, text=True,
                               env={k: v for k, v in os.environ.items() if k not in ("HEXAD_TIER", "HEXAD_TAP_FD")})
