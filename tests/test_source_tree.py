@@ -1,4 +1,5 @@
-"""Rules of the source tree that a program can check: formatting, lists of files, and names of files that do not exist.
+"""Rules of the source tree that a program can check: formatting, lists of files, names of files that do not exist, and
+phrases that comments, messages and pages must not contain (plain_language.py).
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
 with one fault, where the list must name it. tests/layers checks which folder of src may include which.
@@ -10,6 +11,7 @@ import shutil
 import subprocess
 import sys
 
+import plain_language
 import pytest
 
 CODE = ("src", "tests", "fuzz", "bench")
@@ -113,7 +115,12 @@ def lost_names(root):
     return faults
 
 
-CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names]
+def private_phrases(root):
+    """Phrases of comments, messages and pages that plain_language.py lists, each with what to write instead."""
+    return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
+
+
+CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, private_phrases]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +129,8 @@ CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, 
 def test_the_tree(source, check):
     if check is unformatted and not shutil.which(CLANG_FORMAT):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
-    assert not check(source)
+    found = check(source)
+    assert not found, f"{len(found)} faults:\n" + "\n".join(found)
 
 
 # ---- what each check would catch
@@ -157,7 +165,12 @@ FAULTS = [
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
-    (lost_names, "doc/guide.md", "`base/gone` tells the time\n", "doc/guide.md: there is no src/base/gone"),
+    (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
+    (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),
+    (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
+    (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),
+    (private_phrases, "clients/spec.py", "asked = 1\ntext = (\"the file \"\n        \"knows it\")\n", "clients/spec.py:3: \"knows\""),
+    (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 
 
@@ -168,10 +181,32 @@ def test_a_fault_is_found(small, check, name, text, told):
     if check is unformatted and not shutil.which(CLANG_FORMAT):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
     assert not check(small)
-    (small / name).parent.mkdir(exist_ok=True)
+    (small / name).parent.mkdir(exist_ok=True, parents=True)
     (small / name).write_text(text)
     found = check(small)
     assert len(found) == 1 and found[0].startswith(told), found
+
+
+# ---- the table of phrases
+
+@pytest.mark.parametrize("row", plain_language.PHRASES, ids=lambda row: row[2])
+def test_a_phrase_matches_its_example_only(row):
+    pattern, instead, wrong, right, *_ = row
+    assert instead in [found[2] for found in plain_language.matches("page.md", wrong)], pattern
+    assert not plain_language.matches("page.md", right)
+
+
+def test_an_old_name_is_found_and_a_new_one_is_not():
+    for old, new in plain_language.OLD_NAMES.items():
+        assert [(1, old, new)] == plain_language.matches("page.md", f"See `{old}`.")
+        assert not plain_language.matches("page.md", f"See `{new}`.")
+
+
+def test_exceptions_are_few_and_needed(source):
+    assert len(plain_language.EXCEPTIONS) <= 30
+    for name, pattern, reason in plain_language.EXCEPTIONS:
+        phrases = [phrase for _, phrase, _ in plain_language.matches(name, (source / name).read_text())]
+        assert reason and any(re.fullmatch(pattern, phrase, re.I) for phrase in phrases), name
 
 
 # ---- which test is in which tier
