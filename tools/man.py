@@ -31,7 +31,7 @@ PAGES = {
                         " limits, slurm.conf lets it call Slurm; also alert rules for Prometheus and a dashboard for Grafana")]),
             ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, RUNTIME_DIRECTORY, STATE_DIRECTORY,"
                               " CONFIGURATION_DIRECTORY, JOURNAL_STREAM",
-                              "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"
+                              "set by systemd: where to report that the service is ready and alive, the socket to serve,"
                               " where it is otherwise made, where to keep the state, where the file tokens is, and whether the log goes to"
                               " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER"),
                              ("MALLOC_ARENA_MAX", "number of arenas in which the C library allocates memory; 4 unless it is set."
