@@ -76,7 +76,7 @@ const EVENTS = ["state", "task", "started", "ended", "edited", "progress"];
 
 /**
  * Follows a stream of events until the returned function is called. `onEvent(type, data)` gets each event. `onOpen()` is
- * called whenever a stream begins: read what it tells of, since nobody tells what happened before. `onGap()` is called when
+ * called whenever a stream begins: read the state then, since the stream does not repeat earlier events. `onGap()` is called when
  * events are missing, or none come: read again. A hidden page holds no connection, since a browser has six of them for all
  * its pages of one service.
  */

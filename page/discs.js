@@ -117,7 +117,7 @@ export class Discs {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** Room for so many points; those of before are gone. */
+  /** Allocates buffers for `count` points; their previous content is discarded. */
   allocate(count) {
     const gl = this.gl;
     for (const buffer of [this.geometry, this.values, this.edges]) gl.deleteBuffer(buffer || null);

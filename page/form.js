@@ -113,8 +113,8 @@ function Variants({name, schema, value, pointer, faults, onChange, discriminator
 }
 
 /**
- * The members of an object. What one need not give, and nobody has given when it appears, stands behind "More": there it
- * stays, lest it moves while one types.
+ * The members of an object. Optional members without a value are below "More". They stay there, so that no field moves
+ * while the user types.
  */
 function Members({schema, value = {}, pointer, faults, onChange}) {
   const choices = choicesOf(schema), given = choices.find(name => name in value) || choices[0];

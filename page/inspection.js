@@ -3,7 +3,7 @@ import {html} from "./preact.js";
 import {call, wait} from "./api.js";
 import {countOf, numberOf} from "./words.js";
 
-/** Has the service look into a file, and asks again as long as others are served; null when it looks into none. */
+/** Inspects a file, and repeats the request while the service is busy; null if the service does not inspect files. */
 export async function inspect(path, signal, onBusy) {
   for (;;)
     try {

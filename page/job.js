@@ -37,7 +37,7 @@ function useJob(id, frame, own) {
     if (attempt > live.attempt) Object.assign(live, {attempt, rows: []});
     live.newest = progress;
     const {rows} = live, last = rows.length ? rows[rows.length - 1].sweep : 0;
-    if (progress.sweep > last) rows.push(progress); // a stream that was lost tells its lines again
+    if (progress.sweep > last) rows.push(progress); // a new stream repeats the lines of a lost one
     if (rows.length > ROWS_MOST) live.rows = rows.filter((_, i) => i % 2 || i === rows.length - 1);
   }
 
@@ -105,7 +105,7 @@ function explain(job, report) {
     case "queued": return [job.paused ? "It is paused: resume it to have it run." : "It starts as soon as there is room."];
     case "blocked": return ["It starts when the jobs that it depends on have ended."];
     case "succeeded": return job.outcome === "converged" ? ["The solve has converged, and the points represent the surface."] : [];
-    case "cancelled": return ["Somebody cancelled it. Retry runs it again."];
+    case "cancelled": return ["A user cancelled it. Retry runs it again."];
     default: return [];
   }
 }
@@ -191,7 +191,7 @@ function Log({job, attempt, lines}) {
   const noteScroll = ({target}) => {
     follows.current = target.scrollTop + target.clientHeight + NEAR_END_PX >= target.scrollHeight;
   };
-  const early = !attempt.finished && error && error.status === 404; // it has said nothing yet
+  const early = !attempt.finished && error && error.status === 404; // it has no log yet
   return html`<${Trouble} error=${early ? null : error} /><pre class="log" ref=${place} onScroll=${noteScroll} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
 }
 

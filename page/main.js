@@ -1,4 +1,4 @@
-// The frame of the page: who is signed in, which view is shown, light or dark.
+// The frame of the page: the signed-in user, the view, light or dark.
 import {html, render, useEffect, useState} from "./preact.js";
 import {call, get} from "./api.js";
 import {Queue} from "./queue.js";
@@ -51,7 +51,7 @@ function Header({session, hash, onSignOut}) {
   const link = (to, word) => html`<a href=${to} aria-current=${hash === to || (to === "#/" && !hash) ? "page" : null}>${word}</a>`;
   return html`<header><a class="brand" href="#/"><img src="page/icon.svg" alt="" width="24" height="24" />hexad</a>
     <nav aria-label="Views">${link("#/", "Queue")}${session.scopes.includes("submit") && link("#/submit", "New job")}</nav>
-    <span class="who">${session.user}</span>${session.ends && html`<button class="plain" onClick=${onSignOut}>Sign out</button>`}
+    <span class="account">${session.user}</span>${session.ends && html`<button class="plain" onClick=${onSignOut}>Sign out</button>`}
     <${Theme} /></header>`;
 }
 

@@ -18,7 +18,7 @@ function gridOf({x, y, z}, count, size) {
   return {next, cell, headOf: (i, j, k) => heads.get(key(i, j, k)) ?? -1};
 }
 
-/** Cuts a polygon at the bisector towards (u, v); each corner knows whose edge begins at it. */
+/** Cuts a polygon at the bisector towards (u, v); each corner has the owner of the edge that begins there. */
 function cut(polygon, u, v, owner) {
   const half = (u * u + v * v) / 2, result = [];
   for (let i = 0; i < polygon.length; i++) {

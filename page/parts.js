@@ -41,8 +41,8 @@ export function useAction(action) {
 }
 
 /**
- * A function that has an asynchronous action done soon, but at most once in so many milliseconds, and for at most a fifth of
- * the time, so that a slow service is left alone; `cancel` of it calls that off.
+ * A function that runs an asynchronous action soon, but at most once in `ms` milliseconds and for at most a fifth of
+ * the time, which bounds the load of a slow service. Its `cancel` prevents a pending run.
  */
 export function throttled(action, ms) {
   let timer = null, quietUntil = -Infinity;

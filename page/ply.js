@@ -26,7 +26,7 @@ function parseHeader(bytes) {
   return {bytes: end + "end_header\n".length, elements, comments};
 }
 
-/** Properties that tell the spacing, with how often they are in it. A spec may leave them all out. */
+/** Properties from which the spacing follows, with their multiples of it. A file may have none of them. */
 const SPACINGS = [["spacing_local", 1], ["spacing", 1], ["radius", 2], ["pscale", 2]];
 
 export const hasSpacing = ({columns}) => SPACINGS.some(([name]) => columns[name]);

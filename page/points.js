@@ -1,4 +1,4 @@
-// The points of a job in 3-D, and what can be asked of them.
+// The points of a job in 3-D, and the views of their properties.
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {get, query, wait} from "./api.js";
 import {Camera, steer} from "./camera.js";
@@ -9,7 +9,7 @@ import {Trouble, useTitle} from "./parts.js";
 import {hasSpacing, loadEdges, loadPoints} from "./ply.js";
 import {countOf, nameOf, numberOf} from "./words.js";
 
-/** Of more points, a part is shown and said to be one: two million are 64 MiB on the graphics card. */
+/** Of more points, a selection is shown, with a note: two million are 64 MiB on the graphics card. */
 const MOST = 2000000;
 const NEIGHBOURS = "neighbours";
 const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
@@ -65,7 +65,7 @@ class Scene {
     Object.assign(this.canvas.dataset, {calls, bytes: this.discs.bytes || 0, ms: performance.now() - begun});
   }
 
-  /** The box of all that has come so far, which the camera sees unless somebody has moved it, or `still`. */
+  /** Fits the camera to the bounding box of the points received so far, unless the user has moved the camera or `still` is set. */
   frameAll(still = false) {
     const {columns: {x, y, z}, count} = this.points;
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];

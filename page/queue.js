@@ -119,8 +119,8 @@ function Load({load, workers, checks, admin, now, onChange}) {
   if (!load) return null;
   const draining = checks.jobs === "draining", held = checks.queue === "held";
   const warnings = [
-    draining && "It takes no jobs and starts none: somebody drains it.",
-    held && "Jobs wait: somebody holds the queue.",
+    draining && "It takes no jobs and starts none: an administrator drains it.",
+    held && "Jobs wait: an administrator holds the queue.",
     checks.storage === "full" && "The disk is full: no job is started.",
     checks.results === "full" && "The results of all jobs have reached a limit: no job is started. Delete results, or raise the limit.",
     checks.database === "damaged" && "The database is damaged: nothing is changed any more.",
@@ -174,13 +174,13 @@ function RowState({job}) {
     ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
 }
 
-/** By the id of a job, whether its spec asks for a preview. A spec never changes. */
+/** By the id of a job, whether its spec requests a preview. A spec never changes. */
 const previews = new Map();
 
 function hasPreview(id) {
   if (!previews.has(id))
     previews.set(id, get(`v1/jobs/${id}`).then(({spec}) => Boolean(spec) && (spec.output || {}).preview !== false, () => {
-      previews.delete(id); // asked again by the next view
+      previews.delete(id); // the next view requests it again
       return false;
     }));
   return previews.get(id);

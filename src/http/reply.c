@@ -32,7 +32,7 @@ static const reply_problem problems[] = {
     {"idempotency_mismatch", 422, "The key was used for another request"},
     {"digest_mismatch", 422, "The bytes do not have the announced SHA-256"},
     {"spec_invalid", 422, "The job spec is not valid"},
-    {"not_supported", 422, "The job spec asks for something that is not supported"},
+    {"not_supported", 422, "The job spec requests something that is not supported"},
     {"input_missing", 422, "The input file is missing"},
     {"input_unsupported", 422, "The format of the input is not supported"},
     {"input_damaged", 422, "The input cannot be read"},

@@ -1229,7 +1229,7 @@ const spec_row spec_rows[] = {
      .otherwise = "5000",
      AT(max_sweeps),
      .unit = "sweeps",
-     .prose = "The solver stops after this many sweeps, whether it has converged or not."},
+     .prose = "The maximum number of sweeps; the solver stops then, converged or not."},
     {.pointer = "/solver/step_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

@@ -311,8 +311,8 @@ def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp
     sign_in(browser, closed_service, secret=closed_service.token)
     job = with_token(closed_service, closed_service.token, "POST", "/v1/jobs", sphere(name="busy")).json["id"]
     wait_until(lambda: "busy" in browser.texts(".busy li a", "textContent"), "the job that runs")
-    for button, then, told in (("Hold", "Release", "somebody holds the queue"), ("Release", "Hold", None),
-                               ("Drain", "Undrain", "somebody drains it"), ("Undrain", "Drain", None)):
+    for button, then, told in (("Hold", "Release", "an administrator holds the queue"), ("Release", "Hold", None),
+                               ("Drain", "Undrain", "an administrator drains it"), ("Undrain", "Drain", None)):
         browser.press(button, ".load")
         browser.wait_text(then, ".load .buttons")
         assert browser.texts(".load .notice") == [] if told is None else told in browser.text(".load .notice")

@@ -119,7 +119,7 @@ class RemoteJob(Job):
         return [Result(r["name"], r["bytes"], r["sha256"], frame) for r in listed]
 
     def fetch_file(self, result: Result, path: pathlib.Path) -> None:
-        # the service keeps results that nobody has fetched longer than others, so it is told of a file that is here
+        # the service keeps undelivered results longer, so it is notified of a file that is here already
         known = path.is_file() and path.stat().st_size == result.bytes and hash_file(path) == result.sha256
         query = "" if result.frame is None else f"?frame={result.frame}"
 

@@ -193,7 +193,7 @@ class Service(ABC):
 
     @abstractmethod
     def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> Job:
-        """Begins a job. `wait`: for its end, as Job.wait does, or for so many seconds. `key`: a name for this submission;
+        """Begins a job. `wait`: true waits for its end, as Job.wait does; a number is a limit in seconds. `key`: a name for this submission;
         when it is repeated, it returns the same job. A spec with a fault is a Problem; its `errors` say where."""
 
     @abstractmethod

@@ -287,7 +287,7 @@ class Local(Service):
         return str(path)
 
     def ask(self, command: str, document: dict[str, Any], *words: str) -> dict[str, Any]:
-        """What the worker tells on standard output."""
+        """The JSON document that the worker prints on standard output."""
         done = subprocess.run([self.worker, command, "-", *words, *self.options], input=json.dumps(document).encode(),
                               capture_output=True)
         if done.returncode == 0:

@@ -119,7 +119,7 @@ class SpecInvalid(Problem):
 
 
 class NotSupported(Problem):
-    """The job spec asks for something that is not supported (422)."""
+    """The job spec requests something that is not supported (422)."""
 
 
 class InputMissing(Problem):

@@ -891,8 +891,7 @@ class Solver(_SolverRest):
         on it. Default: 0.
     isa: The instruction set of the numerical kernels; auto: the best one that the machine supports. The
         result does not depend on it. Default: 'auto'.
-    max_sweeps: The solver stops after this many sweeps, whether it has converged or not. (sweeps) Default:
-        5000.
+    max_sweeps: The maximum number of sweeps; the solver stops then, converged or not. (sweeps) Default: 5000.
     step_tolerance: Convergence requires an rms step below this. For witkin-heckbert it is the rms
         displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and
         changes the quality less than another seed. (spacings) Default: 0.003.

@@ -132,7 +132,7 @@ class Transport:
                 if problem.code not in LATER:
                     raise
                 fault = problem
-            except ssl.SSLError as doubt:  # which a repetition does not mend
+            except ssl.SSLError as doubt:  # a repetition fails in the same way
                 raise Unreachable(f"{self.server}: {self.explain_tls(doubt)}") from None
             except PermissionError:
                 raise Unreachable(f"{self.server}: this user may not connect: as root type hexad --allow USER, "
