@@ -16,17 +16,18 @@ enum { PLANE = 3, TERMS = 6, MOST_NEAR = 8192, MOST_KINDS = 8, GRAIN = 64 };
 /* What holds a plane back, as a share of the weights, and curvature: little, lest quadrics are flat at their ends; and a
  * vertex where no interface would hold it. */
 static const double plane_stiffness = 1e-5, curvature_stiffness = 1e-3, rest = 1e-2;
-/* A middle counts by so much where the quadric passes between both of its voxels: farther off it counts whole. */
+/* Weight of the middle of a face between voxels if the quadric passes between both voxels; otherwise it is 1 + between_weight. */
 static const double between_weight = 0.01;
-/* Most passes of a fit, each of which knows from the one before where the quadric passes; it ends before where a pass
- * turns and shifts the quadric by less, in radii. */
+/* Maximum number of passes of a fit. Each pass weights the samples by the quadric of the previous pass. The fit ends
+ * early if a pass changes the quadric by less than `at_rest`, in radii. */
 enum { PASSES = 7 };
 static const double at_rest = 1e-3;
 /* Where lines meet each interface has a corner, of fewer voxels: these are looked for farther away. */
 static const double wider = 1.4;
 static const double least_weight = 3; /* of the vertices of an interface */
-/* What is near grows by so much and so often, for an interface whose plane or quadric passes between its voxels but for so
- * much of one: the more voxels, the better a smooth interface is known. A plane that misses so many times that is given up. */
+/* The radius of a fit grows by the factor `growth`, at most GROWTHS times, while the distance by which the plane or
+ * quadric misses the voxels' faces is at most `most_missed` voxels: more voxels determine a smooth interface better. A
+ * plane that misses by `hopeless` times `most_missed` is discarded. */
 static const double growth = 1.4, most_missed = 0.01, hopeless = 4;
 enum { GROWTHS = 2 };
 static const double most_stretch = 2;
@@ -439,8 +440,8 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2, lines on spheres of radius 10
- * would be off by up to .2 voxels; with less, fits cost more time. */
+/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2, lines on
+ * spheres of radius 10 would be off by up to .2 voxels; with less, fits cost more time. */
 static const double alike = 1;
 
 static void choose_fitted(const label_lines *l, uint32_t *fitted)

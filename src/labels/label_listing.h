@@ -1,11 +1,12 @@
-/* label_listing: tells the labels of a segmentation: how many voxels each has, in which box, and which labels they touch. */
+/* label_listing: lists the labels of a segmentation: the number of voxels of each, their bounding box, and the labels
+ * that they touch. */
 #ifndef HEXAD_LABELS_LABEL_LISTING_H
 #define HEXAD_LABELS_LABEL_LISTING_H
 
 #include "json/json.h"
 #include "labels/label_volume.h"
 
-enum { LABEL_LISTING_MOST = 1000 }; /* labels that are told */
+enum { LABEL_LISTING_MOST = 1000 }; /* maximum number of labels in a listing */
 
 /* Whether whole numbers are labels rather than measurements: they are not many, most voxels are like one beside them, and so
  * are those of most labels. */

@@ -312,7 +312,7 @@ static bool check_memory(size_t needed, size_t memory_limit, error *e)
                      (needed >> 20) + 1, memory_limit >> 20);
 }
 
-/* What each label has of the voxels that others may get it wants of them all. */
+/* Finds weights with which each label wins as many of the contested voxels as it has now, which preserves its volume. */
 static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *pool, error *e)
 {
     const size_t labels = f->v->count;

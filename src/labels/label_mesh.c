@@ -126,7 +126,7 @@ static vec3 middle_of(const making *k, uint16_t label)
     return vec3_scale(sum, 1.0 / count);
 }
 
-/* A convex piece of the interface of two materials, as triangles that are turned from the earlier one to the later. */
+/* A convex piece of the interface of two materials, as triangles whose normals point from the earlier one to the later. */
 static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner, int count, error *e)
 {
     const uint16_t first = a < b ? a : b, second = a < b ? b : a;

@@ -24,7 +24,7 @@ static inline uint32_t label_mesh_kind(uint16_t first, uint16_t second)
     return (uint32_t)first << 16 | second;
 }
 
-/* Whether the interface of two materials is wanted. */
+/* Whether the interface of two materials is requested. */
 typedef bool label_mesh_wanted(const void *context, uint16_t first, uint16_t second);
 
 /* `smooth`: see label_smoothing.h; `wanted`: NULL: all are; `most`: triangles. Errors: no_surface, limit_memory (more triangles

@@ -18,7 +18,7 @@ enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
  * tetrahedra of voxels, the square root of one half. */
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
-/* How far around a line interfaces tell where it is, in the length of smoothing. */
+/* Radius around a line within which interfaces are fitted to locate it, in lengths of smoothing. */
 static const double near_lines = 1.02;
 
 typedef struct work {
@@ -128,7 +128,7 @@ static bool any_line(const label_graph *g, size_t vertices)
     return any;
 }
 
-/* Where lines lie only the interfaces tell, once they are smooth; these are then smoothed anew between their lines. */
+/* The smoothed interfaces determine the positions of the lines. Then the interfaces are smoothed again between their lines. */
 static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 {
     const label_lines lines = {m, &w->graph, w->from, near_lines * w->s->length};
@@ -140,7 +140,8 @@ static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 
 /* ---- beside lines */
 
-/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over so many rings. */
+/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over RINGS rings of
+ * neighbours, in SPREADS passes. */
 enum { RINGS = 3, SPREADS = 10 };
 
 static void count_rings(const label_graph *g, size_t vertices, unsigned char *rings)

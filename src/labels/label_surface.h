@@ -45,14 +45,15 @@ typedef struct label_thin {
 /* The thin labels, ascending: *count of them, which live as long as the surface. */
 const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 
-/* Whether most labels that are not thin are so in many places, as where slices of a segmentation do not fit to each other, and are no
- * smaller than a ball of this radius, in the smallest side of a voxel. The largest label, of what is around the others, does not count. */
+/* Whether most labels that are not thin are so in many places, as where slices of a segmentation do not fit to each
+ * other, and are no smaller than a ball of this radius, in the smallest side of a voxel. The largest label, of what is
+ * around the others, does not count. */
 bool label_surface_is_ragged(const label_surface *s, double radius);
 
 /* The smallest side of a voxel. */
 double label_surface_voxel(const label_surface *s);
 
-/* What a report tells of it: the member `labels`, and warnings of the reader and of thin labels. */
+/* Adds the member `labels` to the report's `surface`, and the warnings of the reader and of thin labels to `warnings`. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 
 #endif

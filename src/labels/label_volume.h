@@ -18,7 +18,8 @@ enum { LABEL_VOLUME_MOST = 65535 }; /* labels */
 typedef struct label_material {
     int64_t value;
     bool background;
-    bool asked;      /* not the background, and where interfaces are chosen in one of them: what is told of */
+    bool
+        asked; /* listed in the report: not the background, and part of a chosen interface if interfaces are chosen */
     uint64_t voxels; /* in the file, or after label_majority */
     uint64_t before; /* of it, in the file; 0 without */
     uint64_t thin,

@@ -13,8 +13,9 @@
 #include "base/error.h"
 #include "base/threads.h"
 
-/* The labels that may get a voxel, the likeliest first, and their indicators there over that one's, in 1/65535. Labels whose
- * indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest never win, since no weight is that much larger than another. */
+/* The labels that may get a voxel, the likeliest first, and their indicators there over that one's, in 1/65535. Labels
+ * whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest never win, since no weight is LABEL_WEIGHTS_RATIO
+ * times another. */
 enum { LABEL_RIVALS = 4, LABEL_WEIGHTS_RATIO = 16 };
 
 typedef struct label_contest {
@@ -41,13 +42,14 @@ static inline int label_weights_winner(const label_contest *c, const float *weig
     return best;
 }
 
-/* Of a label: the voxels that it has, and how many it wants to win of those in the lists. */
+/* Of a label: the voxels that it has, and how many of the listed voxels it is to win. */
 typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;
 
-/* Weights for which each label has its voxels but for a thousandth, or as nearly as rounds come (a layer of voxels between two
- * labels may be won as a whole or not at all), into weight[]: within 1 / 4 .. 4, so that what is too thin gets too few. The same for any number of threads. Errors: limit_memory. */
+/* Weights for which each label has its voxels but for a thousandth, or as nearly as rounds come (a layer of voxels
+ * between two labels may be won as a whole or not at all), into weight[]: within 1 / 4 .. 4, so that what is too thin
+ * gets too few. The same for any number of threads. Errors: limit_memory. */
 bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
                         threads *pool, float *weight, error *e);
 size_t label_weights_bytes(size_t labels, size_t workers); /* what it takes, weight[] and wish[] */
