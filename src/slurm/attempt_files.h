@@ -1,14 +1,14 @@
 /* attempt_files: the files by which the service and a node of the farm speak about an attempt.
  *
  * They are in work_dir/farm/NAME, with NAME as the attempt's directory (ID.N, ID.FRAME.N). The file system is shared:
- * a node may see a change late, and may go on after the service has given it up. So one file decides who has the
- * attempt: `claim`, which only one process can create. A node runs an attempt only if it has created its claim, hence
- * at most once. The service gives an attempt back only if it has created the claim, or if Slurm says that the node's
- * job is over; then a node that runs on finds the directory gone, and nobody reads what it writes.
+ * a node may see a change late, and may continue after the service has abandoned it. So one file determines the
+ * owner of the attempt: `claim`, which only one process can create. A node runs an attempt only if it has created its claim, hence
+ * at most once. The service returns an attempt to the queue only if it has created the claim, or if Slurm reports
+ * that the node's job is over. A node that still runs then finds the directory removed, and its output is not read.
  *
  *     request.json   the service, before it submits: what to run
  *     batch          the service, before it submits: the Slurm job, and the task of its array that is to run the attempt
- *     claim          whoever decides; of a node: the Slurm job and the task that run it
+ *     claim          the side that decides; of a node: the Slurm job and the task that run it
  *     out/           the worker: what becomes attempts/NAME when the attempt has an ending
  *     progress       the node: progress lines, appended
  *     cancel         the service: the worker is to end
@@ -70,7 +70,7 @@ attempt_files_names attempt_files_read_list(const char *farm, const char *list);
 
 typedef enum attempt_files_claim {
     ATTEMPT_FILES_WON,
-    ATTEMPT_FILES_TAKEN,  /* somebody else has it */
+    ATTEMPT_FILES_TAKEN,  /* another process has it */
     ATTEMPT_FILES_GONE,   /* there is no such attempt any more */
     ATTEMPT_FILES_UNCLEAR /* the file system fails: ask again */
 } attempt_files_claim;

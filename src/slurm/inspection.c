@@ -12,9 +12,9 @@
 #include "json/json.h"
 #include "slurm/place.h"
 
-/* A network file system may show an ending so much later than Slurm says that the job is over. */
+/* Milliseconds by which a network file system may show an ending later than Slurm reports the end of the job. */
 #define LATE_MS 3000
-/* How long Slurm is waited for to say why it has stopped a worker. */
+/* Milliseconds to wait until Slurm reports why it stopped a worker. */
 #define WORD_MS 30000
 #define AVOID_MS 600000
 /* How long a listing is believed that an attempt waits; then its files are looked at. */
@@ -177,7 +177,7 @@ static engine_loss find_loss(const view *v)
     return loss == ENGINE_OUT_OF_TIME && v->late ? ENGINE_INTERRUPTED : loss;
 }
 
-/* A worker that was stopped does not know why; Slurm may. False: it has not said so yet. */
+/* Sets why a worker was stopped, which only Slurm may report. False: it has not reported it yet. */
 static bool explain(view *v, engine_ending *ending)
 {
     const slurm_state *state = v->task.state;
@@ -243,7 +243,7 @@ static bool read_ending(view *v)
     return found;
 }
 
-/* Whoever creates the claim decides: if it is this side, no node will ever run the attempt. */
+/* The creator of the claim owns the attempt: if it is the service, no node will run the attempt. */
 static void follow_cancel(view *v)
 {
     error e = {0};

@@ -61,8 +61,8 @@ typedef struct listing {
     attempt_files_names strays, doomed;
 } listing;
 
-/* What to cancel because nobody wants what the task runs or may run: the task or all of its array; NULL: nothing. A task
- * that runs may have taken one of those that are open. */
+/* What to cancel because all attempts that the task runs or may run have ended or are cancelled: the task or all of its
+ * array; NULL: nothing. A running task may have claimed one of the open attempts. */
 static char *find_unwanted(const slurm *s, const slurm_batch *b, const row *r, const slurm_state *state)
 {
     bool any_open = s->open && (!b || b->shared);

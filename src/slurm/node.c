@@ -41,7 +41,7 @@ static void add_line(run *r, const char *line)
     r->progress[r->progress_length] = '\0';
 }
 
-/* What cannot be written is not missed: an ending tells all. */
+/* Lines that cannot be written are dropped: the ending contains all results. */
 static void write_lines(run *r)
 {
     if (r->progress_length) attempt_files_add_progress(r->directory, r->progress);
@@ -127,7 +127,7 @@ static bool is_restart(void)
     return count && atoi(count) > 0;
 }
 
-/* Slurm has started this task again, which had taken the attempt: nobody may have seen it wait. */
+/* Slurm has requeued this task, which had claimed the attempt: the service may not have seen it wait. */
 static bool note_restart(const char *directory, const attempt_files_batch *self, error *e)
 {
     attempt_files_batch by;

@@ -1,9 +1,10 @@
 /* place: what the threads of the Slurm engine share; of no use to others.
  *
- * The commands thread (slurm/submission, slurm/listing) fills in what Slurm says. The files thread (slurm/inspection)
- * decides when an attempt has ended. The supervisor starts, polls, cancels and settles attempts. `mutex` guards all
- * members; nobody holds it while a file or a command is waited for. The supervisor frees an attempt only after the
- * files thread has ended it, or leaves it to slurm_close, and no thread but the files thread keeps a pointer to one without the mutex.
+ * The commands thread (slurm/submission, slurm/listing) fills in the states that Slurm reports. The files thread
+ * (slurm/inspection) decides when an attempt has ended. The supervisor starts, polls, cancels and settles attempts.
+ * `mutex` guards all members; no thread holds it while it waits for a file or a command. The supervisor frees an attempt
+ * only after the files thread has ended it, or leaves it to slurm_close, and no thread but the files thread keeps a
+ * pointer to one without the mutex.
  */
 #ifndef HEXAD_SLURM_PLACE_H
 #define HEXAD_SLURM_PLACE_H
@@ -24,16 +25,17 @@ typedef struct slurm_task {
     int64_t seen_ms;          /* the same, monotonic */
     char host[65];
     char reason[64]; /* why it waits */
-    size_t wanted;   /* attempts that only it runs, and that somebody wants: neither ended nor cancelled */
+    size_t wanted;   /* attempts that only it runs, and that are neither ended nor cancelled */
 } slurm_task;
 
 typedef struct slurm_batch {
     char *name;
     size_t task_count;
     slurm_task *tasks;
-    bool shared;   /* any task may run any attempt, also of other such batches of equal needs */
-    char *list;    /* of these attempts (slurm/attempt_files); NULL: none, or of an earlier daemon */
-    size_t open;   /* shared: attempts that somebody wants, and that no task is known to have taken */
+    bool shared; /* any task may run any attempt, also of other such batches of equal needs */
+    char *list;  /* of these attempts (slurm/attempt_files); NULL: none, or of an earlier daemon */
+    size_t
+        open; /* shared: attempts that are neither ended nor cancelled, and that no task is known to have claimed */
     size_t wanted; /* these, and those of all tasks */
     size_t users;  /* attempts, and a submission under way */
     bool runs;     /* a task runs, for all that is known; as of the last inspection */
@@ -54,13 +56,13 @@ struct engine_attempt {
     size_t task;                  /* that has it, or was given it */
     bool taken;                   /* the task is known to have it */
     bool late;                    /* the task ran others before */
-    bool refused;                 /* by sbatch, as ending.why says */
-    bool cancelled, forced, told; /* asked to end; to be killed; its node was told so */
+    bool refused;                 /* by sbatch, for the reason in ending.why */
+    bool cancelled, forced, told; /* to end; to be killed; its node has been notified */
     int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
     int64_t over_ms, stopped_ms;  /* when it was first seen so; 0: not yet */
     int64_t unread_ms;    /* since when its ending cannot be read; 0: it can. Of the files thread alone */
     int64_t offset;       /* of what was read of its progress */
-    char reason[64];      /* why it waits, as was told last */
+    char reason[64];      /* why it waits, as last reported to the executor */
     char *fresh, *newest; /* progress lines: to be polled, the last that was */
     bool ended;
     bool left; /* the executor may be gone */
@@ -78,7 +80,7 @@ typedef struct slurm_avoided {
 struct slurm {
     slurm_settings settings;
     char *farm;   /* work_dir/farm */
-    char *prefix; /* of the names of jobs; NULL until the first attempt tells the instance */
+    char *prefix; /* of the names of jobs; NULL until the first attempt, which has the instance */
     int wake_fd;  /* the executor's; -1: not known yet */
     engine_attempt *first, **last;
     slurm_batch *batches;
@@ -92,7 +94,7 @@ struct slurm {
     int64_t list_due_ms;        /* monotonic */
     int quiet;                  /* listings since there was something to look for */
     bool away;                  /* Slurm did not answer the last command */
-    attempt_files_names strays; /* jobs of ours that nobody wants, as of the last listing */
+    attempt_files_names strays; /* our jobs without an attempt to run, in the last listing */
     slurm_avoided avoided[AVOIDED_MOST];
     size_t avoided_next; /* the oldest */
     char **trash;        /* directories to be removed */
@@ -109,7 +111,7 @@ struct slurm {
 void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task);
 /* This task has taken it, of its batch or of another. */
 void slurm_take(engine_attempt *a, const attempt_files_batch *by);
-/* Nobody wants it any more. */
+/* The attempt has ended or is cancelled: it no longer counts for its batch and task. */
 void slurm_forsake(engine_attempt *a);
 /* The attempt leaves its batch, which is freed with its last user. */
 void slurm_leave(engine_attempt *a);
@@ -126,7 +128,7 @@ slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number);
 /* Submits what waits. Returns when to look again, monotonic. */
 int64_t slurm_submit(slurm *s);
 
-/* Asks Slurm for all jobs, and cancels those that nobody wants. */
+/* Lists all jobs of this service in Slurm, and cancels those without an attempt to run. */
 void slurm_list(slurm *s);
 
 /* Looks at the files of all attempts, and ends those that have ended. */

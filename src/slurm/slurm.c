@@ -60,7 +60,7 @@ void slurm_batch_release(slurm *s, slurm_batch *b)
     free(b);
 }
 
-/* Counts the attempt among those of its batch that somebody wants, if it is one. */
+/* Adds `change` to the counts of the batch's attempts to run, if the attempt is one of them. */
 static void count(const engine_attempt *a, size_t change)
 {
     slurm_batch *b = a->batch;

@@ -5,8 +5,8 @@
  * batch and a serial number, and no name is submitted twice. Attempts that wait at the same time and need the same are
  * submitted together, as an array. Small ones share the tasks of the array: each task runs its part, and then what others
  * have not begun (slurm/node). A second thread looks at the files that the
- * nodes write (slurm/attempt_files). What Slurm says ends an attempt only when the node has left no ending, or cannot
- * know why it was stopped. While Slurm does not answer, nothing is decided but by files.
+ * nodes write (slurm/attempt_files). The state of Slurm ends an attempt only if the node has left no ending, or has no
+ * reason for its stop. While Slurm does not answer, only files decide.
  */
 #ifndef HEXAD_SLURM_SLURM_H
 #define HEXAD_SLURM_SLURM_H
@@ -26,10 +26,11 @@ typedef struct slurm_settings {
     size_t account_count;
     double interval_s; /* of squeue */
     double command_s;  /* the time limit of a command */
-    double lost_s; /* how long Slurm must not know a job, or an ending be unreadable, before it is given up */
-    int64_t small_count; /* a job of at most so many points shares a Slurm job with others */
-    int together;        /* so many small jobs at most are given to one */
-    double more_s;       /* how long it goes on with those of others that have not begun */
+    double
+        lost_s; /* seconds for which a job must be missing from Slurm, or an ending be unreadable, before the attempt is abandoned */
+    int64_t small_count; /* maximum points of a small job, which shares a Slurm job with others */
+    int together;        /* maximum number of small jobs in a Slurm job */
+    double more_s; /* seconds for which it then runs small attempts of other Slurm jobs that have not begun */
 } slurm_settings;
 
 typedef struct slurm slurm;

@@ -10,7 +10,7 @@ typedef struct slurm_state {
     const char *name; /* as squeue prints it */
     bool waits;       /* it has not begun */
     bool over;        /* it will not run (any more) */
-    bool speaks;      /* it says why a worker was stopped, which the worker cannot know */
+    bool speaks;      /* it gives the reason of a stop, which the worker does not have */
     /* with `over`: what becomes of an attempt that has no ending, when its worker has begun and when not */
     engine_loss begun, not_begun;
     const char *words;
@@ -19,7 +19,7 @@ typedef struct slurm_state {
 /* A name that the table does not have is that of a job that is neither waiting nor over. Never NULL. */
 const slurm_state *slurm_state_of(const char *name);
 
-/* Of a job that Slurm does not know (any more). */
+/* The state of a job that Slurm does not list, or no longer lists. */
 extern const slurm_state slurm_state_gone;
 
 #endif

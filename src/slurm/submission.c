@@ -14,9 +14,9 @@
 
 /* Attempts of an array, whose names are in its script; Slurm takes scripts of 4 MB. */
 #define MOST_MEMBERS 8000
-/* Small attempts share a task only when more wait than would fill so many tasks. */
+/* Small attempts share tasks only if more wait than SPREAD tasks would hold. */
 #define SPREAD 16
-/* The wait before Slurm is asked again after it could not be reached. */
+/* Milliseconds before the next command after Slurm could not be reached. */
 #define AWAY_MS 2000
 /* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. While none is
  * in Slurm its nodes have nothing to do, and the first goes after a pause; while more small ones than these wait there,
