@@ -76,7 +76,7 @@ static const char *end_of_off(const char *data, size_t size)
 {
     const char *end = data + size, *at = line_with_content(data, end);
     char line[128];
-    for (int k = 0; k < 2; k++) { /* the counts stand behind the word, or on the line below */
+    for (int k = 0; k < 2; k++) { /* the counts follow the word, or are on the next line */
         const char *stop = next_line(at, end);
         size_t length = (size_t)(stop - at) < sizeof line ? (size_t)(stop - at) : sizeof line - 1;
         memcpy(line, at, length);

@@ -10,7 +10,7 @@
  * `size` where that end is not known. */
 size_t content_end(const char *ending, const char *data, size_t size);
 
-/* Whether anything but blanks and zeros stands there from `end` on. */
+/* Whether the bytes from `end` on contain anything but white space and zeros. */
 bool content_follows(const char *data, size_t size, size_t end);
 
 #endif

@@ -1,10 +1,11 @@
-/* foreign_format: file formats of surfaces that are not read, told by their first bytes. Threads: none. */
+/* foreign_format: file formats of surfaces that hexad does not read, recognised by their first bytes. Threads: none. */
 #ifndef HEXAD_MESHFILE_FOREIGN_FORMAT_H
 #define HEXAD_MESHFILE_FOREIGN_FORMAT_H
 
 #include <stddef.h>
 
-/* A sentence that names the format of the file and a program that converts it; NULL: the format is none of these. data[size] is 0. */
+/* A sentence that names the format of the file and a program that converts it; NULL: the format is none of these.
+ * data[size] is 0. */
 const char *foreign_format(const char *data, size_t size);
 
 #endif

@@ -15,7 +15,7 @@
 static const unsigned seconds_at_least = 60;
 static const off_t bytes_per_second = 1 << 20;
 
-/* Squares of what is larger overflow long before the surface does anybody any good. */
+/* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
 static const double largest_coordinate = 1e30;
 
 /* The ending of the file's name in lower case, if it looks like one. */

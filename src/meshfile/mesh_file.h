@@ -11,7 +11,7 @@
 
 typedef struct mesh_file {
     int fd;              /* open for reading, at any offset; stays the caller's */
-    const char *path;    /* its ending tells the format */
+    const char *path;    /* its ending determines the format */
     const char *program; /* what runs mesh_reader_main as its command read-mesh; NULL: this program itself */
     size_t memory_limit; /* bytes, of the reading process and of the mesh */
 } mesh_file;

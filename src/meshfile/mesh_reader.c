@@ -275,7 +275,7 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
     for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
 }
 
-/* And, of a PLY file, the properties of its vertices that the library does not know. */
+/* Also answers the vertex properties of a PLY file that the library does not read. */
 static void answer_values(walk *w, const ply_values *own)
 {
     values list[MESH_VALUES_MOST];
@@ -310,8 +310,8 @@ static double unit_of_scene(const struct aiScene *scene)
     return (double)unit;
 }
 
-/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. `end`: as in the header. `known`: what
- * plain_mesh knows of the file: its unit and warnings. */
+/* `own`: vertex properties of a PLY file that the library does not read; NULL: values are not requested. `end`: as in the header.
+ * `known`: unit and warnings of the file, as plain_mesh found them. */
 static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end, plain_mesh *known)
 {
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
@@ -442,7 +442,7 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     }
     const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
     snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
-    for (char *own; (own = strstr(text + begin, b->name));) { /* nobody else calls it so */
+    for (char *own; (own = strstr(text + begin, b->name));) { /* the caller does not use this name */
         static const char file[] = "the file";
         const size_t length = strlen(b->name), rest = strlen(own + length) + 1;
         if ((size_t)(own - text) + sizeof file - 1 + rest > sizeof text) break;
@@ -463,7 +463,7 @@ static void read_amf_unit(const char *data, plain_mesh *out)
     plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
 }
 
-/* Whether plain_mesh knows of the file what the library does not, also where the library reads it. */
+/* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
 static bool is_read_for_values(const char *ending)
 {
     return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
@@ -490,8 +490,8 @@ static void try_plain(const char *ending, const bytes *b, bool wants_values, pla
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
 
-/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without what follows
- * the data that it declares, and with triangle strips as triangles. */
+/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without
+ * what follows the data that it declares, and with triangle strips as triangles. */
 static int answer_only_reader(const char *ending, bytes *b)
 {
     plain_mesh m;

@@ -1,11 +1,11 @@
 /* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; the only user of that library.
  *
- * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take
- * any amount of memory and time. It is given the bytes of one open file and nothing else: no other file is
- * opened, and after the limits are set no descriptor can be.
+ * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any amount of
+ * memory and time. It is given the bytes of one open file and nothing else: no other file is opened, and after the
+ * limits are set no descriptor can be.
  *
- * What it writes is a header, then `text_length` bytes of a message or of warnings, one a line, then vertices (three doubles each) and
- * triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
+ * What it writes is a header, then `text_length` bytes of a message or of warnings, one a line, then vertices (three
+ * doubles each) and triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
  */
 #ifndef HEXAD_MESHFILE_MESH_READER_H
 #define HEXAD_MESHFILE_MESH_READER_H
@@ -46,7 +46,7 @@ typedef struct mesh_reader_values {
 } mesh_reader_values;
 
 /* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`: reads the file on descriptor 0, writes to
- * descriptor 1, takes at most so many bytes beyond what it starts with. Returns the exit status, 0 when the
+ * descriptor 1, allocates at most MEMORY bytes beyond its memory at the start. Returns the exit status, 0 when the
  * answer, good or bad, was written whole. */
 int mesh_reader_main(int argc, char **argv);
 

@@ -1,5 +1,6 @@
-/* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in doubles. Extensions that
- * the file requires are known, or the file is refused by the name of one; Draco alone is left to the library. */
+/* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in doubles.
+ * Extensions that the file requires are known, or the file is refused by the name of one; Draco alone is left to the
+ * library. */
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -393,7 +394,7 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
 {
     const json *node = item_at(&g->nodes, index);
     double own[16], m[3][4];
-    /* nodes are trees: one that is reached more often than there are nodes stands below itself, or below several */
+    /* nodes form trees: more visits than nodes mean that a node is its own descendant, or has several parents */
     if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
         return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
     if (!read_transform(g, node, (size_t)index, own)) return false;

@@ -11,7 +11,7 @@
 
 #include "meshfile/polygon.h"
 
-/* From so many bytes on an array has pages of two megabytes: to touch it in small ones takes longer than to fill it. */
+/* Bytes from which an array gets pages of 2 MiB: page faults of 4 KiB pages would take longer than filling it. */
 static const size_t LARGE = 4 << 20;
 
 static bool resize(void **items, size_t *room, size_t n, size_t size)

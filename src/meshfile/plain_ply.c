@@ -1,5 +1,5 @@
-/* PLY: text and binary of both orders. Vertices stand before the faces, which are one list of indices each; whatever else an
- * element has is passed over. Triangle strips are faces before this reads them (ply_strips). */
+/* PLY: text and binary of both orders. Vertices come before the faces, each of which is one list of indices; other properties
+ * of an element are skipped. Triangle strips are faces before this reads them (ply_strips). */
 #include <endian.h>
 #include <math.h>
 #include <string.h>
@@ -59,8 +59,8 @@ static bool end_row(cursor *c)
     return is_line_end(*c->at) || refuse_row(c, "has more values than its header declares");
 }
 
-/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to out->corner; NULL: they are passed
- * over. */
+/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to out->corner;
+ * NULL: they are passed over. */
 static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t *count)
 {
     double length, number;
@@ -98,7 +98,7 @@ static bool read_row(cursor *c, const ply_element *element, const int *slot, dou
     return end_row(c);
 }
 
-/* How many rows of a binary element there can be at most; of text 0, which tells nothing before it is read. */
+/* Upper bound on the rows of a binary element, by the bytes left; 0 for text, whose rows have no fixed size. */
 static size_t rows_at_most(const cursor *c, const ply_element *element)
 {
     const size_t left = (size_t)(c->end - c->at), row = element->row > 0 ? element->row : 1;

@@ -50,35 +50,35 @@ static bool take_numbers(const char **at, double out[3])
     return plain_mesh_number(at, &out[0]) && plain_mesh_number(at, &out[1]) && plain_mesh_number(at, &out[2]);
 }
 
-/* Behind "facet". Where it fails *wanted is what is not at *at. */
-static bool read_facet(const char **at, plain_mesh *out, const char **wanted)
+/* Reads what follows "facet". On failure *expected is the expected word that is not at *at. */
+static bool read_facet(const char **at, plain_mesh *out, const char **expected)
 {
     double normal[3], corner[3][3];
-    if (!take(at, *wanted = "normal") || !(*wanted = "a number", take_numbers(at, normal)) ||
-        !take(at, *wanted = "outer") || !take(at, *wanted = "loop"))
+    if (!take(at, *expected = "normal") || !(*expected = "a number", take_numbers(at, normal)) ||
+        !take(at, *expected = "outer") || !take(at, *expected = "loop"))
         return false;
     for (int k = 0; k < 3; k++)
-        if (!take(at, *wanted = "vertex") || !(*wanted = "a number", take_numbers(at, corner[k])))
+        if (!take(at, *expected = "vertex") || !(*expected = "a number", take_numbers(at, corner[k])))
             return false;
-    return take(at, *wanted = "endloop") && take(at, *wanted = "endfacet") &&
+    return take(at, *expected = "endloop") && take(at, *expected = "endfacet") &&
            add_triangle((const double(*)[3])corner, out);
 }
 
 static bool read_text(const char *data, plain_mesh *out)
 {
-    const char *at = data, *wanted = "solid";
+    const char *at = data, *expected = "solid";
     while (take(&at, "solid")) {
         at += strcspn(at, "\r\n"); /* a name */
         bool good = true;
-        while (good && take(&at, "facet")) good = read_facet(&at, out, &wanted);
-        if (!good || !take(&at, wanted = "endsolid")) {
+        while (good && take(&at, "facet")) good = read_facet(&at, out, &expected);
+        if (!good || !take(&at, expected = "endsolid")) {
             at += strspn(at, " \t\r\n");
             if (!*at)
                 return plain_mesh_refuse_line(
-                    out, data, at, "is where the STL file ends, in place of %s. Save it again.", wanted);
+                    out, data, at, "is where the STL file ends, in place of %s. Save it again.", expected);
             return plain_mesh_refuse_line(out, data, at,
                                           "of the STL file has \"%.*s\" in place of %s. Save it again.",
-                                          (int)strcspn(at, " \t\r\n"), at, wanted);
+                                          (int)strcspn(at, " \t\r\n"), at, expected);
         }
         at += strcspn(at, "\r\n");
     }

@@ -10,7 +10,7 @@
 
 enum { LINE_MOST = 256, TEXT_TRIANGLE = 40, BINARY_TRIANGLE = 13 };
 
-/* The strips, when they are the file's last element and what stands before them has a size that is known. */
+/* The strips, if they are the last element of the file and the elements before them have a known size; else NULL. */
 static const ply_element *find_strips(const ply_header *h)
 {
     if (h->elements == 0) return NULL;

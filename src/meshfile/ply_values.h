@@ -1,4 +1,4 @@
-/* ply_values: properties of a PLY file's vertices that the library of meshes does not know. Runs in the process that reads.
+/* ply_values: properties of a PLY file's vertices that assimp does not read. Runs in the process that reads.
  */
 #ifndef HEXAD_MESHFILE_PLY_VALUES_H
 #define HEXAD_MESHFILE_PLY_VALUES_H
