@@ -2,9 +2,10 @@
 
 #include <math.h>
 
-/* So many are measured by all their parts and by half of them, or more; of the former one of so many at most. */
+/* Minimum number of cells that are measured by all their parts, and by half as many along each axis. At most one of
+ * SAMPLE_EVERY cells is measured by all parts. */
 static const double LEAST_WHOLE = 8000, LEAST_HALF = 50000, SAMPLE_EVERY = 8;
-/* A stretch has so many of the former. */
+/* Cells that are measured by all parts in a stretch, over which their ratios are averaged. */
 static const size_t WHOLE_IN_STRETCH = 250;
 
 bool bent_is_drawn(size_t k, uint32_t every)

@@ -41,7 +41,7 @@ typedef struct edge_lanes {
     double f0[SIDE_BY_SIDE], f1[SIDE_BY_SIDE];
 } edge_lanes;
 
-/* Where the surface cuts edges; of those that are not smooth normals say nothing. */
+/* Roots: where the surface cuts edges. The normal of a root that is not smooth is not usable. */
 typedef struct roots {
     int count;
     double x[EDGES + SIDE_BY_SIDE], y[EDGES + SIDE_BY_SIDE], z[EDGES + SIDE_BY_SIDE];
@@ -65,7 +65,8 @@ static vec3 part_node(const field_cell *cell, int parts, int n)
     return node;
 }
 
-/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have in common. */
+/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have
+ * in common. */
 static int node_in_turn(int parts, int n)
 {
     const int nodes = parts + 1;
@@ -184,7 +185,7 @@ static void put_edge(const part_nodes *n, int inside, int outside, int l, edge_l
     out->f1[l] = n->value[outside];
 }
 
-/* Where F is sharp what is known at the ends says little: it is asked. */
+/* Where F is not smooth, values and gradients at the ends of an edge do not determine the root: F is evaluated. */
 static void find_sharp_root(const field *f, const part_nodes *n, int inside, int outside, int k, roots *out)
 {
     corner c = {.smooth = false, .normal = {0, 0, 0}};

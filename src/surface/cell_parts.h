@@ -50,8 +50,8 @@ static inline unsigned cell_inside(unsigned corners, int tetrahedron)
     return inside;
 }
 
-/* Of each triangle the area of what lies above it, as its corners' normals tell it, and by how much of the flat one that is more; 0 where
- * they tell nothing. */
+/* The area of the surface above each triangle, estimated from the normals of its corners, and its excess over the flat
+ * area, relative to that; 0 where the normals are not usable. */
 void cell_measure_triangles(const triangulation *t, double area[], double excess[]);
 
 /* The area above all parts' triangles; 0 where F is not defined. With `lacking` that receives the first of them. */

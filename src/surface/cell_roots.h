@@ -26,7 +26,7 @@ typedef struct crossed_edge {
     uint8_t inside, outside;
 } crossed_edge;
 
-/* The edges whose ends F tells apart; returns how many. */
+/* The edges at whose ends F has different signs; returns their number. */
 int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES]);
 
 /* With `is_straight` F is taken for linear along the edge, and nothing is looked up. */

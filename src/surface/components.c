@@ -14,11 +14,12 @@
 
 static const char what[] = "the surface's parts"; /* that memory is for */
 
-/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and 2, have their middles up
- * to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is this much of the mean. */
+/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and 2, have
+ * their middles up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is TOUCHING_UNEVEN times the mean. */
 static const double TOUCHING_UNEVEN = 1.106;
 
-/* A place in a lattice is told where its numbers are no farther from whole ones, and no larger. */
+/* A position in a lattice is valid if its coordinates, in cells, differ from integers by at most CLEAR and do not exceed
+ * LARGEST. */
 static const double CLEAR = 0.25, LARGEST = 0x1p30;
 
 enum { CHUNK = 1024 };
@@ -30,7 +31,7 @@ typedef struct lattice {
     const field *field;
     vec3 first;            /* the middle of the first cell, which is in place (0, 0, 0) */
     double to_cells[3][4]; /* from differences of places to numbers of cells along their edges */
-    atomic_bool lost;      /* a place could not be told: coordinates are too large */
+    atomic_bool lost;      /* a position is not valid: coordinates are too large */
     int32_t (*at)[3];      /* of each cell */
     uint8_t *passed; /* which of its faces the surface passes: bit 2 axis + 1 for that at the greater end */
     block_map map;   /* of the places that have cells */
@@ -94,8 +95,8 @@ static bool note_places(lattice *l, size_t cells, error *e)
     return l->cell != NULL;
 }
 
-/* A cell and those beyond its faces that the surface passes. Of two cells one may know of their face what the other does not, where
- * the surface passes between corners. */
+/* A cell and those beyond its faces that the surface passes. Of two cells one may know of their face what the other does
+ * not, where the surface passes between corners. */
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const lattice *l = context;
@@ -111,8 +112,9 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* *told: whether their places could be. */
-static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, bool *told, error *e)
+/* *all_placed: whether the positions of all cells in the lattice are valid. */
+static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, bool *all_placed,
+                      error *e)
 {
     lattice l = {.field = f,
                  .at = mem_array(cells, sizeof *l.at, what, e),
@@ -122,10 +124,10 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     if (ok) {
         measure_lattice(&l);
         threads_run(pool, cells, CHUNK, place_chunk, &l);
-        *told = !atomic_load(&l.lost);
+        *all_placed = !atomic_load(&l.lost);
     }
-    ok = ok && (threads_stopped(pool) || !*told || note_places(&l, cells, e));
-    if (ok && *told) threads_run(pool, cells, CHUNK, join_chunk, &l);
+    ok = ok && (threads_stopped(pool) || !*all_placed || note_places(&l, cells, e));
+    if (ok && *all_placed) threads_run(pool, cells, CHUNK, join_chunk, &l);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     free(l.at);
     free(l.passed);
@@ -134,7 +136,8 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     return ok;
 }
 
-/* Cells that differ in size, or whose places are not told: those that are near each other, whatever the surface passes. */
+/* Cells that differ in size, or whose positions are not valid: cells near each other are joined, whichever faces the
+ * surface passes. */
 typedef struct cell_set {
     const field *field;
     vec3 *middle;
@@ -231,8 +234,8 @@ bool components_find(const field *f, threads *pool, components *out, error *e)
     uint32_t *parent = mem_array(cells, sizeof *parent, what, e);
     if (!parent) return false;
     sets_reset(parent, cells);
-    bool told = false, ok = f->uneven || join_even(f, cells, parent, pool, &told, e);
-    if (ok && !told) ok = join_uneven(f, cells, parent, pool, e);
+    bool all_placed = false, ok = f->uneven || join_even(f, cells, parent, pool, &all_placed, e);
+    if (ok && !all_placed) ok = join_uneven(f, cells, parent, pool, e);
     out->count = 0;
     for (size_t k = 0; ok && k < cells; k++) out->count += parent[k] == k;
     if (ok && out->count > 1) ok = number_cells(parent, cells, out, e);

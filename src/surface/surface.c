@@ -14,7 +14,7 @@
 
 /* Cells in a chunk of work: whole groups. */
 static const size_t GRAIN = THREADS_GRAIN;
-/* Chunks after which a field may forget: bricks of that many fill some megabytes. */
+/* Chunks after which a field may free its caches: coefficient blocks of AT_ONCE chunks take some megabytes. */
 static const size_t AT_ONCE = 128;
 
 /* Corners are projected to this fraction of the cell: its square is far below the area's error. */
@@ -29,15 +29,15 @@ static const double RISE_LIMIT = 0.25;
 /* Of the cell. */
 static const double ROOT_TOLERANCE = 1e-6;
 /* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
- * as the cell cut corners: it is measured by so many parts along each axis. With 0.8 the area of smoke is 3e-3 too
+ * as the cell cut corners: it is measured by parts (cell_parts.h). With 0.8 the area of smoke is 3e-3 too
  * small, with 0.9 2e-3, and with every cell in parts the area of fogs is right to 2e-4. */
 static const double BENT_FACING = 0.9;
-/* So is a cell whose size is more than this of the radius, as its triangles' normals tell it: the surface passes
- * tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and 2e-2 too small without.
- * Corners nearer to each other than TOO_NEAR, of a cell, do not tell. */
+/* So is a cell whose size is more than this share of the radius, which is estimated from the normals of its triangles:
+ * the surface passes tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and
+ * 2e-2 too small without. Corners nearer to each other than TOO_NEAR, in cells, are not used. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-/* Where so many cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h), and so are those of the fewer chunks
- * that come last. */
+/* If MANY_BENT cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h). So are those of the
+ * last, incomplete group of chunks. */
 enum { MANY_BENT = 16384 };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
  * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
@@ -377,7 +377,7 @@ static double rough_area(const triangulation *t, double cell_size)
     return area;
 }
 
-/* A cell whose area its triangles tell, and its roots. */
+/* A cell whose area is that of its triangles, and its roots. */
 typedef struct cell_at_hand {
     size_t number;
     field_cell cell;
@@ -393,8 +393,8 @@ typedef struct cell_group {
     size_t number[ROOT_GROUP_CELLS];     /* of each of these */
 } cell_group;
 
-/* The area of what lies in the domain, by which the box is widened. Of a cell that wants no more than its parts, which come later, a
- * rough one, less than 0. */
+/* The area of the surface in the domain, which also widens the box. A cell that is measured by parts later gets a rough
+ * area, with the sign reversed. */
 static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
 {
     const field_cell *cell = &own->cell;
@@ -414,8 +414,8 @@ static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
     return area > 0 ? area : triangles_area(f, &t);
 }
 
-/* Whether a cell's area is that of flat_cell.h. Where the domain cuts the surface cells that it cuts want roots, beside which gentle ones
- * are not right: of a cap of a ball of 14 voxels 3e-3 would be missing. */
+/* Whether a cell's area is that of flat_cell.h. Where the domain cuts the surface cells that it cuts want roots, beside
+ * which gentle ones are not right: of a cap of a ball of 14 voxels 3e-3 would be missing. */
 static bool is_smooth(const field *f, const field_cell *cell)
 {
     const bool bends_little = cell->bend == FIELD_FLAT || (cell->bend == FIELD_GENTLE && !f->open);
@@ -574,8 +574,8 @@ static size_t count_bent(const scan_job *job, size_t chunks)
     return count;
 }
 
-/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach. Returns how bent cells were
- * sampled. */
+/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach. Returns how
+ * bent cells were sampled. */
 static bent_samples scan_cells(const scan_job *job, size_t chunks, threads *pool)
 {
     const field *f = job->s->field;

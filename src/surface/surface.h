@@ -1,5 +1,5 @@
-/* surface: what the crossing cells tell about a surface before any particle is there: its area, its
- * box, and points on it in proportion to area.
+/* surface: quantities of a surface that follow from the crossing cells, before there are particles:
+ * its area, its box, and points on it in proportion to area.
  *
  * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
  * moved onto the surface. A triangle's area is corrected for the surface's curvature by how the normals at
@@ -40,14 +40,14 @@ static inline double surface_cell_area(const surface *s, size_t k)
     return s->area_before[k + 1] - s->area_before[k];
 }
 
-/* Share of a part (with patches: of a patch) in the whole. `before`: per cell and one more the sum of the cells before it, of area
- * (area_before) or of area weighted by a sizing field. */
+/* Share of a part (with patches: of a patch) in the whole. `before`: per cell and one more the sum of the cells before
+ * it, of area (area_before) or of area weighted by a sizing field. */
 static inline double surface_part_share(const surface *s, const double *before, size_t part)
 {
     return (before[s->parts.begin[part + 1]] - before[s->parts.begin[part]]) / before[s->cells];
 }
 
-/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any
+/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was stopped). Deterministic for any
  * number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
@@ -76,8 +76,9 @@ bool surface_patch_point(const surface *s, const double *before, uint32_t patch,
  * domain. False, outputs untouched, when that does not end within `reach`. */
 bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
 
-/* The place where the surface passes between x, in the k-th cell, and the nearest of the cell's corners on the other side, by bisection. For
- * places from which Newton's method leads nowhere, as beside a droplet. x where all corners are on its side, or F is not defined. */
+/* The place where the surface passes between x, in the k-th cell, and the nearest of the cell's corners on the other
+ * side, by bisection. For places from which Newton's method leads nowhere, as beside a droplet. x where all corners are
+ * on its side, or F is not defined. */
 vec3 surface_bisect(const surface *s, size_t k, vec3 x);
 
 /* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
