@@ -17,15 +17,14 @@
 #include "solver/passes/relax.h"
 #include "solver/schedule.h"
 
-/* A point that lands farther outside of the surface's box than this, in spacings, ran off. */
+/* A point whose projection is farther outside of the surface's box than this, in spacings, is discarded. */
 static const double FARTHEST = 1;
-/* Cosine of the angle from which on two points, or a point and where it landed, are of different sheets. */
+/* Two points, or a point and its projection, are on opposite walls if the cosine between their normals is below this. */
 static const double OTHER_SHEET = 0.5;
 /* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
 static const double CROWDED = 0.6;
-/* A place so far from every point, of the spacing, is a hole. Corners of ideal cells are at 0.58, the middle
- * of a vacancy is at 1. What is filled with points so far from each other, at random, is as dense as a
- * packing. */
+/* A position farther than this from every point, in spacings, is a hole. Corners of ideal cells are at 0.58,
+ * the middle of a vacancy is at 1. An area filled at random with points at this minimum distance is as dense as a packing. */
 static const double HOLE = 0.78;
 /* A place on a curve so near to a carried point, of the spacing, continues it. */
 static const double CONTINUED = 0.5;
@@ -40,19 +39,19 @@ static const int DRAWS = 20;
 /* Distances, of the spacing, that births of one frame keep, the next one when there is no more room. */
 static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
 enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
-/* Births and deaths come in portions of one in so many points, with sweeps between, so that each finds a
- * packing in which the ones before have found their places: a birth beside the core of a dislocation moves it
- * by a row, and the next ones see where it is then. Those of a portion keep SCATTER of the distance that they
- * would have if they were spread evenly: what is born in one place too many has to flow to the others. On a
+/* Births and deaths come in portions of one in PORTION points, with sweeps between them, so that each
+ * portion meets a packing in which the previous portions have converged: a birth beside the core of a dislocation moves it
+ * by a row, and the next portion uses its new position. Those of a portion keep SCATTER of the distance that they
+ * would have if they were spread evenly: points that are born in excess in one place must move to other places. On a
  * torus with 2 % more points in each frame hex_fraction is 0.95, and 0.92 with all at once. More portions and
  * sweeps give a better order and longer ways: 0.94 and 0.068 of the spacing in the median with half as many of
  * both, 0.95 and 0.080 with these. */
 static const double PORTION = 600, SCATTER = 0.56;
 enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
-/* A part of the surface whose number of points differs from what its area asks for by more than this share, and by more than so
- * many, gives points to the others or takes them. */
+/* A component exchanges points with other components if its number of points differs from the number for its area by more than
+ * PART_SLACK of it, and by more than PART_SLACK_POINTS. */
 static const double PART_SLACK = 0.02, PART_SLACK_POINTS = 2;
-/* Candidates for each place of a portion: the most crowded or emptiest are several to a core. */
+/* Candidates for each change of a portion: several of the densest or emptiest positions belong to one dislocation core. */
 static const size_t CANDIDATES = 32;
 
 /* Candidates for the points of the new frame: first the points that were carried over, then places where points may
@@ -63,10 +62,10 @@ typedef struct candidates {
     const frame_transfer_params *params;
     threads *pool;
     registration motion;
-    bbox box; /* nothing lands outside */
+    bbox box; /* projections outside of it are discarded */
     double h; /* of an even packing */
-    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles are the first
-     * `fixed` candidates, are taken, and stay where they are. */
+    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles
+     * are the first `fixed` candidates, are taken, and stay where they are. */
     quota allotted;
     size_t fixed;
     size_t wanted; /* particles: points, and on curves one for each patch there */
@@ -84,7 +83,7 @@ typedef struct candidates {
     vec3 *place;
     uint32_t *place_patch;
     point_tree *tree;
-    double *rank; /* how crowded a point, how empty a place is: the largest first */
+    double *rank; /* density at a point, emptiness of a place: the largest first */
     uint32_t *order;
     neighbours *near;
 } candidates;
@@ -255,7 +254,7 @@ static void close_gaps(candidates *c)
     c->carried = c->count = kept;
 }
 
-/* A stop is told also where there are no points. */
+/* A stopped pool is an error also without points. */
 static bool build_lists(candidates *c, double reach, error *e)
 {
     if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
@@ -263,7 +262,7 @@ static bool build_lists(candidates *c, double reach, error *e)
     return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* How far two are apart, of their spacing; INFINITY: on different sheets, or patches. */
+/* The distance of two candidates in their spacings; INFINITY: on opposite walls or different patches. */
 static double distance(const candidates *c, size_t i, size_t j)
 {
     if (c->f->patches && c->part[i] != c->part[j]) return INFINITY;
@@ -292,7 +291,7 @@ static vec3 draw_place(const candidates *c, size_t k, size_t places, rng *r, sur
     return x;
 }
 
-/* Places that tell which patch is near. */
+/* Samples of all patches, for finding the nearest patch. */
 static bool spread_places(candidates *c, error *e)
 {
     const char *what = "places on patches";
@@ -328,7 +327,7 @@ static bool carry_all(candidates *c, error *e)
     set_spacings(c, 0);
     if (!build_lists(c, CROWDED, e)) return false;
     for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
-    for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
+    for (int inner = 0; inner <= 1; inner++) /* points on boundaries first: boundaries must stay closed */
         for (size_t i = c->fixed; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
@@ -377,7 +376,7 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* How far a place is from the nearest point, how crowded a point is by all. */
+/* Ranks a place by its distance from the nearest point, and a point by the density around it. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -482,7 +481,7 @@ static bool has_lost(const candidates *c, size_t i)
     return false;
 }
 
-/* Lets go so many of the carried, the most crowded first; no two neighbours if `spread`. Returns how many. */
+/* Deletes at most `most` of the carried points, the densest first; no two neighbours if `spread`. Returns their number. */
 static size_t let_go(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
@@ -578,8 +577,8 @@ static void settle_born(candidates *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next lists tell of
- * it. */
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next build of lists
+ * reports it. */
 static bool ease(candidates *c, error *e)
 {
     size_t n = c->carried;
@@ -645,8 +644,8 @@ static void part_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Finds how many points each connected part is to take or to give, since its area has changed against the others': *take and *give
- * in all. The places tell how many points a part should have. */
+/* Finds how many points each connected part is to take or to give, since its area has changed against the others': *take
+ * and *give in all. The number of places on a part determines how many points it should have. */
 static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
 {
     const size_t parts = c->scan->parts.count;
@@ -677,7 +676,8 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     return true;
 }
 
-/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more. `ends`: nothing follows. */
+/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more. `ends`:
+ * nothing follows. */
 static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, error *e)
 {
     for (size_t left = count_portions(c, *there, wanted); left > 0 && *there != wanted; left--) {
@@ -734,8 +734,8 @@ static uint32_t nearest_carried(const candidates *c, size_t i)
     return nearest;
 }
 
-/* Where one was in the frame before. Who is born would have been where the nearest point came from, or the
- * whole. */
+/* Position of a point in the previous frame. For a born point: moved back as the nearest carried point, or
+ * else by the motion of the whole surface. */
 static vec3 origin_of(const candidates *c, size_t i)
 {
     uint32_t guide = c->parent[i] == FRAME_TRANSFER_NONE ? nearest_carried(c, i) : (uint32_t)i;

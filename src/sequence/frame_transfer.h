@@ -2,14 +2,14 @@
  * was on the surface.
  *
  * First all points move with the surface as a whole (sequence/registration). Then each point moves along the gradient
- * onto the surface. A point dies when it does not reach the surface, when it comes to a sheet that faces another way,
- * or when it comes closer to another point than neighbours can be. Where no point is near a new one is born. Then
- * points are born in the emptiest places, or removed where they are most crowded, until the count is met: many in
+ * onto the surface. A point dies when it does not reach the surface, when its projection is on an opposite wall, or
+ * when it comes closer to another point than neighbours can be. Where no point is near a new one is born. Then
+ * points are born in the emptiest places, or removed where they are densest, until the count is met: many in
  * portions, far from each other, with a few sweeps between the portions. When most points die the surface is another
  * one: then nothing is transferred, and the caller samples it anew. Deterministic for any number of threads. World
  * space and world units.
  *
- * On a surface of patches the points on curves are placed anew, as an allotment has them. A place on a curve continues the
+ * On a surface of patches the points on curves are placed anew, by the quota of each patch. A place on a curve continues the
  * nearest point of the frame before, if one is near. Each other point goes to the patch that is nearest to where the motion of
  * the whole brings it. Each patch is a part with a number of points of its own. */
 #ifndef HEXAD_SEQUENCE_FRAME_TRANSFER_H
@@ -41,8 +41,7 @@ typedef struct frame_transfer_params {
 } frame_transfer_params;
 
 typedef struct frame_transfer {
-    size_t
-        count; /* points, as was asked for; 0, and no arrays: the surface is another one, and all have died */
+    size_t count; /* points, as requested; 0, and no arrays: the surface is another one, and all have died */
     size_t particles; /* a point on a curve is one for each patch there; else as many */
     size_t died, born;
     registration motion;
@@ -50,14 +49,14 @@ typedef struct frame_transfer {
     vec3 *position; /* on the surface */
     vec3 *normal;
     uint32_t *patch; /* on a surface with patches the one that it lies on; else NULL */
-    uint32_t *place; /* likewise: its number in the rows of the allotment, or PARTICLES_FREE */
+    uint32_t *place; /* likewise: its number in the samples of the quota's curves, or PARTICLES_FREE */
     /* Of each point, in the order of its first particles. */
     vec3 *landed;     /* where it was carried to, before births and deaths moved it; of one born, no matter */
     vec3 *origin;     /* where it was in the frame before; of one that was born, where it would have been */
     uint32_t *parent; /* its index in the frame before, or FRAME_TRANSFER_NONE */
 } frame_transfer;
 
-/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was told to stop). The
+/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was stopped). The
  * caller frees, also after failure. */
 bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
                            threads *pool, frame_transfer *out, error *e);

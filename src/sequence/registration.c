@@ -6,13 +6,13 @@
 #include "base/compare.h"
 #include "base/memory.h"
 
-/* So many points are looked at, evenly among all: they determine the seven unknowns to a hundredth of their
- * distances. */
+/* Number of points that are used, at equal intervals among all: they determine the seven unknowns to a
+ * hundredth of their distances. */
 static const size_t SAMPLES = 10000;
 /* Fewer points with a distance cannot determine seven unknowns. */
 static const size_t SAMPLES_LEAST = 20;
-/* Weights fall to a half at the Cauchy scale. It is so many times the median distance, but at least this share of the
- * spacing: smaller distances come from what the surface does beside moving as a whole. */
+/* Weights fall to a half at the Cauchy scale. It is CAUCHY_MEDIANS times the median distance, but at least
+ * CAUCHY_LEAST spacings: smaller distances come from what the surface does beside moving as a whole. */
 static const double CAUCHY_MEDIANS = 1.5, CAUCHY_LEAST = 0.05;
 /* What a motion by a length weighs against distances by that length, squared: makes the smallest of motions
  * that are equally good, and takes a few ten thousandths off those that are needed. */
