@@ -29,7 +29,7 @@ typedef struct halving {
     size_t mask, vertex_room, triangle_room;
 } halving;
 
-/* A point that is no farther than this from a side's middle, in sides, tells its spacing. */
+/* Maximum distance, in lengths of the side, from a side's middle to a point whose spacing counts there. */
 static const double NEAR_ENOUGH = 0.5;
 
 static bool needs_halving(const halving *h, vec3 a, vec3 b, vec3 middle)

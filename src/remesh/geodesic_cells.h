@@ -1,7 +1,7 @@
 /* geodesic_cells: whose point's cell a vertex of a mesh is in: that of the nearest along the surface.
  *
  * Distances go from triangle to triangle, each laid flat beside the one before (R. Kimmel and J. Sethian 1998, "Computing
- * geodesic paths on manifolds"), so sheets are told apart however near they are. World space. Threads: none.
+ * geodesic paths on manifolds"), so opposite walls are distinguished at any distance. World space. Threads: none.
  */
 #ifndef HEXAD_REMESH_GEODESIC_CELLS_H
 #define HEXAD_REMESH_GEODESIC_CELLS_H

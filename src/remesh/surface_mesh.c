@@ -18,7 +18,7 @@ static const double FACING = 0.5;
 static const double SAME_ANGLE = 1e-9;
 /* Flips for each edge, at most: few need any. */
 enum { MOST_FLIPS = 20 };
-/* How often edges that stand twice are looked at: one that is flipped leaves room for another. */
+/* Maximum passes over edges that are present twice: a flip can make another flip possible. */
 enum { MOST_PARTINGS = 10 };
 
 #define NONE SIZE_MAX
@@ -381,14 +381,14 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
 }
 
 /* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
- * ends with the mesh, NOBODY where it has no cell. Of the others ANYBODY. */
-#define NOBODY GEODESIC_CELLS_NONE
-#define ANYBODY (GEODESIC_CELLS_NONE - 1)
+ * ends with the mesh, NO_CELL if it has no cell. A corner of a triangle has IN_TRIANGLE. */
+#define NO_CELL GEODESIC_CELLS_NONE
+#define IN_TRIANGLE (GEODESIC_CELLS_NONE - 1)
 #define SEVERAL (GEODESIC_CELLS_NONE - 2)
 
 static bool is_surrounded(const uint32_t *by, uint32_t v)
 {
-    return by[v] != NOBODY && by[v] != ANYBODY && by[v] != v;
+    return by[v] != NO_CELL && by[v] != IN_TRIANGLE && by[v] != v;
 }
 
 /* Cells that lie on a thorn or a bar like rings, one beside the other, meet no third. */
@@ -400,14 +400,15 @@ static bool is_ring(const uint32_t *by, const flipping *f, uint32_t v)
 static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of,
                             size_t names, uint32_t *by)
 {
-    for (size_t v = 0; v < names; v++) by[v] = NOBODY;
+    for (size_t v = 0; v < names; v++) by[v] = NO_CELL;
     for (size_t n = 0; n < fine->m.triangle_count; n++)
-        for (int k = 0; triangle_of[n] != NONE && k < 3; k++) by[name[fine->m.triangle[n][k]]] = ANYBODY;
+        for (int k = 0; triangle_of[n] != NONE && k < 3; k++) by[name[fine->m.triangle[n][k]]] = IN_TRIANGLE;
     for (size_t n = 0; n < fine->m.triangle_count; n++)
         for (int k = 0; k < 6; k++) {
             const uint32_t *t = fine->m.triangle[n], a = name[t[k / 2]], b = name[t[(k / 2 + 1 + k % 2) % 3]];
-            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || by[a] == ANYBODY) continue;
-            by[a] = by[a] == NOBODY || by[a] == b ? b : SEVERAL;
+            if (a == b || a == GEODESIC_CELLS_NONE || b == GEODESIC_CELLS_NONE || by[a] == IN_TRIANGLE)
+                continue;
+            by[a] = by[a] == NO_CELL || by[a] == b ? b : SEVERAL;
         }
     for (size_t n = 0; n < fine->m.triangle_count; n++)
         for (int k = 0; k < 3; k++) {

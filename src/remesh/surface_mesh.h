@@ -1,9 +1,10 @@
 /* surface_mesh: the triangles between points on a triangle mesh: the dual of the points' cells along the surface
  * (geodesic_cells), with edges flipped until the angles opposite to each sum up to at most 180 degrees.
  *
- * Where cells are discs the triangles have the topology of the mesh, however near its sheets are and however sharp its edges.
- * Cells that meet in several places, as on a fin, one that another surrounds, as at a tip, and one around a neck are mended
- * as far as there is room: then no edge has four triangles. Where the mesh ends they do, up to the edges between the points along its boundary. World space. Threads: none.
+ * Where cells are discs the triangles have the topology of the mesh, however near opposite walls are and however sharp
+ * its edges. Cells that meet in several places, as on a fin, one that another surrounds, as at a tip, and one around a
+ * neck are repaired where points are available: then no edge has four triangles. Where the mesh ends they do, up to the
+ * edges between the points along its boundary. World space. Threads: none.
  */
 #ifndef HEXAD_REMESH_SURFACE_MESH_H
 #define HEXAD_REMESH_SURFACE_MESH_H
