@@ -120,7 +120,9 @@ static bool suggest_isovalues(const contents_input *in, values *v, double voxels
 bool dense_describe(const contents_input *in, slices *s, const char *kind, const json *file, json *o,
                     json *suggestions, error *e)
 {
-    enum { FEW = 2 }; /* labels that may as well be a mask, whose isovalue is asked for first */
+    enum {
+        FEW = 2
+    }; /* maximum number of labels of a volume that may be a mask; its isovalue is suggested first */
     const spec_labels all = {0};
     const size_t memory = (size_t)in->options->memory_mb << 20;
     const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];

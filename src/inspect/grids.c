@@ -52,7 +52,7 @@ static json *surface_of(const contents_input *in, const char *name, const double
     return shape;
 }
 
-/* A level set is meant at 0, whatever its values; others are tried where their values say. */
+/* The isovalue of a level set is 0; isovalues of other grids are chosen from the range of their values. */
 static bool suggest(const contents_input *in, const char *name, const vdb_grid *g, values *v,
                     json *suggestions, error *e)
 {

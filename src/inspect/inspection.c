@@ -13,7 +13,7 @@
 typedef struct kind {
     const char *format, *magic;
     size_t magic_length;
-    const char *endings; /* each between blanks; NULL: the bytes tell */
+    const char *endings; /* each between blanks; NULL: the first bytes determine the format */
     contents_reader *read;
 } kind;
 

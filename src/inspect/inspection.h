@@ -1,4 +1,4 @@
-/* inspection: what lies in a file that somebody was given, and specs that sample it.
+/* inspection: describes the contents of a file, and suggests specs that sample it.
  *
  * Readers are those of jobs: their processes, their limits, their errors. */
 #ifndef HEXAD_INSPECT_INSPECTION_H
@@ -17,7 +17,8 @@ json *inspection_make(const char *path, const run_options *options, error *e);
 /* The same for people. */
 void inspection_print(const json *inspection, FILE *out);
 
-/* The first suggestion that can be sampled, preferably one whose surface was measured; NULL: there is none. It belongs to the inspection. */
+/* The first suggestion that can be sampled, preferably one whose surface was measured; NULL: there is none. It belongs
+ * to the inspection. */
 const json *inspection_spec(const json *inspection);
 
 #endif

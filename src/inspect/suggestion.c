@@ -11,10 +11,10 @@
 #include "run/report.h"
 #include "sizing/clearance.h"
 
-/* The fewest points that a suggestion asks for, and the most, which take seconds. */
+/* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
 static const double FEWEST = 2000, MOST = 100000;
-/* What an inspection may do, whatever the machine: scan so many cells of all surfaces together, as a cube of 256 voxels
- * has, and read so many voxels to open them. */
+/* Work limits of an inspection, on any machine: cells scanned over all surfaces, as many as a cube of 256 voxels has,
+ * and voxels read to open them. */
 static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;
 /* Cells that a plane passes, for each square of their side: the mean over its directions. */
 static const double CELLS_OF_A_PLANE = 1.5;

@@ -78,7 +78,8 @@ void json_put_bool(json *object, const char *key, bool value);
 void json_put_number(json *object, const char *key, double value);
 void json_put_integer(json *object, const char *key, int64_t value);    /* exact to 2^53 */
 void json_put_string(json *object, const char *key, const char *value); /* NULL puts null */
-/* JSON that was printed or parsed here before, to be printed as it stands; nothing is found in it. */
+/* JSON text that json_print or json_parse has produced or accepted. It is printed without change, and its members cannot
+ * be found. */
 void json_put_text(json *object, const char *key, const char *text);
 json *json_put_object(json *object, const char *key); /* a new empty one, returned, owned by `object` */
 json *json_put_array(json *object, const char *key);

@@ -22,7 +22,7 @@ typedef struct parser {
 
 typedef struct member_name {
     const char *text;
-    size_t at; /* where it stands, for the message */
+    size_t at; /* byte offset of the name, for the message */
 } member_name;
 
 /* The fault is at byte `at`; lines and columns (in characters) are counted from 1. */

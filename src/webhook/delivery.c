@@ -164,7 +164,7 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     free(content);
     char *lines[] = {
         mem_strdup("Content-Type: application/json"),
-        mem_strdup("Expect:"), /* a short body is sent without being asked for */
+        mem_strdup("Expect:"), /* a short body is sent without waiting for 100 Continue */
         mem_printf("webhook-id: %s", d->event),
         mem_printf("webhook-timestamp: %lld", now),
         mem_printf("webhook-signature: v1,%s", signature),
@@ -205,9 +205,9 @@ static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all
     return r->taken || r->c->stopping; /* not 0 breaks off */
 }
 
-/* What a receiver says of a call that it did not take. */
+/* The answer of a receiver that did not accept a call. */
 typedef struct refusal {
-    bool gone;           /* it wants no further tries */
+    bool gone;           /* it requests no further tries (410) */
     int64_t at_least_ms; /* before the next one */
 } refusal;
 
@@ -310,7 +310,8 @@ static void *make_calls(void *argument)
         queue_delivery_clear(&r->delivery);
         free(r->host);
         r->host = NULL;
-        queue_signal(c->q); /* there may be more for this host, or there was nobody for others */
+        queue_signal(
+            c->q); /* more calls may wait for this host, or calls to other hosts waited for a free thread */
     }
     pthread_mutex_unlock(&c->mutex);
     return NULL;
