@@ -55,7 +55,7 @@ static bool parent_sync(const char *path, error *e)
     return ok;
 }
 
-/* A temporary file has the name of the one that it is for, a point, and so many hexadecimal digits. */
+/* The name of a temporary file is the final name, a point, and RANDOM_DIGITS hexadecimal digits. */
 enum { RANDOM_DIGITS = 16 };
 
 static bool is_temporary_for(const char *name, const char *of)
@@ -218,7 +218,7 @@ bool store_file_check_private(int fd, const char *path, error *e)
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s belongs to user %u, not to the user that runs the service", path,
                          (unsigned)info.st_uid);
-    /* An access control list shows as the group's permissions, with a group that was never asked for: root's. */
+    /* An access control list shows as the group's permissions, with the group root, whatever group was set. */
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
     return !(info.st_mode & 0777 & ~allowed) ||

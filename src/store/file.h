@@ -1,9 +1,8 @@
-/* file: files and directories that the service owns, written so that a crash leaves the old or the
- * new, never a part.
+/* file: files and directories that the service owns, written so that a crash leaves the old or the new, never a part.
  *
- * A file is written beside its place under a temporary name, flushed to disk, renamed, and its
- * directory flushed. Errors have code storage_full, storage_failed or internal and name the path and the cause. The functions keep
- * no state and may be called by any thread; a store_file belongs to one thread.
+ * A file is written beside its place under a temporary name, flushed to disk, renamed, and its directory flushed. Errors
+ * have code storage_full, storage_failed or internal and name the path and the cause. The functions keep no state and
+ * may be called by any thread; a store_file belongs to one thread.
  */
 #ifndef HEXAD_STORE_FILE_H
 #define HEXAD_STORE_FILE_H
@@ -44,7 +43,7 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
  */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
 
-/* Whether nobody but the service and root can have written an open file, or read it; else an error (spec_invalid).
+/* Whether only the service and root can write and read an open file; else an error (spec_invalid).
  * A file of root may let its group read, which is how root shows it to the service: that has to be the process's
  * own group, or root's with an access control list. To root any group will do. */
 bool store_file_check_private(int fd, const char *path, error *e);
@@ -65,7 +64,7 @@ typedef struct store_identity {
 bool store_identify(int fd, store_identity *out);
 bool store_identity_equals(const store_identity *a, const store_identity *b);
 
-/* What is told of a file. */
+/* Facts of a stored file, for clients. */
 typedef struct store_facts {
     char sha256[STORE_HASH_SIZE];
     uint64_t bytes;

@@ -301,7 +301,7 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
     return space;
 }
 
-/* Whether there is room for this many more bytes, and why not. Held: the mutex. */
+/* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. Held: the mutex. */
 static store_upload_verdict find_room(const store_inputs *s, const sender *who, int64_t bytes)
 {
     if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_ROOM;

@@ -2,10 +2,10 @@
  *
  * The directory holds files named `sha256:HEX`. It can be an input root of jobs (store/root.h): a spec names a file as
  * "sha256:HEX", optionally with an extension, "sha256:HEX.obj". A stored file was verified and never changes. A file
- * that is uploaded again is stored once. Its modification time is the time of its last use. Who has sent a file is noted
- * in an empty file beside it, `sender:HEX:USER` with the SHA-256 of the user's name; it goes with the file. Opening the
- * directory removes unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload
- * belongs to one thread at a time.
+ * that is uploaded again is stored once. Its modification time is the time of its last use. A user that has sent a file
+ * is recorded as an empty file beside it, `sender:HEX:USER` with the SHA-256 of the user's name; it goes with the file.
+ * Opening the directory removes unfinished uploads that a crash left. One process owns the directory. Any thread may
+ * call; an upload belongs to one thread at a time.
  */
 #ifndef HEXAD_STORE_INPUTS_H
 #define HEXAD_STORE_INPUTS_H
@@ -65,13 +65,13 @@ typedef enum store_upload_verdict {
     STORE_UPLOAD_USER_FULL, /* over the bytes of the user */
     STORE_UPLOAD_TOO_MANY,  /* the user has the most uploads on their way */
     STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */
-    STORE_UPLOAD_FAILED     /* the error tells */
+    STORE_UPLOAD_FAILED     /* *e has the error */
 } store_upload_verdict;
 
 typedef struct store_upload store_upload;
 
-/* `announced` bytes of this user will come, -1: not known. Room is taken as bytes arrive, and none for those that are announced; if there is
- * none for them now, the upload is refused. On GOOD *upload is to be ended. */
+/* `announced` bytes of this user will come, -1: not known. Room is taken as bytes arrive, and none for those that are
+ * announced; if there is none for them now, the upload is refused. On GOOD *upload is to be ended. */
 store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e);
 /* After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */

@@ -140,7 +140,7 @@ int store_output_open_root(const char *root, error *e)
     return fd;
 }
 
-/* Opens the directory; with MISSING_ENDS the last one on the way that exists, and *whole tells whether that is the
+/* Opens the directory; with MISSING_ENDS the deepest existing one on its path, and *whole is whether that is the
  * directory itself. -1 on failure. */
 static int open_directory(const store_outputs *outputs, const char *path, missing way, bool *whole, error *e)
 {

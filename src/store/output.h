@@ -16,7 +16,7 @@
 typedef struct store_outputs {
     const char *const *roots; /* absolute */
     size_t root_count;
-    mode_t mode; /* of files; directories that are made can be searched, too, by who may read */
+    mode_t mode; /* of files; created directories have execute permission wherever there is read permission */
     gid_t group; /* (gid_t)-1: stays */
 } store_outputs;
 

@@ -4,7 +4,7 @@
  * the longest `from` wins and is applied once. In Windows paths, which begin with a drive (`Z:`) or a share (`\\` or
  * `//`), `/` and `\` are equal, and so are upper and lower case of ASCII letters. Relative paths and names of
  * uploaded files (store/inputs.h) are never translated. Only the text is compared; no file is opened, and
- * whoever opens the path checks for `..`. Immutable once read; any thread may use it.
+ * the code that opens the path checks for `..`. Immutable once read; any thread may use it.
  */
 #ifndef HEXAD_STORE_PATH_MAP_H
 #define HEXAD_STORE_PATH_MAP_H

@@ -28,7 +28,7 @@
 /* Links on the way to a file; the kernel follows as many. */
 #define MOST_LINKS 40
 
-/* openat2 answers EAGAIN when a rename happens while it walks; that many times is an attack. */
+/* openat2 fails with EAGAIN if a rename happens during its walk. OPEN_TRIES failures indicate an attack. */
 #define OPEN_TRIES 64
 
 typedef struct root {

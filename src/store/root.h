@@ -4,7 +4,7 @@
  * RESOLVE_BENEATH), so there is no moment between check and use; it follows links that stay below the root. A
  * link that is absolute, or leads out of the root, may lead below a root again, as `latest` does on farms. It
  * is read as text and put in place of its name, as often as there are links; what comes of it is opened by a
- * walk that follows no link at all. So whoever moves things meanwhile gains nothing.
+ * walk that follows no link at all. So moving files meanwhile gives no access.
  *
  * A root that is a file stands for itself alone, named by its last part. Of the directory of files that clients have
  * sent (store/inputs.h) only these can be opened, and only by the name `sha256:HEX`; an ending behind the hash,
@@ -39,7 +39,7 @@ void store_roots_note_change(store_roots *roots, bool changed);
  * input_missing    nothing readable is there, or what a client had sent is gone
  * input_unsupported  not a regular file
  * An absolute path belongs to the root that it begins with; a relative one is tried under each root
- * in order. With `roots` NULL (a worker that stands alone) the path is opened as it is. */
+ * in order. With `roots` NULL (a worker without a daemon) the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);
 
 /* The same for a directory that can be read. Files that clients have sent are in none. */
