@@ -46,7 +46,7 @@ static share **find(body_bytes *b, const char *user)
     return at;
 }
 
-body_verdict body_bytes_take(body_bytes *b, const char *user, size_t bytes)
+body_decision body_bytes_take(body_bytes *b, const char *user, size_t bytes)
 {
     share **at = find(b, user);
     size_t has = *at ? (*at)->bytes : 0;

@@ -46,11 +46,11 @@ struct client_connection {
     address from;
     owner *client, *user; /* user NULL: unknown */
     bool admin;
-    connection_verdict verdict;
+    connection_decision decision;
     bool placed;      /* it counts for its owner and in total */
     bool rests;       /* between requests, and the watcher has not looked whether the client has ended it */
     bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
-    int64_t since_ms; /* when the client's clock was started; NEVER: it stands still */
+    int64_t since_ms; /* when the client's clock was started; NEVER: it does not run */
     client_connection *previous, *next;
     connection_queue *waits_in;         /* NULL: must not be closed */
     client_connection *older, *younger; /* in that queue */
@@ -204,7 +204,7 @@ static bool has_room(const connections *p, bool admin)
 }
 
 /* Gives a connection a place, if there is one. */
-static connection_verdict place(connections *p, client_connection *which)
+static connection_decision place(connections *p, client_connection *which)
 {
     if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;
     if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
@@ -238,7 +238,7 @@ client_connection *connections_add(connections *p, int fd)
     new->client = name_owner(p, &client);
     if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
     new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
-    new->verdict = place(p, new);
+    new->decision = place(p, new);
     rest(p, new);
     if (p->unplaced.count > most_unplaced(&p->settings)) end(p, p->unplaced.first);
     new->next = p->first;
@@ -273,8 +273,8 @@ static bool is_owned_by(const client_connection *which, const owner_key *client,
     return same_user && which->admin == admin && is_key(which->client, client);
 }
 
-connection_verdict connections_begin_request(connections *p, client_connection *which, const address *client,
-                                             const access_caller *caller)
+connection_decision connections_begin_request(connections *p, client_connection *which, const address *client,
+                                              const access_caller *caller)
 {
     owner_key of_client = key_of_client(which, client), of_user = key_of_user(caller ? caller->user : "");
     bool admin = caller && caller->scopes & SCOPE_ADMIN;
@@ -290,10 +290,10 @@ connection_verdict connections_begin_request(connections *p, client_connection *
         forget_owner(p, old_client);
         forget_owner(p, old_user);
     }
-    if (!which->placed && !which->leaving) which->verdict = place(p, which);
-    connection_verdict verdict = which->verdict;
+    if (!which->placed && !which->leaving) which->decision = place(p, which);
+    connection_decision decision = which->decision;
     pthread_mutex_unlock(&p->mutex);
-    return verdict;
+    return decision;
 }
 
 void connections_end_request(connections *p, client_connection *which)

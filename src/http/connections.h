@@ -9,8 +9,8 @@
  *
  * When a new connection would exceed a limit, the server closes the connection that belongs to no user and
  * has been idle longest: of the same client for client_limit, of all clients for connection_limit. When there
- * is none, the new connection stays open until its first request tells who calls: an administrator may be
- * admitted, others are refused. So idle connections of strangers lock nobody out.
+ * is none, the new connection stays open until its first request identifies the caller: an administrator
+ * may be admitted, other callers are refused. So idle connections of strangers lock no user out.
  *
  * A thread closes connections whose client takes longer than timeout_s to begin a request, or from its first
  * line on to send all of it, however slowly the bytes arrive; the library itself limits only idle time. The
@@ -29,12 +29,12 @@
 typedef struct connections connections;
 typedef struct client_connection client_connection;
 
-typedef enum connection_verdict {
+typedef enum connection_decision {
     CONNECTION_ADMITTED,
     CONNECTION_TOO_MANY_OF_CLIENT,
     CONNECTION_TOO_MANY_OF_USER,
     CONNECTION_TOO_MANY
-} connection_verdict;
+} connection_decision;
 
 typedef struct connections_settings {
     unsigned connection_limit, client_limit, user_limit;
@@ -52,18 +52,18 @@ void connections_stop(connections *p); /* after the last connection was removed;
 client_connection *connections_add(connections *p, int fd);
 void connections_remove(connections *p, client_connection *which); /* before its descriptor is closed */
 
-/* The headers of a request have arrived; the verdict says whether it is admitted. `client` is who sent it:
+/* The headers of a request have arrived; the result states whether it is admitted. `client` is its sender:
  * behind a proxy another address than the connection's. `caller` is NULL when unknown. Until
  * connections_end_request the connection is not closed to make room for others. */
-connection_verdict connections_begin_request(connections *p, client_connection *which, const address *client,
-                                             const access_caller *caller);
+connection_decision connections_begin_request(connections *p, client_connection *which, const address *client,
+                                              const access_caller *caller);
 void connections_end_request(connections *p, client_connection *which);
 
-/* The body of the request is still to come: until connections_end_time the connection may be closed to make room, if it belongs to no
- * user. */
+/* The body of the request is still to come: until connections_end_time the connection may be closed to make room, if it
+ * belongs to no user. */
 void connections_await_body(connections *p, client_connection *which);
 
-/* Starts and stops the client's clock (timeout_s). It stands still while the server works on an answer. */
+/* Starts and stops the client's clock (timeout_s). It stops while the server works on an answer. */
 void connections_begin_time(connections *p, client_connection *which);
 void connections_end_time(connections *p, client_connection *which);
 

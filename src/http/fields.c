@@ -5,7 +5,7 @@
 
 #include <microhttpd.h>
 
-/* What tells who asks, and for which host. */
+/* Reads the fields that identify the origin of the request and the host that it is for. */
 static void read_origin_field(fields *f, const char *key, const char *value)
 {
     if (strcasecmp(key, MHD_HTTP_HEADER_HOST) == 0) {

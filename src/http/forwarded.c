@@ -11,7 +11,7 @@
 #define WORD_SIZE 128
 
 typedef struct hops {
-    address from[MOST_HOPS]; /* of version 0: not told */
+    address from[MOST_HOPS]; /* of version 0: unknown */
     size_t count;
 } hops;
 

@@ -4,9 +4,9 @@
  * The library (0.9.75) takes lines that end with LF alone, headers over several lines, blanks before a colon,
  * and texts that end at a NUL. A proxy in front may read such bytes otherwise, and take for one request what
  * are two here. The library leaves the bytes where they came and puts NUL in place of CR and LF, so the places
- * of the names and values show what was between them. One thing cannot be told apart: NUL and LF at the end of
+ * of the names and values show what was between them. One case is ambiguous: NUL and LF at the end of
  * a line look like CR and LF. Version 1.0 of the library leaves the bytes otherwise. It refuses all this itself,
- * with an answer in HTML, when it is told to be strict (http/server).
+ * with an answer in HTML, when its strict mode is set (http/server).
  *
  * The serving thread calls all functions.
  */
@@ -34,7 +34,7 @@ typedef struct head_target {
     bool crowded; /* more than HTTP_MAX_QUERY parameters */
 } head_target;
 
-/* `uri` is what the library passes to MHD_OPTION_URI_LOG_CALLBACK. Of a crowded query nothing is left: the
+/* `uri` is what the library passes to MHD_OPTION_URI_LOG_CALLBACK. A query with too many parameters is discarded: the
  * library would take memory for each parameter, and answers no more when it has none. */
 head_target head_look(const char *uri);
 

@@ -34,7 +34,7 @@ static bool is_loopback(const struct sockaddr *address)
     return address->sa_family == AF_INET6 && IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr);
 }
 
-/* Splits HOST:PORT; the host may stand in brackets. Both to be freed. */
+/* Splits HOST:PORT; the host may be in brackets. Both to be freed. */
 static bool split(const char *where, char **host, char **port)
 {
     const char *colon = strrchr(where, ':');

@@ -1,6 +1,6 @@
 /* listen: the socket that the server listens on.
  *
- * `reach` tells who can connect to it, since access depends on that.
+ * `reach`: which clients can connect to it; access depends on that.
  */
 #ifndef HEXAD_HTTP_LISTEN_H
 #define HEXAD_HTTP_LISTEN_H

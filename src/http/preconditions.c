@@ -41,7 +41,7 @@ preconditions_range preconditions_read_range(const char *range, int64_t bytes, i
     if (*range++ != '-') return PRECONDITIONS_WHOLE;
     bool has_high = read_digits(&range, &high);
     if (*range || (!has_low && !has_high) || (has_low && has_high && low > high)) return PRECONDITIONS_WHOLE;
-    if (!has_low) { /* the last so many */
+    if (!has_low) { /* the last `high` bytes */
         if (high == 0) return PRECONDITIONS_UNSATISFIABLE;
         low = high < bytes ? bytes - high : 0;
         high = bytes - 1;

@@ -16,8 +16,8 @@ typedef enum preconditions_range {
     PRECONDITIONS_UNSATISFIABLE
 } preconditions_range;
 
-/* The part of `bytes` bytes that a Range header asks for. PRECONDITIONS_WHOLE: there is no header (NULL), it
- * asks for several parts, or it is malformed; the RFC has it ignored. */
+/* The part of `bytes` bytes that a Range header requests. PRECONDITIONS_WHOLE: there is no header (NULL), it
+ * requests several parts, or it is malformed; the RFC has it ignored. */
 preconditions_range preconditions_read_range(const char *range, int64_t bytes, int64_t *first,
                                              int64_t *count);
 

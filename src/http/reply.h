@@ -62,7 +62,7 @@ typedef struct reply_source {
     void (*free)(struct reply_source *source);
 } reply_source;
 
-/* Tells what became of an answer. */
+/* Notifies the creator of an answer of its end. */
 typedef struct reply_receipt {
     /* Called once. `sent`: the client was sent the whole answer, with its body. The serving thread calls it. */
     void (*end)(struct reply_receipt *receipt, bool sent);

@@ -1,5 +1,5 @@
-/* route: which handler answers a method and a path, by a table of routes. The table also tells what Allow
- * says and what the OpenAPI document (api/openapi.h) describes. Constant data; any thread. */
+/* route: which handler answers a method and a path, by a table of routes. The header Allow and the OpenAPI
+ * document (api/openapi.h) are made from the same table. Constant data; any thread. */
 #ifndef HEXAD_HTTP_ROUTE_H
 #define HEXAD_HTTP_ROUTE_H
 

@@ -29,7 +29,7 @@
 #include "http/thread_pool.h"
 #include "http/wait_list.h"
 
-/* The time limit of a request starts again after this much of a long body. */
+/* A long body restarts the time limit of its request each time this number of bytes has arrived. */
 #define UPLOAD_STEP_BYTES (1 << 20)
 /* A stream sends something at least this often, so that a closed connection is noticed. */
 #define STREAM_TICK_MS 15000
@@ -38,8 +38,8 @@
 #define STOP_MS 5000
 /* An answer from this length on counts for the memory of answers: a shorter one takes little more than its connection. */
 #define LONG_ANSWER_BYTES 16384
-/* What each user may take of the memory for bodies and for answers, also when others have taken all of it: a short body, and an answer to
- * most requests. */
+/* What each user may take of the memory for bodies and for answers, also when others have taken all of it: a short body,
+ * and an answer to most requests. */
 #define BODY_BYTES_OF_EACH 16384
 #define ANSWER_BYTES_OF_EACH (1 << 20)
 /* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
@@ -85,17 +85,17 @@ typedef struct exchange {
     bool refused; /* by refuse_unread; the library closes the connection */
     route_match route;
     access_caller caller;
-    bool known;              /* who the caller is */
+    bool known;              /* whether `caller` is set */
     address client;          /* for limits and the log */
     const char *page_origin; /* of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
-    size_t room;            /* of the body; counted in the server's bodies */
-    body_verdict body_fits; /* otherwise the rest of the body is ignored */
-    size_t step;            /* of a long body, since the client's time began anew */
-    bool too_large;         /* the rest of the body is ignored */
-    bool answered;          /* what still comes of the body is thrown away */
-    bool awaits;            /* there is a provisional answer */
+    size_t room;             /* of the body; counted in the server's bodies */
+    body_decision body_fits; /* otherwise the rest of the body is ignored */
+    size_t step;             /* of a long body, since the client's time began anew */
+    bool too_large;          /* the rest of the body is ignored */
+    bool answered;           /* what still comes of the body is thrown away */
+    bool awaits;             /* there is a provisional answer */
     bool chunked;
     reply answer;
     size_t answer_bytes;    /* counted in the server's answers */
@@ -240,8 +240,8 @@ static bool changes_nothing(const exchange *x, const char *method)
            (x->route.found && x->route.found->scope == SCOPE_READ);
 }
 
-/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory. Where one answer is
- * longer than the limit, it counts as the limit. */
+/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory. Where
+ * one answer is longer than the limit, it counts as the limit. */
 static void count_answer(exchange *x, reply *r)
 {
     const server_settings *c = &x->s->settings;
@@ -250,7 +250,7 @@ static void count_answer(exchange *x, reply *r)
     const size_t bytes = r->length < most ? r->length : most;
     char text[ADDRESS_TEXT_SIZE];
     if (!r->body || r->length < LONG_ANSWER_BYTES) return;
-    body_verdict fits = body_bytes_take(x->s->answers, reader_of(x, text), bytes);
+    body_decision fits = body_bytes_take(x->s->answers, reader_of(x, text), bytes);
     if (fits == BODY_FITS) {
         x->answer_bytes = bytes;
     } else if (fits == BODY_TOO_MUCH_OF_USER) {
@@ -327,12 +327,12 @@ static bool refuse_connection(exchange *x, reply *r)
     };
     client_connection *p = connection_of(x->connection);
     bool is_user = x->known && (x->caller.generation || connections_access(p)->local);
-    connection_verdict verdict =
+    connection_decision decision =
         connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL);
-    if (verdict == CONNECTION_ADMITTED) return false;
+    if (decision == CONNECTION_ADMITTED) return false;
     x->s->settings.counters->refused++;
-    reply_set_problem(r, verdict == CONNECTION_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
-                      why[verdict]);
+    reply_set_problem(r, decision == CONNECTION_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
+                      why[decision]);
     reply_add_header(r, MHD_HTTP_HEADER_RETRY_AFTER, "1");
     return true;
 }
@@ -840,8 +840,8 @@ static void answer_at_once(exchange *x, const reply *r)
     note_answer(x, "-", "-", r);
 }
 
-/* The library (0.9.75) answers twice when it refuses a head that has arrived, and asks no handler. It writes to its log before
- * the first answer. So each record, whatever it says, is the occasion to check the heads that no handler has seen. */
+/* The library (0.9.75) answers twice when it refuses a head that has arrived, and calls no handler. It writes to its log before
+ * the first answer. So each record, whatever its text, is the occasion to check the heads that no handler has seen. */
 static void refuse_unread(server *s)
 {
     for (exchange *x = s->unread; x; x = x->next) {
