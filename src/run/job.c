@@ -19,7 +19,7 @@
 #include "run/verdict.h"
 #include "run/watchdog.h"
 #include "solver/curves/curve_chains.h"
-#include "source/landing.h"
+#include "source/mesh_projection.h"
 #include "source/plan.h"
 #include "spec/spec_table.h"
 #include "surface/surface.h"
@@ -346,7 +346,7 @@ bool job_place(job *j, solution *out, error *e)
         .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
-        .repair_defects = plan_is_mended(s),
+        .repair_defects = plan_repairs_defects(s),
         .energy = energy,
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
@@ -393,15 +393,15 @@ bool job_relax(job *j, solver *s, double reserve_s, error *e)
 
 bool job_finalize(job *j, solution *s, error *e)
 {
-    landing l;
+    mesh_projection l;
     if (!solver_finalize(s->solver, e)) return false;
-    if (!landing_measures(&j->source, &l)) return true;
+    if (!mesh_projection_find_distance(&j->source, &l)) return true;
     const solver_patch_points *stands = &solver_result_points(s->solver)->patch_points;
     vec3 *place = solver_result_positions(s->solver);
-    if (landing_find(&j->source, &l) &&
-        !landing_move(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
+    if (mesh_projection_find(&j->source, &l) &&
+        !mesh_projection_apply(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
         return false;
-    landing_repeat(&l, place, stands->count, VERDICT_RESIDUAL * solver_spacing(s->solver), j->pool);
+    mesh_projection_repeat(&l, place, stands->count, VERDICT_RESIDUAL * solver_spacing(s->solver), j->pool);
     return true;
 }
 
@@ -577,9 +577,9 @@ bool job_write_points(job *j, error *e)
                         .corners = s->triangles,
                         .h = solver_spacing(s->solver),
                         .frame = j->options->frame};
-    landing l;
+    mesh_projection l;
     vec3 *turned = NULL;
-    if (landing_measures(&j->source, &l)) in.field = &l.base;
+    if (mesh_projection_find_distance(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
     in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;

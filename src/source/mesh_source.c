@@ -21,19 +21,19 @@ static const double least_cells = 32; /* along the longest side of the mesh */
  * spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of their area's root. A scan bends by a
  * triangle's side, and with a third of it the ends of a dragon's thorns are missed by half the spacing. */
 static const double most_cells = 6.25e5, own_floor = 1.0 / 256, triangle_floor = 0.4;
-/* Of the longest side of a mesh: farther from the origin it is solved about its middle. Doubles lose 3 of 16 digits at this distance;
- * a mesh of usual coordinates is not moved. */
+/* Of the longest side of a mesh: farther from the origin it is solved about its middle. Doubles lose 3 of 16 digits at
+ * this distance; a mesh of usual coordinates is not moved. */
 static const double FAR_AWAY = 1000;
 /* Of the area: with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
 /* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses
  * it by a quarter of h, and by a third where the side is as long as any. */
 static const double cut_angle = 1.1;
-/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise; with more than the
- * other a warning tells it. */
-static const double most_hidden = 0.01, told_hidden = 0.001;
+/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise; with more than
+ * shown_hidden there is a warning. */
+static const double most_hidden = 0.01, shown_hidden = 0.001;
 
-/* Of the points that are asked for; 0: not known before there are features. */
+/* The spacing of the requested points; 0: unknown before features are computed. */
 static double spacing_of(const mesh_source_request *r, double area)
 {
     const resolution_request *q = &r->as_volume.resolution;
@@ -51,15 +51,15 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
 
-/* Whether the spec asks for what a level set has. */
+/* Whether the spec has members that require a level set. */
 static bool asks_for_volume(const mesh_source_request *r)
 {
     const spec_mesh *s = r->spec;
     return r->as_level_set || !s->on_mesh || s->voxel_size > 0 || s->resolution > 0;
 }
 
-/* Whether level sets of a closed mesh that hides parts of itself would be in vain: as small as voxels can be they leave out more than
- * may be missing. In a mesh of which vertices are displaced they also take the most time. */
+/* Whether level sets cannot represent a closed mesh with hidden parts: even with the smallest voxels, more than the
+ * permitted area is missing. Meshes with displaced vertices also take the most time as level sets. */
 static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
 {
     static const double surely = 5; /* times: a share that is estimated from a thousand places */
@@ -80,7 +80,7 @@ static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bo
     if (!fidelity_hidden(&p->m, &hidden, e)) return false;
     *out = r->resolve || hidden <= most_hidden;
     if (!*out) return is_tangled(r, &p->m, out, notes, e);
-    if (hidden > told_hidden)
+    if (hidden > shown_hidden)
         mesh_note(notes,
                   "%.3g %% of the mesh area is inside its solids and is sampled, too; set interior to "
                   "\"drop\" to exclude it",
@@ -247,7 +247,7 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
 {
     mesh_edges own = {0};
     const mesh_edges *edges = NULL;
-    mesh_notes unused = {0}; /* the level set tells the same */
+    mesh_notes unused = {0}; /* the level set notes the same */
     size_t holes = 0;
     bool ok = mesh_copy(&w->m, r->as_volume.pool, out, e) &&
               mesh_weld(out, MESH_DROP_IF_CLOSED, &unused, e) &&
@@ -278,9 +278,9 @@ static volume *open_level_set(const mesh_source_request *r, const welded *w, con
     return v;
 }
 
-/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with voxels of our choice, or the
- * lack of one, may leave out more than may be missing of a surface. Patches are cut where faces overlap, and closed then, which a level
- * set is not. */
+/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with voxels of
+ * our choice, or the lack of one, may leave out more than may be missing of a surface. Patches are cut where faces
+ * overlap, and closed then, which a level set is not. */
 static const char *why_triangles(const mesh_source_request *r, const volume *v, const error *e)
 {
     const spec_mesh *s = r->spec;
@@ -338,8 +338,8 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* Of an axis along which the mesh is farther from the origin than FAR_AWAY times its longest side: the middle. There all coordinates
- * are within a factor of 2 of the middle, so that the difference is exact (Sterbenz). */
+/* Of an axis along which the mesh is farther from the origin than FAR_AWAY times its longest side: the middle. There all
+ * coordinates are within a factor of 2 of the middle, so that the difference is exact (Sterbenz). */
 static vec3 far_origin(const mesh *m, threads *pool)
 {
     const bbox box = mesh_box(m, pool);

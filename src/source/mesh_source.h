@@ -22,12 +22,14 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* Opens either patches or a volume; doc/volumes.md has the table. Patches are placed and cut, a volume is not. *notes are about the
- * patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are untouched then. *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from the origin. */
+/* Opens either patches or a volume; doc/volumes.md has the table. Patches are placed and cut, a volume is not. *notes
+ * are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are
+ * untouched then. *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from
+ * the origin. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       vec3 *origin, mesh_notes *notes, error *e);
 
-/* What a report tells of it. */
+/* Adds the mesh to the report's `surface`, and its notes to `warnings`. */
 void mesh_source_describe(const mesh_surface *s, const mesh_notes *notes, json *surface, json *warnings);
 
 #endif

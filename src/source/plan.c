@@ -5,12 +5,12 @@
 
 #include "packing/packing.h"
 
-/* What a particle takes at the peak: 200 bytes on smooth surfaces for particles and neighbour lists, and up to 350 when it is measured; where
- * surfaces; where they crowd their lists are longer. */
+/* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350 while the
+ * result is measured; lists of over-dense particles are longer. */
 static const double BYTES_PER_PARTICLE = 400;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
-static const double BYTES_PER_PARTICLE_SWARM = 5000;
+static const double BYTES_PER_WITKIN_HECKBERT_PARTICLE = 5000;
 /* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they
  * grow. */
 static const double BYTES_PER_VERTEX = 120;
@@ -19,9 +19,9 @@ static const double BYTES_PER_GRID_POINT = 200;
 /* Of a frame that is carried over: places for births and their lists, beside the points before. */
 static const double BYTES_PER_CARRIED = 800;
 /* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried together. */
-static const double BYTES_PER_MENDED = 160, MENDING_BYTES = 5e6;
+static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
 /* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
-static const double MENDED_MOST = 2.4e6;
+static const double REPAIRED_MAX = 2.4e6;
 /* Of the preview's pixels: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
 
@@ -30,19 +30,19 @@ double plan_picture_memory(const spec *s)
     return s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
 }
 
-bool plan_is_mended(const spec *s)
+bool plan_repairs_defects(const spec *s)
 {
     const bool has_patches =
         s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
     const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
     return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && !(s->time_s > 0) &&
-           s->method == SPEC_METHOD_SIZED && !((double)s->count > MENDED_MOST);
+           s->method == SPEC_METHOD_SIZED && !((double)s->count > REPAIRED_MAX);
 }
 
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 {
     return (double)limit - (double)source_bytes - plan_picture_memory(s) -
-           (plan_is_mended(s) ? MENDING_BYTES : 0);
+           (plan_repairs_defects(s) ? REPAIR_BYTES : 0);
 }
 
 double plan_bytes_per_particle(const spec *s, bool is_continued)
@@ -52,8 +52,9 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
-    if (plan_is_mended(s)) more = fmax(more, BYTES_PER_MENDED);
-    return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
+    if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
+    return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_WITKIN_HECKBERT_PARTICLE
+                                                            : BYTES_PER_PARTICLE);
 }
 
 bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e)

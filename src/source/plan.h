@@ -1,4 +1,4 @@
-/* plan: the count that a job asks for, and whether it fits into the job's memory. Pure functions, any thread. */
+/* plan: the number of points that a job requests, and whether it fits into the job's memory. Pure functions, any thread. */
 #ifndef HEXAD_SOURCE_PLAN_H
 #define HEXAD_SOURCE_PLAN_H
 
@@ -12,10 +12,10 @@
 #define PLAN_COUNT_MIN 4.0
 #define PLAN_COUNT_MAX 1e8
 
-/* Whether the packing is mended where it has come to rest in disorder (solver_repair_defects). */
-bool plan_is_mended(const spec *s);
+/* Whether defects of the converged packing are repaired (solver_repair_defects). */
+bool plan_repairs_defects(const spec *s);
 
-/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of pieces that are mended. May
+/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of repair regions. May
  * be negative. */
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 
@@ -28,12 +28,12 @@ double plan_bytes_per_particle(const spec *s, bool is_continued);
 /* Whether `count` particles fit into `memory` bytes. Error: limit_memory. */
 bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e);
 
-/* The spacing that the target asks for whatever the area; to resolve, the least feature size that min_spacing allows to;
- * 0: the count decides, or time. */
+/* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits. 0: the target
+ * is a count or a time. */
 double plan_spacing(const spec *s);
 
-/* Computes the count from the target and the surface's area; the target is no time. `points`: what the sizing field asks
- * for when the target is resolve. Error: spec_invalid (the count is out of range). */
+/* Computes the count from the target, which is not a time, and the surface's area. `points`: the count that the sizing
+ * field requires if the target is `resolve`. Error: spec_invalid (the count is out of range). */
 bool plan_count(const spec *s, double area, double points, size_t *out, error *e);
 
 #endif

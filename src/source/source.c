@@ -109,7 +109,7 @@ typedef struct opening {
     source *source; /* for its inputs, and what it holds already */
     const spec *spec;
     size_t leaves; /* formulas, volumes and meshes among which the points are shared */
-    bbox bounds;   /* where a half-space is asked for, in the space of the part at hand */
+    bbox bounds;   /* bounds of half-spaces, in the space of the current part */
     bool direct;   /* the part at hand is all of the surface, or all of what is placed */
     bool placed;   /* by this, in the world; of direct parts alone */
     double to_world[3][4];
@@ -232,8 +232,8 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
-/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may have another origin. Of
- * a mesh whose interior is dropped errors name places. */
+/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may have
+ * another origin. Of a mesh whose interior is dropped errors name places. */
 static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
 {
     const spec *s = o->spec;
@@ -719,7 +719,8 @@ static size_t memory_of_part(const source_part *p)
     return bytes;
 }
 
-/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are thin, and thin walls. */
+/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are thin, and
+ * thin walls. */
 typedef struct shortage {
     double of_meshes, thin;
     double combined; /* of the outermost combination, and the walls of those within */

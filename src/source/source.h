@@ -79,10 +79,11 @@ int source_open_file(source *s, const char *path, error *e);
 /* A stack of images as it is opened, but for the limit of memory; `files` opens them. */
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
-/* Says of an error that names places in the space that is sampled where its origin is, unless that is the world's; returns false. */
+/* Says of an error that names places in the space that is sampled where its origin is, unless that is the world's;
+ * returns false. */
 bool source_prefix_origin(const source *s, error *e);
 
-/* The surface in world space, for who asks for F: the field itself unless its space is turned. */
+/* The surface in world space, for callers that evaluate F: the field itself unless its space is rotated. */
 const field *source_world(const source *s);
 
 /* Of a scan of the field: the box around the surface in world space. */
@@ -98,11 +99,11 @@ size_t source_nearest_part(const source_part *whole, vec3 x);
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
-/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels; or of a combination that may not
- * be, since it is thinner than its cells. */
+/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels; or of a combination
+ * that may not be, since it is thinner than its cells. */
 double source_missing_share(const source *s);
-/* How many places there are on parts of a mesh that its level set leaves out, and where, in the sampled space; the source's. A mesh that is
- * placed, cut or one of several has none. */
+/* How many places there are on parts of a mesh that its level set leaves out, and where, in the sampled space; the
+ * source's. A mesh that is placed, cut or one of several has none. */
 size_t source_thin_places(const source *s, const vec3 **place);
 
 /* The mesh on whose triangles the points lie, or NULL; and only if these are closed. */

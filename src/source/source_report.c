@@ -39,7 +39,7 @@ static void describe_volume(const volume_info *info, json *members, json *warnin
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 
-/* A hundredth of the surface is told, as the outcome does. */
+/* The warning's limit is a hundredth of the surface, as for the outcome. */
 static void append_walls(const combination *c, json *warnings)
 {
     char warning[256];

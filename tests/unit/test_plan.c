@@ -92,9 +92,10 @@ static void patches_are_mended(void **state)
                in_time = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS, .time_s = 1},
                many = {.method = SPEC_METHOD_SIZED, .features = true, .count = 8000000},
                plain = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_MESH};
-    assert_true(plan_is_mended(&labels) && plan_is_mended(&sharp) && plan_is_mended(&formula));
-    assert_false(plan_is_mended(&rows) || plan_is_mended(&resolved) || plan_is_mended(&in_time) ||
-                 plan_is_mended(&plain));
+    assert_true(plan_repairs_defects(&labels) && plan_repairs_defects(&sharp) &&
+                plan_repairs_defects(&formula));
+    assert_false(plan_repairs_defects(&rows) || plan_repairs_defects(&resolved) ||
+                 plan_repairs_defects(&in_time) || plan_repairs_defects(&plain));
     /* for a pass that is never made no memory is set aside */
     assert_true(plan_bytes_per_particle(&many, false) == plan_bytes_per_particle(&plain, false));
 }

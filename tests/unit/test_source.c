@@ -16,7 +16,7 @@
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_reader.h"
-#include "source/landing.h"
+#include "source/mesh_projection.h"
 #include "source/source.h"
 #include "volume_fixture.h"
 
@@ -208,7 +208,7 @@ static void points_belong_to_the_nearest_part(void **state)
     assert_int_equal(source_part_at(&x.source, vec3_make(-1, 0, 0)), 0);
     assert_int_equal(source_part_at(&x.source, vec3_make(4, 1, 0)), 1);
     assert_int_equal(source_part_at(&x.source, vec3_make(9, 0, 0)), 2);
-    assert_false(landing_find(&x.source, &(landing){{0}, NULL}));
+    assert_false(mesh_projection_find(&x.source, &(mesh_projection){{0}, NULL}));
     assert_null(source_mesh(&x.source));
     assert_true(source_memory(&x.source) > 0);
     close_surface(&x);
@@ -300,11 +300,11 @@ static vec3 random_direction(uint64_t *seed)
 static void move(const opened *x, vec3 *place, double spacing, size_t count, double *largest)
 {
     error e = {0};
-    landing l;
+    mesh_projection l;
     double *spacings = malloc(count * sizeof *spacings);
     for (size_t i = 0; i < count; i++) spacings[i] = spacing;
-    assert_true(landing_find(&x->source, &l));
-    if (!landing_move(&l, place, spacings, count, mesh_fixture_pool(), largest, &e))
+    assert_true(mesh_projection_find(&x->source, &l));
+    if (!mesh_projection_apply(&l, place, spacings, count, mesh_fixture_pool(), largest, &e))
         fail_msg("%s", e.message);
     free(spacings);
 }
@@ -334,15 +334,15 @@ static void places_go_onto_the_nearest_triangles(void **state)
     mesh_free(&ball);
 }
 
-/* F of the landing is the distance from the triangles, and its gradient a unit vector away from them. */
-static void landing_field_is_the_distance_from_the_triangles(void **state)
+/* F of the mesh projection is the distance from the triangles, and its gradient a unit vector away from them. */
+static void mesh_projection_field_is_the_distance_from_the_triangles(void **state)
 {
     (void)state;
     const opened x = level_set_of_ball;
-    landing l;
+    mesh_projection l;
     mesh ball = make_ball();
     uint64_t seed = 4;
-    assert_true(landing_find(&x.source, &l));
+    assert_true(mesh_projection_find(&x.source, &l));
     for (int i = 0; i < 50; i++) {
         const double off = 0.05 * (2 * fixture_random(&seed) - 1);
         const vec3 at = vec3_axpy(1 + off, random_direction(&seed), CENTER);
@@ -455,7 +455,7 @@ static void places_of_other_parts_stay(void **state)
 {
     (void)state;
     opened x;
-    landing l;
+    mesh_projection l;
     mesh ball = make_ball();
     double largest;
     uint64_t seed = 8;
@@ -463,7 +463,7 @@ static void places_of_other_parts_stay(void **state)
     const vec3 center = {2, 0, 0};
     snprintf(text, sizeof text, "{\"union\": [%s, " SPHERE(2, 1) "]}", mesh_json("ball.obj", VOXELS));
     open_surface(text, "", &x);
-    assert_true(landing_find(&x.source, &l));
+    assert_true(mesh_projection_find(&x.source, &l));
     vec3 place[20], before[20], out[20];
     for (int i = 0; i < 20; i++) {
         double clearance; /* from the other part */
@@ -483,7 +483,7 @@ static void places_of_other_parts_stay(void **state)
             continue;
         }
         assert_true(vec3_norm(vec3_sub(place[i], before[i])) == 0);
-        /* F of the landing is the distance from the nearest of both */
+        /* F of the mesh projection is the distance from the nearest of both */
         assert_true(field_sample_at(&l.base, place[i], FIELD_GRADIENT, &s));
         assert_close(s.value, 0.005, 1e-6);
         assert_close(vec3_dot(s.gradient, out[i]), 1, 1e-6);
@@ -492,13 +492,13 @@ static void places_of_other_parts_stay(void **state)
     close_surface(&x);
 }
 
-/* Of two balls that overlap in one mesh the triangles inside are hidden: no place goes there. F of the landing is the distance from
+/* Of two balls that overlap in one mesh the triangles inside are hidden: no place goes there. F of the mesh projection is the distance from
  * all triangles. */
 static void hidden_triangles_receive_no_places(void **state)
 {
     (void)state;
     opened x;
-    landing l;
+    mesh_projection l;
     double largest;
     uint64_t seed = 9;
     field_sample s;
@@ -506,7 +506,7 @@ static void hidden_triangles_receive_no_places(void **state)
     const vec3 other = vec3_add(CENTER, vec3_make(1, 0, 0));
     mesh_fixture_append(&both, mesh_fixture_ball(other, 1, 2));
     open_surface(mesh_json("both.obj", VOXELS), "", &x);
-    assert_true(landing_find(&x.source, &l));
+    assert_true(mesh_projection_find(&x.source, &l));
     const vec3 hidden = vec3_add(CENTER, vec3_make(0.95, 0.02, 0));
     assert_true(field_sample_at(&l.base, hidden, FIELD_GRADIENT, &s));
     assert_close(s.value, distance_from(&both, hidden), 1e-9);
@@ -525,19 +525,19 @@ static void hidden_triangles_receive_no_places(void **state)
     close_surface(&x);
 }
 
-static void only_meshes_of_level_sets_have_a_landing(void **state)
+static void only_meshes_of_level_sets_have_a_mesh_projection(void **state)
 {
     (void)state;
     opened x;
-    landing l = {{0}, NULL};
+    mesh_projection l = {{0}, NULL};
     char text[512];
     snprintf(text, sizeof text, "%s, \"on_mesh\": false", VOXELS);
     open_surface(mesh_json("ball.obj", text), "", &x);
-    assert_false(landing_find(&x.source, &l));
+    assert_false(mesh_projection_find(&x.source, &l));
     assert_null(l.source);
     close_surface(&x);
     open_surface(mesh_json("box.obj", ", \"features\": {}"), "", &x); /* sampled on its triangles */
-    assert_false(landing_find(&x.source, &l));
+    assert_false(mesh_projection_find(&x.source, &l));
     assert_non_null(source_mesh(&x.source));
     assert_true(source_closed_mesh(&x.source) == source_mesh(&x.source));
     close_surface(&x);
@@ -547,18 +547,18 @@ static void only_meshes_of_level_sets_have_a_landing(void **state)
     close_surface(&x);
 }
 
-static void stopped_pool_cancels_the_landing(void **state)
+static void stopped_pool_cancels_the_mesh_projection(void **state)
 {
     (void)state;
     const opened x = level_set_of_ball;
-    landing l;
+    mesh_projection l;
     error e = {0};
     volatile sig_atomic_t stop = 1;
     vec3 place = vec3_add(CENTER, vec3_make(1.01, 0, 0));
     double spacing = 1, largest;
     threads *pool = threads_new(1, &stop, &e);
-    assert_true(landing_find(&x.source, &l));
-    assert_false(landing_move(&l, &place, &spacing, 1, pool, &largest, &e));
+    assert_true(mesh_projection_find(&x.source, &l));
+    assert_false(mesh_projection_apply(&l, &place, &spacing, 1, pool, &largest, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
     threads_free(pool);
 }
@@ -642,14 +642,14 @@ int main(int argc, char **argv)
         cmocka_unit_test(points_belong_to_the_nearest_part),
         cmocka_unit_test(region_cuts_the_surface),
         cmocka_unit_test(places_go_onto_the_nearest_triangles),
-        cmocka_unit_test(landing_field_is_the_distance_from_the_triangles),
+        cmocka_unit_test(mesh_projection_field_is_the_distance_from_the_triangles),
         cmocka_unit_test(places_that_coincide_are_moved_apart),
         cmocka_unit_test(places_on_a_face_of_the_region_stay_on_it),
         cmocka_unit_test(places_of_a_transformed_mesh_go_onto_its_triangles),
         cmocka_unit_test(places_of_other_parts_stay),
         cmocka_unit_test(hidden_triangles_receive_no_places),
-        cmocka_unit_test(only_meshes_of_level_sets_have_a_landing),
-        cmocka_unit_test(stopped_pool_cancels_the_landing),
+        cmocka_unit_test(only_meshes_of_level_sets_have_a_mesh_projection),
+        cmocka_unit_test(stopped_pool_cancels_the_mesh_projection),
         cmocka_unit_test(each_input_is_listed_once_with_its_hash),
     };
     return cmocka_run_group_tests_name("source", tests, make_files, remove_files);

@@ -1,4 +1,4 @@
-#include "source/landing.h"
+#include "source/mesh_projection.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,9 +10,10 @@
 
 /* Of the extent: what is as near to a face of the region is on it. */
 static const double ON_FACE = 1e-9;
-/* On a face a place goes to and fro between that and the triangles, which it meets at any angle. */
+/* Maximum steps of the alternating projection onto a face of the region and the triangles, which meet at any angle. */
 static const int MOST_STEPS = 100;
-/* Of the spacing: places that move so far may come upon others; nearer than NEAR they are moved apart, so many times. */
+/* In spacings: a point that moves farther than FAR_MOVE may come close to another point. Points nearer than NEAR are
+ * moved apart, in at most APART_ROUNDS rounds. */
 static const double FAR_MOVE = 0.1, NEAR = 0.55;
 enum { APART_ROUNDS = 8 };
 /* Points in a chunk of work. */
@@ -68,7 +69,7 @@ static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
 
 static bool sample_distance(const field *f, vec3 x, field_order order, field_sample *out)
 {
-    const source *s = ((const landing *)f)->source;
+    const source *s = ((const mesh_projection *)f)->source;
     vec3 place;
     if (s->turned)
         x = placement_to_part(s->turned, x); /* by a translation, which keeps distances and normals */
@@ -80,20 +81,20 @@ static bool sample_distance(const field *f, vec3 x, field_order order, field_sam
     return true;
 }
 
-static bool begin(const source *s, bool has_triangles, landing *out)
+static bool begin(const source *s, bool has_triangles, mesh_projection *out)
 {
     static const field_ops ops = {.sample = sample_distance};
     if (s->creased || (s->turned && s->whole.labels) || !has_triangles) return false;
-    *out = (landing){{.ops = &ops}, s};
+    *out = (mesh_projection){{.ops = &ops}, s};
     return true;
 }
 
-bool landing_find(const source *s, landing *out)
+bool mesh_projection_find(const source *s, mesh_projection *out)
 {
     return begin(s, has_faces(&s->whole), out);
 }
 
-bool landing_measures(const source *s, landing *out)
+bool mesh_projection_find_distance(const source *s, mesh_projection *out)
 {
     return begin(s, s->whole.mesh || s->whole.labels || has_faces(&s->whole), out);
 }
@@ -112,7 +113,7 @@ static vec3 hold(const field *f, vec3 x, vec3 place)
     return place;
 }
 
-static vec3 land(const landing *l, vec3 x)
+static vec3 project(const mesh_projection *l, vec3 x)
 {
     const field *f = l->source->field;
     vec3 from = x, place;
@@ -125,7 +126,7 @@ static vec3 land(const landing *l, vec3 x)
 }
 
 typedef struct moving {
-    const landing *l;
+    const mesh_projection *l;
     vec3 *place;
     const double *spacing;
     double *largest; /* of each chunk */
@@ -139,7 +140,7 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const vec3 from = m->place[i];
-        m->place[i] = land(m->l, from);
+        m->place[i] = project(m->l, from);
         const double moved = vec3_norm(vec3_sub(m->place[i], from));
         largest = fmax(largest, moved);
         m->far[begin / GRAIN] |= moved > FAR_MOVE * m->spacing[i];
@@ -173,7 +174,7 @@ static bool move_apart(const moving *m, size_t count, threads *pool, bool *moved
         to[i] = m->place[i];
         const vec3 way = way_out(m, near, i);
         if (!(vec3_norm2(way) > 0)) continue;
-        to[i] = land(m->l, vec3_add(to[i], way));
+        to[i] = project(m->l, vec3_add(to[i], way));
         *moved = true;
     }
     if (ok && *moved) memcpy(m->place, to, count * sizeof *to);
@@ -182,8 +183,8 @@ static bool move_apart(const moving *m, size_t count, threads *pool, bool *moved
     return ok;
 }
 
-bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t count, threads *pool,
-                  double *largest, error *e)
+bool mesh_projection_apply(const mesh_projection *l, vec3 *place, const double *spacing, size_t count,
+                           threads *pool, double *largest, error *e)
 {
     const size_t chunks = count / GRAIN + 1;
     const moving m = {l, place, spacing, mem_alloc(chunks * sizeof *m.largest),
@@ -202,7 +203,7 @@ bool landing_move(const landing *l, vec3 *place, const double *spacing, size_t c
 }
 
 typedef struct repeating {
-    const landing *l;
+    const mesh_projection *l;
     vec3 *place;
     double most;
 } repeating;
@@ -215,11 +216,11 @@ static void repeat_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 nearest;
         if (find_place(&r->l->source->whole, r->place[i], true, &nearest) &&
             !(vec3_norm(vec3_sub(nearest, r->place[i])) <= r->most))
-            r->place[i] = land(r->l, r->place[i]);
+            r->place[i] = project(r->l, r->place[i]);
     }
 }
 
-void landing_repeat(const landing *l, vec3 *place, size_t count, double most, threads *pool)
+void mesh_projection_repeat(const mesh_projection *l, vec3 *place, size_t count, double most, threads *pool)
 {
     threads_run(pool, count, GRAIN, repeat_chunk, &(repeating){l, place, most});
 }
