@@ -1,5 +1,5 @@
-/* frame_values: members of a spec that have another value in each frame (queue.by_frame): the JSON Pointer of each, with a list of one
- * value for each frame, or a ramp from a first to a last number.
+/* frame_values: members of a spec that have another value in each frame (queue.by_frame): the JSON Pointer of each, with
+ * a list of one value for each frame, or a ramp from a first to a last number.
  *
  * Private to src/spec. They borrow the document that they were opened from.
  */
@@ -35,7 +35,7 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
 void frame_values_check(reading *r, const json_at *at);
 
 /* Opens those of a spec's document. False: it has none, or they have faults, which reading it will note. Lists may still
- * have another length than the frames: then only the first frame may be asked for. */
+ * have another length than the frames: then only the first frame may be read. */
 bool frame_values_open(const json *document, frame_values *w);
 void frame_values_close(frame_values *w); /* accepts an empty one */
 
@@ -49,8 +49,8 @@ const char *frame_values_apply(const frame_values *w, size_t index, json *docume
  * other frames are gone. */
 json *frame_values_document(const frame_values *w, size_t index, const json *document);
 
-/* Gives faults at members that have values by frame the place in queue.by_frame that the value is from. With `all` the others get the
- * frame's number, too. */
+/* Gives faults at members that have values by frame the place in queue.by_frame that the value is from. With `all` the
+ * others get the frame's number, too. */
 void frame_values_place_faults(const frame_values *w, size_t index, bool all, spec_faults *faults);
 
 #endif

@@ -33,7 +33,7 @@ void *reading_target(reading *r, size_t offset);
 void reading_add_fault(reading *r, const json_at *at, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Notes that the member asks for a part that is not built; its code is not_supported. */
+/* Notes that the member requires a part that is not built; its code is not_supported. */
 void reading_add_missing_part(reading *r, const json_at *at, const char *why);
 
 /* Notes that the value is not of this kind ("an integer") or is out of the row's range. */

@@ -433,7 +433,7 @@ unsigned rules_check_names(reading *r, const json_at *at, const char *group)
     return check_choices(r, at, group);
 }
 
-/* The surface and the method stand before the queue. */
+/* The surface and the method are read before the queue, which depends on them. */
 static void check_queue(reading *r, const json_at *at)
 {
     check_frames(r, at);

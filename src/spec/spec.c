@@ -91,8 +91,8 @@ bool spec_check_frames(const spec *s, spec_faults *faults, error *e)
     return first && total == 0;
 }
 
-/* Assets of films and games stand along y, models of CAD and printing and medical volumes along z. Of a combination the
- * first part tells. */
+/* The up axis: y for assets of films and games, z for models of CAD and printing and for medical volumes. The first part
+ * of a combination decides. */
 bool spec_y_up(const spec *s)
 {
     static const char *const z_up[] = {".stl", ".3mf", ".amf"};
@@ -106,7 +106,7 @@ bool spec_y_up(const spec *s)
     return true;
 }
 
-bool spec_up_is_told(const spec *s)
+bool spec_up_is_certain(const spec *s)
 {
     static const char *const either[] = {".obj", ".off", ".ply", ".stl"};
     if (s->preview_up != SPEC_UP_AUTO || s->frame_count > 0 || s->surface.kind != SPEC_SURFACE_MESH)

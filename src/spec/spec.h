@@ -249,7 +249,7 @@ typedef struct spec {
     char **ply_properties; /* names of properties or applications; NULL: all */
     size_t ply_property_count;
     bool has_preview;                  /* true by default */
-    bool preview_left_out;             /* not asked for, and this build has no pictures */
+    bool preview_left_out;             /* not requested, and this build has no pictures */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
     char *preview_attribute;           /* instead of it; NULL: none */
@@ -322,7 +322,7 @@ spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e);
 /* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not valid. */
 bool spec_check_frames(const spec *s, spec_faults *faults, error *e);
 
-/* Whether the spacing that is asked for varies by place. */
+/* Whether the requested spacing varies by place. */
 static inline bool spec_is_graded(const spec *s)
 {
     return s->has_curvature || s->has_grid || s->has_feature || s->curve_spacing > 0;
@@ -332,9 +332,9 @@ static inline bool spec_is_graded(const spec *s)
 bool spec_y_up(const spec *s);
 
 /* Whether that is sure: the spec says it, or all files of the kind are so. Of sequences it is, lest frames differ. */
-bool spec_up_is_told(const spec *s);
+bool spec_up_is_certain(const spec *s);
 
-/* Whether files are asked for beside points.ply and the report. */
+/* Whether other files than points.ply and the report are requested. */
 bool spec_has_other_outputs(const spec *s);
 
 /* A file that the spec names. */
@@ -353,7 +353,7 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out);
  * another thread reads the spec. */
 void spec_set_frame(spec *s, int frame);
 
-/* Whether the surface has an end, as far as its parts tell: a halfspace has none, nor a union with one. */
+/* Whether the surface is bounded, by its parts: a halfspace is unbounded, and so is a union with one. */
 bool spec_surface_is_bounded(const spec_surface *s);
 
 /* The member of /surface that makes a surface of a kind. */

@@ -1,6 +1,6 @@
 /* spec_table: the one table of parameters of a job's spec, constant data.
  *
- * Private to src/spec and its tests. Rows stand in the order of the help and of the normalised
+ * Private to src/spec and its tests. Rows are in the order of the help and of the normalised
  * spec, a group before its members. Parsing, defaults, ranges, messages and help all come from
  * here.
  */

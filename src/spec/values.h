@@ -6,7 +6,7 @@
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 
-/* Reads the value at this place, which is there, as the row says, and puts it into `normal`, the normalised object.
+/* Reads the value at this place, which is present, by its row, and puts it into `normal`, the normalised object.
  * A bad value is a fault and is not stored. Groups and surfaces are left out: they have members. */
 void values_read(reading *r, const json_at *at, const spec_row *row, json *normal);
 
