@@ -13,7 +13,7 @@ static const char what[] = "the table of blocks";
 /* A surface has some 20 blocks in a node. */
 #define BLOCKS_PER_NODE 8
 
-/* For so many nodes; those that are there move. */
+/* Allocates slots for `nodes` nodes, and moves the existing nodes into them. */
 static bool make_slots(block_map *m, size_t nodes, error *e)
 {
     const block_map old = *m;

@@ -30,7 +30,7 @@ typedef struct block_map {
     uint32_t count, node_count;
     size_t room, node_room;
     size_t
-        limit; /* bytes, set once the map is made: with more than that nothing is added (limit_memory); 0: none */
+        limit; /* bytes; set after the map is created. A block that would exceed it is not added (limit_memory). 0: no limit */
 } block_map;
 
 /* Room for `expected` blocks; it grows beyond. A zeroed struct may be freed. */
@@ -83,7 +83,7 @@ typedef struct block_map_seen {
     const uint32_t *node;
 } block_map_seen;
 
-/* The same, faster where blocks that are asked for one after the other lie near each other. */
+/* The same, faster if successive lookups are of blocks near each other. */
 static inline uint32_t block_map_find_near(const block_map *m, int32_t x, int32_t y, int32_t z,
                                            block_map_seen *seen)
 {
@@ -96,8 +96,9 @@ static inline uint32_t block_map_find_near(const block_map *m, int32_t x, int32_
     return seen->node[block_map_in_node(x, y, z)];
 }
 
-/* The numbers of a block and the 26 around it, or BLOCK_MAP_NONE: that by (i, j, k) of -1 .. 1 in out[9 i + 3 j + k + 13]. Faster than
- * to find each: they lie in 8 nodes at most, most of them in one. No coordinate is the least or the largest. */
+/* The numbers of a block and the 26 around it, or BLOCK_MAP_NONE: that by (i, j, k) of -1 .. 1 in out[9 i + 3 j + k +
+ * 13]. Faster than to find each: they lie in 8 nodes at most, most of them in one. No coordinate is the least or the
+ * largest. */
 static inline void block_map_around(const block_map *m, const int32_t block[3], uint32_t out[27])
 {
     static const uint32_t none[BLOCK_MAP_NODE] = {[0 ... BLOCK_MAP_NODE - 1] = BLOCK_MAP_NONE};

@@ -7,7 +7,7 @@
 #include "geometry/bbox.h"
 
 enum { FEWEST_BITS = 5, MOST_BITS = 14 };
-/* Points are sorted in so many parts, whatever the number of threads: or in one, where they are few. */
+/* Points are sorted in PARTS parts for any number of threads, or in one part if they are at most FEW. */
 enum { PARTS = 8 };
 static const size_t FEW = 50000;
 

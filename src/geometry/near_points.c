@@ -17,7 +17,7 @@ near_points *near_points_new(const vec3 *points, size_t count, threads *pool, er
     near_points *n = mem_alloc(sizeof *n);
     *n = (near_points){point_bins_new(points, count, pool, e), NULL};
     bool ok = n->bins != NULL;
-    if (ok && point_bins_are_crowded(n->bins)) {
+    if (ok && point_bins_are_dense(n->bins)) {
         point_bins_free(n->bins);
         n->bins = NULL;
         n->tree = point_tree_new(points, count, e);

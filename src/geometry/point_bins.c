@@ -7,14 +7,14 @@
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
-/* So many bins to a point, at most, and so many along an axis. */
+/* Maximum number of bins per point, and along an axis. */
 enum { BINS_PER_POINT = 2, AXIS_MOST = 4096 };
 /* Points in a chunk of work. */
 enum { CHUNK = 4096 };
-/* Edges are tried from the least on, each so many times the one before. */
+/* Edges of bins are tried from the smallest; each is WIDER times the previous one. */
 static const double WIDER = 1.1;
-/* Points that share a bin with one, in the mean. */
-static const double CROWD = 100;
+/* Number of points in a point's bin, averaged over all points, above which point_bins_are_dense is true. */
+static const double MOST_SHARED = 100;
 
 struct point_bins {
     const vec3 *points;
@@ -23,7 +23,7 @@ struct point_bins {
     int32_t bins[3];
     uint32_t *begin; /* of each bin its points in `item`; and the end */
     uint32_t *item;
-    bool crowded;
+    bool dense;
 };
 
 static size_t bins_of(vec3 size, double edge, int32_t bins[3])
@@ -105,8 +105,8 @@ static void fill(point_bins *b, size_t count, size_t total, threads *pool, uint3
         b->begin[k + 1] = sum;
         sum += here;
     }
-    b->crowded = shared > CROWD * (double)count;
-    if (b->crowded) pool = NULL; /* to put those in order would take long */
+    b->dense = shared > MOST_SHARED * (double)count;
+    if (b->dense) pool = NULL; /* to put those in order would take long */
     threads_run(pool, count, CHUNK, put_chunk, &job);
     if (threads_count(pool) > 1) threads_run(pool, total, CHUNK, order_chunk, b);
 }
@@ -146,9 +146,9 @@ void point_bins_free(point_bins *b)
     free(b);
 }
 
-bool point_bins_are_crowded(const point_bins *b)
+bool point_bins_are_dense(const point_bins *b)
 {
-    return b->crowded;
+    return b->dense;
 }
 
 typedef struct search {
@@ -189,7 +189,7 @@ static void look_at_ring(const point_bins *b, int32_t ring, search *s)
         }
 }
 
-/* How far the points are at least that lie beyond a ring; infinite when there are none. */
+/* Lower bound on the distance of the points beyond a ring of bins; infinite if there are none. */
 static double way_beyond(const point_bins *b, int32_t ring, const search *s)
 {
     double way = INFINITY;
@@ -201,8 +201,8 @@ static double way_beyond(const point_bins *b, int32_t ring, const search *s)
     return way;
 }
 
-/* Of the edge: by so much rounding may put a point into the bin beside its own. */
-static const double HAIR = 1e-9;
+/* Tolerance, in edges of a bin: rounding may put a point into the bin next to its own. */
+static const double ROUNDING = 1e-9;
 
 /* A point no farther than `reach`, of the few bins that one may be in; false when there is none. */
 static bool find_any(const point_bins *b, vec3 x, double reach, search *out)
@@ -237,7 +237,7 @@ uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *
     for (int32_t ring = 0;; ring++) {
         look_at_ring(b, ring, &s);
         if (s.best2 <= enough2) break;
-        const double way = way_beyond(b, ring, &s) - HAIR * b->edge;
+        const double way = way_beyond(b, ring, &s) - ROUNDING * b->edge;
         if (!(way < INFINITY) || (way > 0 && s.best2 <= way * way)) break;
     }
     *distance = sqrt(s.best2);
@@ -246,7 +246,7 @@ uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *
 
 void point_bins_within(const point_bins *b, vec3 x, double reach, point_bins_visit visit, void *context)
 {
-    const double wide = reach + HAIR * b->edge, reach2 = reach * reach;
+    const double wide = reach + ROUNDING * b->edge, reach2 = reach * reach;
     const vec3 from = vec3_sub(x, (vec3){wide, wide, wide}), to = vec3_add(x, (vec3){wide, wide, wide});
     for (int32_t z = bin_along(b, from, 2); z <= bin_along(b, to, 2); z++)
         for (int32_t y = bin_along(b, from, 1); y <= bin_along(b, to, 1); y++) {

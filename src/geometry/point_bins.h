@@ -1,7 +1,7 @@
 /* point_bins: the nearest of points that are spread evenly over a surface to places near it, by bins of a box.
  *
- * Built in a tenth of the time of a point_tree, which is for points that crowd or places far away. Looking is safe in any number
- * of threads. The points stay the caller's, and where they are.
+ * Built in a tenth of the time of a point_tree, which is for points of uneven density and for distant places. Any number of
+ * threads may search. The points belong to the caller and must not move.
  */
 #ifndef HEXAD_GEOMETRY_POINT_BINS_H
 #define HEXAD_GEOMETRY_POINT_BINS_H
@@ -20,8 +20,8 @@ typedef struct point_bins point_bins;
 point_bins *point_bins_new(const vec3 *points, size_t count, threads *pool, error *e);
 void point_bins_free(point_bins *b);
 
-/* Whether so many points share a bin that to look into one takes long. */
-bool point_bins_are_crowded(const point_bins *b);
+/* Whether bins contain too many points for a fast search; a point_tree is faster then. */
+bool point_bins_are_dense(const point_bins *b);
 
 /* As point_tree_nearest. */
 uint32_t point_bins_nearest(const point_bins *b, vec3 x, double enough, double *distance);

@@ -8,7 +8,7 @@
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
-/* So many points are not divided: to look at all of them takes no longer. */
+/* Maximum points of a leaf: searching all of them takes no longer than dividing them. */
 enum { LEAF = 8 };
 
 struct point_tree {
@@ -44,7 +44,7 @@ static void divide(const vec3 *points, uint32_t *order, size_t count, size_t mid
         else if (i > low)
             low = i;
         else
-            low++; /* the least of all stands first */
+            low++; /* the first is the smallest of all */
     }
 }
 

@@ -30,7 +30,8 @@ double triangle_distance2(const triangle *t, vec3 p)
     if (ab_b >= 0 && ac_b <= ab_b) return vec3_norm2(bp);
     const double ab_c = vec3_dot(ab, cp), ac_c = vec3_dot(ac, cp);
     if (ac_c >= 0 && ab_c <= ac_c) return vec3_norm2(cp);
-    const double of_c = ab_a * ac_b - ab_b * ac_a; /* the foot's weights, times a positive number */
+    const double of_c =
+        ab_a * ac_b - ab_b * ac_a; /* the projected point's weights, times a positive number */
     if (of_c <= 0 && ab_a >= 0 && ab_b <= 0) return square_along(ap, ab, ab_a / (ab_a - ab_b));
     const double of_b = ab_c * ac_a - ab_a * ac_c;
     if (of_b <= 0 && ac_a >= 0 && ac_c <= 0) return square_along(ap, ac, ac_a / (ac_a - ac_c));

@@ -83,7 +83,7 @@ static inline void vec3_set(vec3 *a, int axis, double v)
     *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v;
 }
 
-/* By x, then by y, then by z: below 0, 0 or above, as qsort asks for. 0 and -0 are equal. */
+/* By x, then by y, then by z: below 0, 0 or above, as qsort requires. 0 and -0 are equal. */
 static inline int vec3_compare(vec3 a, vec3 b)
 {
     for (int axis = 0; axis < 3; axis++) {

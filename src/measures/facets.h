@@ -1,8 +1,9 @@
 /* facets: a surface as triangles in a bounding-volume hierarchy, for measures of points on it.
  *
- * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when they are visited. The items are
- * in Morton order. Each node of the hierarchy bounds the items of a range: a sphere around them, and a cone that contains their normals.
- * Both kinds of surface are therefore measured by one program, and the triangles of a scan are never all in memory.
+ * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when they are
+ * visited. The items are in Morton order. Each node of the hierarchy bounds the items of a range: a sphere around them,
+ * and a cone that contains their normals. Both kinds of surface are therefore measured by one program, and the triangles
+ * of a scan are never all in memory.
  *
  * Lengths are world units of the sampled space. Immutable once built; every function is safe in any number of threads.
  */
@@ -49,7 +50,7 @@ typedef struct facets {
     facets_node *node;  /* node 0 is the root */
     size_t node_count;
     float (*face_normal)
-        [3]; /* unit normals of grid cells, in item order; NULL for a mesh. They tell sides apart and bound angles */
+        [3]; /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound angles */
 } facets;
 
 /* A triangle of the surface. */
@@ -61,7 +62,8 @@ typedef struct facet {
     size_t item; /* its place in the order */
 } facet;
 
-/* The input's arrays stay the caller's and must outlive *out. Release *out also after failure. Errors: limit_memory, cancelled. */
+/* The input's arrays stay the caller's and must outlive *out. Release *out also after failure. Errors: limit_memory,
+ * cancelled. */
 bool facets_build(const facets_input *in, threads *pool, facets *out, error *e);
 void facets_free(facets *f); /* a zeroed one will do */
 
@@ -75,15 +77,17 @@ typedef struct facets_item {
 /* The item at place k of the order. */
 facets_item facets_item_at(const facets *f, size_t k);
 
-/* The triangles at place k of the order that have area; returns their number. `exact`: the corners of a grid cell's triangles lie on the
- * surface; else they lie where F is zero if it is linear between the cell's corners, which takes less time. */
+/* The triangles at place k of the order that have area; returns their number. `exact`: the corners of a grid cell's
+ * triangles lie on the surface; else they lie where F is zero if it is linear between the cell's corners, which takes
+ * less time. */
 int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES]);
 
-/* The place of the surface next to a place of a triangle: x itself of a mesh. The triangles of a scan lie beside the surface: it is the one that
- * Newton's method finds, or bisection towards a corner of the cell. */
+/* The place of the surface next to a place of a triangle: x itself of a mesh. The triangles of a scan lie beside the
+ * surface: it is the one that Newton's method finds, or bisection towards a corner of the cell. */
 vec3 facets_onto(const facets *f, const facet *of, vec3 x);
 
-/* The place of the surface for the middle of an edge of such a triangle: the nearest one found by Newton's method, or the middle itself. */
+/* The place of the surface for the middle of an edge of such a triangle: the nearest one found by Newton's method, or
+ * the middle itself. */
 vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b);
 
 /* The place in the order of the item whose triangles are nearest to x. */

@@ -19,8 +19,9 @@ static const double ON_EDGE = 1e-6;
 static const double EVEN_REQUEST = 1.05;
 /* Angles over 60 degrees that are this near to an integer have one ideal degree. */
 static const double NEAR_INTEGER = 0.2;
-/* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map. Its cells are larger by
- * GROWTH_CELL g^2 than the requested ones, its energies by GROWTH_ENERGY g^2; right to 3 % up to a g of GROWTH_MOST. */
+/* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map. Its cells are
+ * larger by GROWTH_CELL g^2 than the requested ones, its energies by GROWTH_ENERGY g^2; right to 3 % up to a g of
+ * GROWTH_MOST. */
 static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
 static const char what[] = "the measures of the points";
@@ -241,7 +242,7 @@ static bool is_regular(const point_table *t, size_t i)
     return degree >= floor(t->ideal[i] + NEAR_INTEGER) && degree <= ceil(t->ideal[i] - NEAR_INTEGER);
 }
 
-/* The points of each piece without the ideal degree, beyond what the piece's topology asks for. */
+/* The points of each piece without the ideal degree, beyond the number that the piece's topology requires. */
 static bool count_defects(const point_table *t, const bool *regular, size_t pieces, double *share, error *e)
 {
     double *irregular = mem_array(pieces, sizeof *irregular, what, e),
@@ -277,7 +278,7 @@ static void count_grading(slope *s, double requested, double local)
     s->coarsest = fmax(s->coarsest, requested);
 }
 
-/* What the cells say of the packing. */
+/* Sums over the Voronoi cells. */
 typedef struct cell_sums {
     moments edge, area, ratio;
     slope grading;
@@ -331,9 +332,10 @@ static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, 
     return sum != NULL;
 }
 
-/* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6 times the turn (Gauss and
- * Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies depend on straight distances, which a bent surface makes
- * shorter than its own: `straight` has this in one of two directions, `flat` in both. */
+/* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6 times the
+ * turn (Gauss and Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies depend on straight
+ * distances, which a bent surface makes shorter than its own: `straight` has this in one of two directions, `flat` in
+ * both. */
 static double disorder_of(const cell_sums *c, double energy_excess, double growth2)
 {
     const double n = c->area.n, turn = 1 - c->turn / n;

@@ -1,4 +1,4 @@
-/* pair_measures: what pairs of near points say: energies, close pairs, opposite walls. Private to measures.c. */
+/* pair_measures: measures of pairs of near points: energies, close pairs, opposite walls. Private to measures.c. */
 #ifndef HEXAD_MEASURES_PAIR_MEASURES_H
 #define HEXAD_MEASURES_PAIR_MEASURES_H
 
@@ -15,7 +15,8 @@ typedef struct pair_measures_input {
     const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
 } pair_measures_input;
 
-/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors: limit_memory, cancelled. Deterministic. */
+/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors: limit_memory,
+ * cancelled. Deterministic. */
 bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *out, error *e);
 
 #endif

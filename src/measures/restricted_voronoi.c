@@ -7,21 +7,22 @@
 #include "base/memory.h"
 #include "measures/coverage_search.h"
 
-/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for POINTS_OF_TASK points, and at most TASKS.
- * The number of threads does not matter. */
+/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for
+ * POINTS_OF_TASK points, and at most TASKS. The number of threads does not matter. */
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks whose records are kept at once, for each thread. */
 enum { TASKS_OF_THREAD = 4 };
 /* Items at which distances are bounded before the tasks, for each point: at most. */
 enum { PROBES_OF_POINT = 2 };
-/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of their number. */
+/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of
+ * their number. */
 enum { MOST_CANDIDATES = 12 };
 /* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
 static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 3;
-/* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an opposite wall, collects
- * those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
+/* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an
+ * opposite wall, collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
@@ -39,7 +40,8 @@ typedef struct area_record {
     double area;
 } area_record;
 
-/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete` of the node's centre. */
+/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete` of the
+ * node's centre. */
 typedef struct candidates {
     size_t first, count;
     double complete;
@@ -288,8 +290,8 @@ static double distance_at(const sites *s, vec3 x)
     return distance / s->spacing[nearest];
 }
 
-/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of the surface next to x: points lie on
- * the surface, which x lies beside. */
+/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of the surface
+ * next to x: points lie on the surface, which x lies beside. */
 static void raise_to_place(const descent *d, const facet *of, vec3 x, double *known)
 {
     if (distance_at(d->s, x) > *known) *known = fmax(*known, distance_at(d->s, facets_onto(d->f, of, x)));
@@ -441,8 +443,8 @@ static int longest_edge(const part *t, double *length)
     return longest;
 }
 
-/* Whether a site is farther from all corners than another one: it is then farther from every place of the triangle, since the difference of
- * the squares is linear. */
+/* Whether a site is farther from all corners than another one: it is then farther from every place of the triangle,
+ * since the difference of the squares is linear. */
 static bool is_dominated(const corner_distances *d, const corner_distances *by)
 {
     return d->of[0] > by->of[0] * (1 + MARGIN) && d->of[1] > by->of[1] * (1 + MARGIN) &&
@@ -753,7 +755,7 @@ static void probe_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) probe_item(job, k * job->f->item_count / count, known);
 }
 
-/* The largest distance at places of some items. Tasks that know it discard most searches for larger ones at once. */
+/* The largest distance at places of some items. With it as a lower bound, tasks discard most searches immediately. */
 static void probe(const build_job *job, size_t workers, threads *pool, double *known)
 {
     const size_t patches = job->f->in.patch_count;

@@ -23,7 +23,7 @@
 enum {
     FILE_LIMIT = 1 << 20, /* bytes of a settings file */
     UNIT_MODE = 0660,     /* of the socket, as systemd/hexad.socket.in says */
-    OPEN_MODE = 0666,     /* hexad tells callers apart by itself */
+    OPEN_MODE = 0666,     /* hexad identifies callers itself */
     EXIT_WRONG = 2
 };
 

@@ -1,4 +1,4 @@
-/* admission: `hexad --allow` and `hexad --deny`: who may use the Unix socket of the service that systemd runs. */
+/* admission: `hexad --allow` and `hexad --deny`: permits and removes users of the Unix socket of the systemd service. */
 #ifndef HEXAD_PROGRAMS_ADMISSION_H
 #define HEXAD_PROGRAMS_ADMISSION_H
 

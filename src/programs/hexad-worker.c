@@ -34,7 +34,7 @@
 #include "store/root.h"
 #include "volume/example.h"
 
-/* A spec is text that somebody wrote; more than this is a mistake. */
+/* Maximum bytes of a spec; a larger file is not a spec. */
 static const size_t SPEC_LIMIT = 16u << 20;
 static const int64_t DEFAULT_MEMORY_MB = 4096;
 
@@ -166,7 +166,7 @@ static bool parse_number(const char *option, const char *text, long low, long *o
 }
 
 /* Of a sequence one frame is run, and of any other spec none. With values by frame *s becomes the spec of that frame, which
- * still knows the numbers of all. */
+ * still lists the numbers of all frames. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
     spec *whole = *s;
@@ -348,7 +348,7 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
     if (a->sandbox == SANDBOX_OFF) return true;
     if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox requires --output DIR: add it");
     char text[SANDBOX_TEXT_SIZE];
-    sandbox_describe(a->sandbox, text); /* inside nobody can ask */
+    sandbox_describe(a->sandbox, text); /* before the process enters it: inside, the facts cannot be read */
     if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
     fprintf(stderr, "sandbox: %s\n", text);
     return true;

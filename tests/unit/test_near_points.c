@@ -154,7 +154,7 @@ static void crowds_are_told(void **state)
             if (heaps) x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 10000 : 0));
         }
         point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
-        assert_true(point_bins_are_crowded(bins) == heaps);
+        assert_true(point_bins_are_dense(bins) == heaps);
         point_bins_free(bins);
         near_points *near = near_points_new(x, POINTS, NULL, &e);
         for (size_t k = 0; k < POINTS; k += 7) {

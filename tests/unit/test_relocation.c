@@ -140,7 +140,7 @@ static void points_far_away_change_nothing(void **state)
         const size_t count = heap ? ALL : COUNT;
         relocation_input in = {x, size, count, 1, place, PLACES, near, 0, NULL, 0};
         point_bins *bins = point_bins_new(x, count, NULL, &e);
-        assert_true(point_bins_are_crowded(bins) == heap);
+        assert_true(point_bins_are_dense(bins) == heap);
         point_bins_free(bins);
         assert_true(relocation_choose(&in, NULL, &chosen[heap], &moves[heap], &e));
     }
