@@ -42,7 +42,7 @@ static double decode(const unsigned char *at, size_t width)
     return (double)value;
 }
 
-/* In place: numbers of 32 bits stand at the front and are widened from the last to the first. */
+/* In place: 32-bit numbers fill the front of the array and are widened from the last to the first. */
 static bool decode_all(double *numbers, size_t count, size_t width, const int dims[3], error *e)
 {
     const unsigned char *bytes = (const unsigned char *)numbers;

@@ -1,7 +1,7 @@
 /* coefficients: the file of a B-spline's coefficients, read.
  *
  * The file holds nothing but dims[0] dims[1] dims[2] little-endian floating-point numbers, x fastest, then y;
- * of 32 or of 64 bits, which its size tells.
+ * of 32 or of 64 bits, which follows from its size.
  */
 #ifndef HEXAD_DENSE_COEFFICIENTS_H
 #define HEXAD_DENSE_COEFFICIENTS_H

@@ -35,7 +35,7 @@ typedef struct image {
     error fault;
 } image;
 
-/* What the library said last; it has no other way of saying it than a function without context. */
+/* The last message of the library, which reports errors only through a callback without context. */
 static char complaint[256];
 
 static void note_complaint(exr_const_context_t file, exr_result_t code, const char *message)
@@ -273,9 +273,9 @@ typedef struct target {
     uint32_t *to; /* of its first pixel */
 } target;
 
-/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts whatever it
- * was told, and where one of them has fewer samples takes the others' from wrong places and from beyond the
- * chunk's end. The decoded rows lie one after the other, and in each its channels. */
+/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts even if one is
+ * requested. If a channel has fewer samples, it reads the other channels at wrong offsets, also beyond the chunk's end.
+ * The decoded rows lie one after the other, and in each its channels. */
 static exr_result_t take_channel(exr_decode_pipeline_t *d)
 {
     const target *t = d->decoding_user_data;
@@ -309,7 +309,7 @@ static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y
     if (ok) {
         d.decoding_user_data = &to;
         d.unpack_and_convert_fn = take_channel;
-        /* what did not become smaller is stored as it is, which the library does not know of B44 */
+        /* a chunk that compression did not make smaller is stored raw; for B44 the library ignores this */
         if (chunk->packed_size == chunk->unpacked_size) d.decompress_fn = NULL;
         ok = exr_decoding_run(m->file, m->part_index, &d) == EXR_ERR_SUCCESS;
     }

@@ -1,11 +1,11 @@
 /* exr_reader: one channel of OpenEXR images, decoded in a process of its own (reader.h) by OpenEXR's C core.
  *
- * The process is asked over the socket that is its descriptor 0 and 1: a request is one byte,
- * EXR_READER_WINDOW, EXR_READER_PIXELS or EXR_READER_LIST, with an open file's descriptor beside it (SCM_RIGHTS). The answer
- * is a struct exr_reader_answer, then `text_length` bytes of a message if `code` is an error, otherwise, for
- * pixels, the channel's values in the data window as floats (or, of a channel of whole numbers, as uint32_t), row by row. To EXR_READER_LIST the text is a line for each
- * channel of each part: part, storage, first and last column and row, channel, type, between tabs. The machine's own byte
- * order.
+ * Requests come through the socket that is its descriptor 0 and 1: a request is one byte, EXR_READER_WINDOW,
+ * EXR_READER_PIXELS or EXR_READER_LIST, with an open file's descriptor beside it (SCM_RIGHTS). The answer is a struct
+ * exr_reader_answer, then `text_length` bytes of a message if `code` is an error, otherwise, for pixels, the channel's
+ * values in the data window as floats (or, of a channel of whole numbers, as uint32_t), row by row. To EXR_READER_LIST
+ * the text is a line for each channel of each part: part, storage, first and last column and row, channel, type, between
+ * tabs. The machine's own byte order.
  */
 #ifndef HEXAD_DENSE_EXR_READER_H
 #define HEXAD_DENSE_EXR_READER_H

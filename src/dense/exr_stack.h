@@ -24,8 +24,8 @@ typedef struct exr_stack_params {
  * grid_ambiguous, limit_memory; those of the opener. */
 slices *exr_stack_open(const exr_stack_params *params, error *e);
 
-/* What the first of the images has, as a text (exr_reader.h), to be freed; whatever part and channel are asked for. Errors:
- * input_damaged, those of the opener. */
+/* The parts and channels of the first image, as a text (exr_reader.h) to be freed; independent of the requested part and
+ * channel. Errors: input_damaged, those of the opener. */
 char *exr_stack_list(const exr_stack_params *params, error *e);
 
 #endif

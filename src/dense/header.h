@@ -46,7 +46,7 @@ typedef struct header {
     int64_t offset;      /* where they begin in their first file, before unpacking */
     int64_t
         byte_skip; /* bytes before them after lines and unpacking; -1 - n: they end n bytes before the end */
-    int64_t packed_bytes;       /* that the data are said to have, packed; 0: not said */
+    int64_t packed_bytes;       /* of the packed data, by the header; 0: unknown */
     int64_t size[3];            /* the first axis is the fastest */
     int64_t components;         /* values at each sample, next to each other; 0 counts as 1 */
     double vector_to_world[9];  /* what those of a vector are turned by, row by row; all 0: by nothing */
@@ -65,9 +65,9 @@ int header_reader_main(int argc, char **argv);
 /* The module that contains it, unless it is linked in. */
 #define HEADER_MODULE "hexad-header.so"
 
-/* `fd` may be at any offset. Starts that process (of `program`, NULL: this one) and checks the answer. *files, when there are any, is to
- * be freed: one name a line. Errors: input_damaged, input_unsupported, no_surface, internal; without the
- * path. */
+/* `fd` may be at any offset. Starts that process (of `program`, NULL: this one) and checks the answer. *files, when
+ * there are any, is to be freed: one name a line. Errors: input_damaged, input_unsupported, no_surface, internal;
+ * without the path. */
 bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e);
 
 #endif

@@ -117,8 +117,8 @@ static bool is_remark(const char *line)
     return *line == '#' || strncmp(line + strcspn(line, ":"), ":=", 2) == 0;
 }
 
-/* Takes out of the header's text where the data are: Teem opens the files and skips even when it is told to
- * leave the data alone. Leaves out what Teem is not needed for, and refuses lines that its buffers do not hold. */
+/* Takes out of the header's text where the data are: Teem opens the files and skips bytes even when it is to
+ * read the header only. Omits fields that are parsed without Teem, and refuses lines that exceed its buffers. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
@@ -205,7 +205,8 @@ static void values_of_nrrd(answer *a, const Nrrd *n)
         }
 }
 
-/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are written with some digits. */
+/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are written with some
+ * digits. */
 static const double most_apart = 0.01;
 
 /* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */

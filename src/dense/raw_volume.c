@@ -129,7 +129,7 @@ static int64_t unpacked_length(raw_volume *s)
     return got < 0 ? -1 : length;
 }
 
-/* To the first of `needed` bytes of data, which is told from the end when byte_skip is negative. */
+/* Seeks to the first of `needed` bytes of data, which is counted from the end if byte_skip is negative. */
 static bool skip_bytes(raw_volume *s, int64_t needed, error *e)
 {
     struct stat st;
@@ -380,7 +380,8 @@ static bool choose_volume(header *h, int64_t index, error *e)
     return true;
 }
 
-/* Whether as many values are there as should only reading tells. */
+/* Adds a warning if the header's length of the data differs from the file's. Only reading shows whether all values are
+ * present. */
 static void note_length(raw_volume *s)
 {
     struct stat st;

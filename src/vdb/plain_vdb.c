@@ -25,7 +25,7 @@ enum {
 /* How values are stored. */
 enum { ZIPPED = 1, MASKED = 2, BLOSC = 4 };
 /* What of a node's inactive values is stored: nothing where all are the background or its negative; up to two others; a
- * mask that tells which of two one is; or all values. */
+ * mask that selects one of two for each; or all values. */
 enum { ALL_BACKGROUND, ALL_NEGATIVE, ALL_ONE, EITHER_BACKGROUND, EITHER_ONE, EITHER_TWO, ALL_VALUES };
 
 /* Nodes between the root and the leaves. */
@@ -47,7 +47,7 @@ typedef struct cursor {
     int fd;
     int64_t next, size; /* of the file */
     size_t at, held;
-    bool failed; /* the file ends before what was asked for, or is none of the usual ones */
+    bool failed; /* the file ends early, or is not one of the usual kinds */
     unsigned char window[WINDOW];
 } cursor;
 
@@ -158,7 +158,7 @@ static void take_string(cursor *c, char *out, size_t room)
     require(c, strlen(out) == length);
 }
 
-/* ---- what stands before trees */
+/* ---- what precedes trees */
 
 typedef struct metadata {
     vdb_class grid_class;
@@ -306,7 +306,7 @@ bool plain_vdb_list_grids(int fd, vdb_listing *out)
 
 /* ---- the transform */
 
-/* Fails on one that is not affine, or not well invertible, about which the library is asked. */
+/* Fails on a transform that is not affine, or nearly singular: the library reads the file then. */
 static void take_transform(cursor *c, double out[16])
 {
     static const struct {
@@ -451,7 +451,7 @@ static size_t take_kind(reading *r, const uint64_t *active, size_t count, float 
     return stored;
 }
 
-/* All of a node's, of which `active` tells those that are stored in any case. */
+/* All values of a node; `active` marks those that are always stored. */
 static void take_values(reading *r, const uint64_t *active, size_t count, float *out)
 {
     uint64_t chosen[NODE_WORDS];
@@ -556,7 +556,7 @@ static void take_topology(reading *r)
     }
 }
 
-/* A leaf's mask stands before its values once more. */
+/* A leaf's mask is repeated before its values. */
 static void take_mask_again(reading *r, size_t leaf, uint64_t mask[LEAF_MASK / 8])
 {
     take(r->from, mask, LEAF_MASK);

@@ -1,12 +1,12 @@
 /* vdb: OpenVDB files to and from plain arrays; the only C++ of the project is behind this header.
  *
  * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all it needs
- * before it returns: nothing is loaded later or mapped, and no object of the library is kept afterwards. Sizes in the file are
- * checked against its length and a memory limit before they are used. No exception crosses this boundary. The library can still abort or fault on a hostile
- * file, so callers run it in a process of its own.
+ * before it returns: nothing is loaded later or mapped, and no object of the library is kept afterwards. Sizes in the
+ * file are checked against its length and a memory limit before they are used. No exception crosses this boundary. The
+ * library can still abort or fault on a hostile file, so callers run it in a process of its own.
  *
- * Messages name the grid; the caller, who knows the file's name, puts it before them. Threads: calls
- * share no state, but two calls must not use one descriptor at the same time.
+ * Messages name the grid; the caller, who knows the file's name, puts it before them. Threads: calls share no state, but
+ * two calls must not use one descriptor at the same time.
  */
 #ifndef HEXAD_VDB_VDB_H
 #define HEXAD_VDB_VDB_H
@@ -30,7 +30,7 @@ extern "C" {
 typedef enum vdb_class { VDB_UNKNOWN, VDB_LEVEL_SET, VDB_FOG, VDB_STAGGERED } vdb_class;
 
 typedef struct vdb_entry {
-    char name[VDB_NAME_SIZE]; /* as written, without the suffix that tells equal names apart */
+    char name[VDB_NAME_SIZE]; /* as written, without the suffix that distinguishes equal names */
     char type[VDB_TYPE_SIZE]; /* of a value: "float", "double", "int32", "vec3s", "ptdataidx32", ... */
     bool scalar;              /* float or double: vdb_load_grid takes it */
     bool numeric;             /* numbers, truth values or vectors of three: vdb_visit_grid takes it */
@@ -43,7 +43,7 @@ typedef struct vdb_listing {
 } vdb_listing;
 
 /* What the file holds. Where the file has offsets no tree is read; otherwise (it was written to a
- * pipe) one tree after the other. Errors: input_damaged (Git-LFS pointers are told apart),
+ * pipe) one tree after the other. Errors: input_damaged (Git-LFS pointers have a message of their own),
  * input_unsupported (format versions), limit_memory. */
 bool vdb_list_grids(int fd, vdb_listing *out, error *e);
 void vdb_listing_free(vdb_listing *listing);
@@ -75,7 +75,7 @@ typedef struct vdb_grid {
     vdb_tile *tiles;
 } vdb_grid;
 
-/* Whether metadata of this name say in which unit a grid is; OpenVDB knows no unit, and transforms have none. */
+/* Whether metadata of this name say in which unit a grid is; OpenVDB and its transforms have no units. */
 bool vdb_is_unit(const char *name);
 
 /* How a grid is loaded. */
@@ -146,7 +146,7 @@ typedef struct vdb_point_values {
     const char *name; /* none of the names below, none twice */
     int components; /* 1: float, or int64 if `whole`; more: vec3f, of which a third is 0 where there are two */
     bool whole;
-    const double *values; /* so many a point, point after point */
+    const double *values; /* `components` values per point, point after point */
 } vdb_point_values;
 
 /* Points to write as a points grid (what OpenVDB calls PointDataGrid). */

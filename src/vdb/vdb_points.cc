@@ -46,7 +46,7 @@ vdb::math::Transform::Ptr transform_for(const vdb_points &p)
     return transform;
 }
 
-/* Where a point stands in the grid. */
+/* The position of a point in the grid. */
 struct place {
     vdb::Coord leaf;    /* its origin */
     vdb::Index voxel;   /* in the leaf */
@@ -80,7 +80,7 @@ vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
     return vdb::Vec3f(float(at[0]), float(at[1]), v.components > 2 ? float(at[2]) : 0);
 }
 
-/* The attributes of a leaf as they are added: each entry has one more than that before it. */
+/* The attributes of a leaf as they are added: each entry has one more than the entry before it. */
 std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
 {
     const vdb::NamePair vector("vec3s", "null");

@@ -1,7 +1,7 @@
 /* Reading. The order of the parts of a file is that of openvdb::io::Stream and io::File, which this
- * unit walks itself (through the base class of both) for three reasons: a grid that is not wanted is
- * stepped over where the file has offsets, lengths are checked before they are believed, and the
- * tree's topology can be held against the memory limit before its values are read. */
+ * unit walks itself (through the base class of both) for three reasons: a grid that is not requested
+ * is skipped if the file has offsets, lengths are checked before they are believed, and the
+ * tree's topology can be compared with the memory limit before its values are read. */
 #include "vdb/shim.h"
 
 #include <algorithm>
@@ -35,7 +35,7 @@ namespace {
 const char *const half_suffix = "_HalfFloat";
 const char name_separator = 0x1e; /* OpenVDB writes equal names as NAME 0x1e NUMBER */
 
-/* Versions differ in what few files use; more than so many ahead is no version but damage. */
+/* Versions differ in features that few files use. A version that exceeds the newest one by more than this is damage. */
 const uint32_t newer_versions = 16;
 /* A grid has a handful of strings (names, types); 64 kB is far beyond any that is meant. */
 const uint32_t longest_string = 1u << 16;
@@ -132,7 +132,7 @@ private:
     std::vector<char> block_;
 };
 
-/* What stands before each grid. */
+/* What precedes each grid. */
 struct descriptor {
     std::string unique_name, name, type, parent;
     bool half = false;
@@ -291,9 +291,9 @@ private:
                        version, vdb::OPENVDB_FILE_VERSION));
     }
 
-    /* A block of metadata. The library would allocate what the lengths say, and read a value in the length of its type
-     * whatever the file says, from which on both read different things: so each value is handed to it alone. What
-     * serves delayed loading is left out. */
+    /* A block of metadata. The library would allocate by the lengths in the file, but read each value by the length of
+     * its type, after which its position differs from the file's. So it gets each value separately. Entries for delayed
+     * loading are omitted. */
     void read_entries(vdb::MetaMap &to)
     {
         int32_t entries = read_int<int32_t>();
@@ -527,7 +527,7 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
     if (!tiles.empty()) std::memcpy(out->tiles, tiles.data(), tiles.size() * sizeof tiles[0]);
 }
 
-/* What stands in the file from the transform on. */
+/* Reads the file from the transform on. */
 template <typename Grid>
 typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int fd,
                              size_t limit)
@@ -538,7 +538,7 @@ typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::Grid
         grid->readTopology(file.stream());
         check_topology(grid->tree(), limit);
         grid->readBuffers(file.stream());
-    } else { /* the tree is shared with another grid, which stands elsewhere in the file */
+    } else { /* the tree is shared with another grid, which is elsewhere in the file */
         reader again(fd);
         descriptor owner;
         vdb::GridBase::Ptr parent = find(again, index, &d.parent, &owner);
@@ -606,7 +606,7 @@ template <typename Grid> int64_t read_whole(const vdb_voxels *v, const int32_t a
         vdb::Coord(at[0], at[1], at[2])));
 }
 
-/* A grid to be visited: where it stands, and who visits it. */
+/* A grid to be visited: its place in the file, and its visitor. */
 struct visit {
     reader &file;
     size_t index;
@@ -652,8 +652,8 @@ bool is_numeric(const std::string &type)
 } // namespace
 
 /* OpenVDB 10.0 reads values that are as they are in whatever length the file gives, over the end of their node's, and
- * looks afterwards; it also allocates what the length of packed ones says. So these two stand before the library's own:
- * whoever calls them, in the library too, finds these first, and they go on to those. */
+ * looks afterwards; it also allocates what the length of packed ones says. So these two functions replace the library's
+ * own: callers, also those in the library, are linked to these, which then call the library's. */
 typedef void unpacker(std::istream &, char *, size_t);
 
 static unpacker *find_library(unpacker *ours)
