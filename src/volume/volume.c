@@ -20,7 +20,7 @@
 #include "volume/grid_selection.h"
 #include "volume/slope.h"
 #include "volume/volume_field.h"
-#include "voxels/continuation.h"
+#include "voxels/band_extension.h"
 #include "voxels/crossings.h"
 #include "voxels/grid_view.h"
 #include "voxels/prefilter.h"
@@ -363,7 +363,7 @@ static bool read_samples(loading *l, volume *v, error *e)
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !continuation_fill(&l->samples, l->pool, e)))
+    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !band_extension_fill(&l->samples, l->pool, e)))
         return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }

@@ -14,7 +14,7 @@ _Static_assert(LANES == GRID_VIEW_SIDE, "a row of a block is what one instructio
 /* From a voxel to the next along each axis. */
 static const int block_stride[3] = {64, 8, 1};
 
-/* Asks for the voxels of a block that comes next: blocks lie here and there, which a processor cannot foretell. */
+/* Prefetches the voxels of the next block: blocks are scattered in memory, which a hardware prefetcher cannot predict. */
 ISA_INLINE void block_fetch(const float *f)
 {
 #pragma GCC unroll 8

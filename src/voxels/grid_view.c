@@ -15,7 +15,7 @@ static const char leaves[] = "the leaves of the grid";
 
 enum { LEAVES = 256 }; /* in a chunk of work */
 
-/* A value that the isovalue means, as far as floats tell, is on it. */
+/* A value that equals the isovalue in single precision is on the surface. */
 static float to_f(const grid_view *l, float value)
 {
     if (value == (float)l->isovalue) return 0;
@@ -170,7 +170,7 @@ static bool look_through(grid_view *l, size_t memory_limit, threads *pool, error
 }
 
 /* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
- * clamped on that side (the whole inside may be filled), and then only activity tells. */
+ * clamped on that side (the whole inside may be filled), and then only the active state shows which voxels are known. */
 static void set_clamp(grid_view *l)
 {
     float b = fabsf(l->grid->background);

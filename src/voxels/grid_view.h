@@ -2,7 +2,7 @@
  *
  * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The
  * value of a level set's voxel is known if the voxel is active and not clamped to +-background; other voxels
- * only tell the side. Every voxel of a fog volume is known: outside the leaves it has the value of its tile or the
+ * only determine the side. Every voxel of a fog volume is known: outside the leaves it has the value of its tile or the
  * background. In a dense volume exactly the active voxels of the leaves are known. Voxel
  * (x, y, z) of a block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F
  * in the grid's own unit.
@@ -58,7 +58,7 @@ typedef struct grid_view_block {
 /* The pool, which may be NULL, does not show. Errors: limit_memory, input_damaged, cancelled. */
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e);
-/* A table may take one part in so many of the limit: when it doubles, old and new are there side by side. */
+/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same time. */
 enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 

@@ -158,7 +158,7 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
                 memset(counts, 0xff, SIDE * sizeof *counts);
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
-        if (job->axis == 1) /* each with strides that the compiler knows */
+        if (job->axis == 1) /* each with strides that are constants for the compiler */
             solve(r, second_axis);
         else
             solve(r, first_axis);

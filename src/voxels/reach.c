@@ -20,7 +20,7 @@ typedef struct neighbour {
     uint64_t near[SIDE];
 } neighbour;
 
-/* How far the corners of a cell lie from a block that is so many blocks away along an axis. */
+/* Distance, in voxels, from the corners of a cell to the block that is `step` blocks away along an axis. */
 static int gap(int cell, int step)
 {
     return step > 0 ? SIDE * step - cell - 1 : step < 0 ? cell - (SIDE * step + SIDE - 1) : 0;

@@ -1,7 +1,8 @@
 /* reach: the blocks within a distance of the cells that the surface crosses.
  *
  * Distances are whole voxels from the corners of a crossed cell: the greatest along an axis, the straight one, or the sum
- * along the axes. A block is within reach when one of its voxels is, by any of the three; blocks of crossed cells always are.
+ * along the axes. A block is added if the distance of one of its voxels is within any of the
+ * three limits; blocks of crossed cells always are.
  */
 #ifndef HEXAD_VOXELS_REACH_H
 #define HEXAD_VOXELS_REACH_H

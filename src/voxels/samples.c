@@ -183,7 +183,8 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
 
 /* ---- taking cubes out */
 
-/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an axis, to the one before. */
+/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an axis, to the
+ * one before. */
 typedef struct nearest {
     int within, away, back;
 } nearest;
@@ -194,8 +195,8 @@ ISA_INLINE nearest nearest_to(int at, int stride)
     return (nearest){within, abs(at - within), at < 0 ? stride : at < SIDE ? 0 : -stride};
 }
 
-/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and on as it changes from
- * the one before, unless that leads to the other side of the surface. */
+/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and on as it
+ * changes from the one before, unless that leads to the other side of the surface. */
 ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float *to)
 {
     const nearest a = nearest_to(x, block_stride[0]), b = nearest_to(y, block_stride[1]);
@@ -211,7 +212,7 @@ ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float 
     }
 }
 
-/* The part from `low` on, of so many voxels along an axis, that lies in the block `at`: whence and how many. */
+/* The part of a range of voxels along an axis that lies in one block: its first voxel and its length. */
 typedef struct extent {
     int from, count;
 } extent;
@@ -263,7 +264,7 @@ ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int 
     }
 }
 
-/* Those that most are, of a block and what is beside it, have code of their own, which knows how long rows are. */
+/* Windows of the usual size, a block and its border, have separate code, in which the length of rows is constant. */
 ISA_CLONES void samples_window(const samples *s, const int32_t block[3], const int low[3], int side,
                                float *out)
 {

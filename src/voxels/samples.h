@@ -1,9 +1,9 @@
 /* samples: F at the voxels around the surface, block by block.
  *
- * They are read here; prefilter.h makes them coefficients of the interpolating spline, and continuation.h goes on beyond a narrow
+ * They are read here; prefilter.h makes them coefficients of the interpolating spline, and band_extension.h extrapolates a narrow
  * band. Blocks are those of grid_view.h.
  * Offsets, bits: see there. Threads: those of a pool; what comes out does not depend on
- * their number. Where the pool was told to stop it is not complete.
+ * their number. If the pool is stopped, the result is not complete.
  */
 #ifndef HEXAD_VOXELS_SAMPLES_H
 #define HEXAD_VOXELS_SAMPLES_H
@@ -23,7 +23,7 @@ typedef struct samples_store {
     float *f;
     size_t parts;     /* of SAMPLES_RELEASED blocks each, or less at the end */
     int32_t *highest; /* of each part, that its blocks have along the first axis */
-    size_t released;  /* the first so many parts' memory is given back */
+    size_t released;  /* the number of parts, from the first, whose memory is freed */
 } samples_store;
 
 typedef struct samples {
@@ -33,7 +33,7 @@ typedef struct samples {
     uint32_t *near;           /* 6 numbers a block: below and above along x, y, z */
     size_t spare;             /* see samples_leaves */
     samples_store leaves,
-        others; /* who holds f: blocks that were leaves of the grid, and those that were not */
+        others; /* storage of f: blocks that were leaves of the grid, and those that were not */
 } samples;
 
 /* Blocks whose memory is given back at once: two megabytes. */
@@ -42,8 +42,8 @@ enum { SAMPLES_RELEASED = 1024 };
 /* Bytes that samples of `count` blocks take, and once they are settled. */
 size_t samples_bytes(size_t count, bool settled);
 
-/* Bytes of voxels in leaves of a grid that are taken over: those of use to blocks of a map, and those that stay beside them. Both 0
- * where too few are of use. */
+/* Bytes of voxels in leaves of a grid that are taken over: those of use to blocks of a map, and those that stay beside
+ * them. Both 0 where too few are of use. */
 typedef struct samples_leaves {
     size_t used, spare;
 } samples_leaves;
@@ -62,7 +62,7 @@ void samples_settle(samples *s);
  * within it and its neighbours. Voxels of missing neighbours go on from the block's nearest. */
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
-/* Asks for the block's voxels, which a window is to be taken of soon. */
+/* Prefetches the block's voxels, before a window that contains them is read. */
 void samples_fetch(const samples *s, const int32_t block[3]);
 
 /* Gives back the memory of voxels in blocks below `x` along the first axis, where it comes before all others that are to

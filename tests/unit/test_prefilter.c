@@ -11,7 +11,7 @@
 
 #include "samples_fixture.h"
 #include "shapes.h"
-#include "voxels/continuation.h"
+#include "voxels/band_extension.h"
 #include "voxels/prefilter.h"
 
 enum {
@@ -206,7 +206,7 @@ static void threads_continue_alike(void **state)
         threads *pool = threads_new(workers[w], NULL, &e);
         assert_non_null(pool);
         s[w] = make_samples(&before, true);
-        assert_true(continuation_fill(&s[w], pool, &e));
+        assert_true(band_extension_fill(&s[w], pool, &e));
         threads_free(pool);
     }
     for (size_t n = 0; n < s[0].map.count; n++)
@@ -254,7 +254,7 @@ static void a_plane_goes_on(void **state)
             before.f[k] = before.known[k] ? (float)f : f < 0 ? -BAND : BAND;
         }
         samples s = make_samples(&before, false);
-        assert_true(continuation_fill(&s, NULL, &e));
+        assert_true(band_extension_fill(&s, NULL, &e));
         copy(&s, &before, true);
         samples_free(&s);
         for (int k = 0; k < VOXELS; k++) {

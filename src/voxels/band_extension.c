@@ -1,4 +1,4 @@
-#include "voxels/continuation.h"
+#include "voxels/band_extension.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -14,9 +14,9 @@
 enum { BLOCKS = 64 }; /* in a chunk of work */
 /* Of voxels; beyond, straight lines are enough. */
 enum { LAYERS = 2 };
-/* Nobody looks farther beyond blocks that have a known voxel than so many blocks. */
+/* Number of blocks by which the band is extended beyond blocks that have a known voxel: no caller reads farther. */
 enum { ROUNDS = 2 };
-/* Where lines lead a value may be so many times what it was; see bounded. */
+/* Maximum factor by which extrapolation may increase a value; see bounded. */
 enum { LINE_MOST = 3 * SIDE };
 
 /* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. Of a block
@@ -56,7 +56,7 @@ ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int sid
 }
 
 /* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1] which have
- * one that many steps away; k: below and above along each axis. */
+ * one `step` steps away; k: below and above along each axis. */
 ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
 {
     const uint64_t here = s->layers[x + 3];
@@ -139,7 +139,7 @@ ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
                    side);
 }
 
-/* Of the rows of a layer what all lines say, summed, and how many these are. */
+/* For each row of a layer the sum of the extrapolated values of all lines, and the number of lines. */
 typedef struct gathered {
     lanes sum[SIDE], count[SIDE];
 } gathered;
@@ -225,8 +225,8 @@ static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
     return left;
 }
 
-/* Eight lines side by side: their voxels number i, and byte i of `known` tells of these. A line that ends with two known voxels
- * goes straight on, up (or down) to the end of the block. Returns which are known then. */
+/* Eight lines side by side: their voxels number i, and byte i of `known` has their known bits. A line that ends with two
+ * known voxels goes straight on, up (or down) to the end of the block. Returns which are known then. */
 ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
 {
     const int by = up ? 1 : -1;
@@ -272,8 +272,8 @@ ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
     }
 }
 
-/* The axes, that along which values change most first: lines across the surface know what comes, lines along it do not. Of each
- * layer one pair of known voxels is asked. */
+/* The axes, that along which values change most first: extrapolation across the surface is more accurate than along it. One pair
+ * of known voxels of each layer is compared. */
 static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
 {
     static const uint64_t below_last = 0x7f7f7f7f7f7f7f7fu;
@@ -312,8 +312,9 @@ ISA_INLINE void go_straight_within(extension *job, size_t n)
     set_whole(job, n, is_whole(known));
 }
 
-/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole rows are read and written,
- * those of neighbours while these write theirs: of what is known the same bits again, and nothing else of them counts. */
+/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole rows are
+ * read and written, those of neighbours while these write theirs: of what is known the same bits again, and nothing else
+ * of them counts. */
 ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
@@ -344,7 +345,8 @@ typedef struct crossing_lines {
     int axis, side;
 } crossing_lines;
 
-/* How much values grow where the lines cross, which is the more the straighter they lead away from the surface. Four are asked. */
+/* How much values grow where the lines cross, which is larger the straighter they lead away from the surface. Four lines
+ * are evaluated. */
 static double growth(const crossing_lines *l)
 {
     const int along = block_stride[l->axis], end = l->side ? 0 : (SIDE - 1) * along,
@@ -429,7 +431,7 @@ static size_t extend(samples *s, extension *job, uint32_t *open, threads *pool)
     return count;
 }
 
-bool continuation_fill(samples *s, threads *pool, error *e)
+bool band_extension_fill(samples *s, threads *pool, error *e)
 {
     const char *what = "the voxels around the surface";
     const size_t count = s->map.count;
