@@ -12,7 +12,8 @@
 typedef struct reader {
     const char *magic;
     size_t magic_length;
-    const char *endings; /* each between blanks, where the first bytes do not tell; NULL: all other files */
+    const char *
+        endings; /* each between blanks, if the first bytes do not determine the format; NULL: all other files */
     bool (*find)(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
     bool (*read)(const attribute_request *request, size_t count, const vec3 *position, double *values,
                  attribute_counts *counts, error *e);

@@ -1,6 +1,6 @@
 /* attribute: values that points take over from files: at each point, what a grid, a dense volume or a mesh has there.
  *
- * Two steps: attribute_find looks whether a file has what is asked for, before anything is computed; attribute_read
+ * Two steps: attribute_find checks whether a file has the requested attribute, before anything is computed; attribute_read
  * fills in the values once the points are known. World space; a file lies in a space of its own where the surface
  * is moved by transforms. Threads: one request at a time.
  */
@@ -16,7 +16,7 @@
  * Begins empty; attribute_forget empties it. */
 typedef struct attribute_mesh attribute_mesh;
 
-/* What is asked for, of which file. Texts are the caller's. */
+/* The requested attribute, and its file. Texts are the caller's. */
 typedef struct attribute_request {
     int fd;           /* open for reading, at any offset; stays the caller's; -1 of a stack */
     const char *path; /* for messages and, of meshes, for the format */
@@ -34,7 +34,7 @@ typedef struct attribute_request {
 /* Where there is nothing: the background of a grid, the last sample of a dense volume. */
 typedef struct attribute_counts {
     size_t outside;          /* points where there is nothing */
-    size_t not_finite;       /* points whose value is not finite, for which 0 stands */
+    size_t not_finite;       /* points whose value is not finite and replaced by 0 */
     dense_warnings warnings; /* of a dense volume */
 } attribute_counts;
 

@@ -48,7 +48,7 @@ void corners_forget(attribute_mesh **last)
     free(kept);
 }
 
-/* The mesh, which is read unless it was the last, and which of its arrays is asked for. */
+/* The mesh, which is read unless it was the last one, and the index of its requested array. */
 static bool find_mesh(const attribute_request *request, attribute_mesh **out, size_t *which, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};

@@ -27,7 +27,7 @@ static bool missing(const attribute_request *request, int components, error *e)
                      request->name, components > 1 ? "components" : "volumes", components);
 }
 
-/* The slices, and which component of them is asked for; -1: all. */
+/* The slices, and the index of their requested component; -1: all. */
 static slices *open_slices(const attribute_request *request, int *component, error *e)
 {
     int64_t number;

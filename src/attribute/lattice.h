@@ -12,7 +12,7 @@ typedef struct lattice {
     double to_index[3][4];  /* of the world */
     double from_file[3][4]; /* as in the request; vectors and normals go with it */
     point_attribute_kind kind;
-    /* A sample; whether there is one, and not only what stands in for it. */
+    /* Reads a sample; false if the lattice has only a default there. */
     bool (*read)(const void *context, const int32_t at[3], double value[4]);
     const void *context;
 } lattice;

@@ -27,7 +27,7 @@ typedef struct numbers {
     size_t count;
 } numbers;
 
-/* Who may use the Unix socket. */
+/* The users and groups that may use the Unix socket. */
 typedef struct peers {
     numbers users, groups, admins;
 } peers;

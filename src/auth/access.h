@@ -85,7 +85,7 @@ typedef struct access_peer {
     char user[ACCESS_USER_SIZE]; /* "" for an unknown one */
 } access_peer;
 
-/* Asks the kernel about a connected socket. */
+/* Gets the user and groups of the peer of a connected socket from the kernel. */
 void access_look(access_control *a, int fd, access_peer *peer);
 
 typedef struct access_caller {
@@ -101,7 +101,7 @@ typedef struct access_caller {
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
                      const char *session, access_caller *caller);
 
-/* Another number after each change of the token file: who was identified by a token of a former one may be unknown now. */
+/* Another number after each change of the token file: a caller that a token of an earlier one identified may be unknown now. */
 uint64_t access_generation(access_control *a);
 
 /* Begins a session of the token: false when the token is unknown or there are no sessions. */

@@ -2,8 +2,8 @@
  *
  * A session is a text "ID.ENDS.MAC": the id of a token, the second of its end, and an HMAC-SHA256 over both and the hash
  * of the token, under a key of the service. Nothing is stored for it. It ends when its time has passed, when its token
- * is revoked, and when the key is removed. The key lies in a file of its own, so who reads the hashes of the tokens
- * alone can make no session. Constant data after session_key_open; any thread.
+ * is revoked, and when the key is removed. The key is in a file of its own, so the hashes of the tokens alone do not
+ * suffice to make a session. Constant data after session_key_open; any thread.
  */
 #ifndef HEXAD_AUTH_SESSION_H
 #define HEXAD_AUTH_SESSION_H

@@ -1,13 +1,13 @@
 /* token: bearer tokens; a file keeps their hashes.
  *
- * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. So much randomness cannot be guessed, which is
- * why a plain SHA-256 is enough to store it. The file has a line for each token,
+ * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. 256 random bits cannot be guessed, so a plain
+ * SHA-256 is enough to store it. The file has a line for each token,
  *
  *     ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]
  *
  * where ID is the beginning of the hash, by which people name the token; `#` begins a comment. A line without
- * MAX_PRIORITY allows any. The file belongs to the user that runs the service, or to root. Nobody else may
- * read or write it, except that the service's group may read a file of root; other files are refused
+ * MAX_PRIORITY allows any. The file belongs to the user that runs the service, or to root. Other users may
+ * not read or write it, except that the service's group may read a file of root; other files are refused
  * (store_file_check_private). A set is immutable and may be read by any thread.
  */
 #ifndef HEXAD_AUTH_TOKEN_H

@@ -50,7 +50,7 @@ static int collect(client *c, const command_options *options, ids *list)
     return code;
 }
 
-/* Cancels a job of the list. *cancelled is raised unless it has ended meanwhile or belongs to somebody else. */
+/* Cancels a job of the list. *cancelled is raised unless it has ended meanwhile or belongs to another user. */
 static int cancel_one(client *c, const char *id, size_t *cancelled)
 {
     error e = {0};

@@ -17,7 +17,7 @@
 /* The socket of the service that systemd runs, whose settings file `hexad --allow` finds. */
 #define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
 #define CONNECT_TIMEOUT_S 5L
-/* A reply that stands still for that long is given up. */
+/* Seconds without data after which a reply is abandoned. */
 #define STALL_TIMEOUT_S 60L
 /* The largest document is a job with its spec, or a page of a listing. */
 #define REPLY_LIMIT_BYTES (64u << 20)

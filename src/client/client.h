@@ -48,14 +48,14 @@ char *client_escape(client *c, const char *text);
 bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, client_reply *reply, error *e);
 
 /* Writes the body of a reply of status 200 to a stream; of another status *reply has the document, to be cleared by the
- * caller. After a failure ferror(stream) tells whether writing failed. */
+ * caller. After a failure ferror(stream) is true if writing failed. */
 bool client_download(client *c, const char *path, FILE *stream, client_reply *reply, error *e);
 
-/* Tells the server that the file with this hash, as `path` gives it, is here: a conditional request, to be answered with
- * 304. So the server learns that its owner has the file. */
+/* Confirms that the file with this hash, as `path` gives it, is stored here: a conditional request, which is answered
+ * with 304. It counts as a download by its owner. */
 bool client_confirm(client *c, const char *path, const char *sha256, client_reply *reply, error *e);
 
-/* Puts `bytes` bytes of a stream, and takes the reply as client_call does. After a failure ferror(stream) tells whether
+/* Puts `bytes` bytes of a stream, and takes the reply as client_call does. After a failure ferror(stream) is true if
  * reading failed. */
 bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e);
 

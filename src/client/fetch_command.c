@@ -67,7 +67,7 @@ done:
     return code;
 }
 
-/* The server keeps results that nobody has fetched longer than others, so it is told of a file that is here. */
+/* The server keeps undelivered results longer, so a file that is here already is confirmed. */
 static int confirm(client *c, const char *href, const char *sha256, error *e)
 {
     client_reply reply = {0};
@@ -145,8 +145,9 @@ typedef struct fetching {
     const command_options *options;
     int *wanted; /* NULL: all */
     size_t wanted_count;
-    int all, fetched, unended, lost; /* frames: wanted; with their files here; not ended; without results */
-    int seen;                        /* of the wanted ones, in the job */
+    int all, fetched, unended,
+        lost; /* frames: requested; with their files here; not ended; without results */
+    int seen; /* of the requested ones, in the job */
     progress_bar bar;
     json *frames; /* for --json */
 } fetching;

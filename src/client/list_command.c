@@ -161,7 +161,7 @@ static int show_failures(client *c, const char *id, double left)
     return code;
 }
 
-/* The first of the jobs that depend on this one, as a page to be freed; NULL where an older service cannot tell. */
+/* The first of the jobs that depend on this one, as a page to be freed; NULL if the service is older and cannot list them. */
 static json *list_dependents(client *c, const char *id)
 {
     error e = {0};

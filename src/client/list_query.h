@@ -1,4 +1,4 @@
-/* list_query: the path and query by which a list of jobs is asked for. No state. */
+/* list_query: the path and query that request a list of jobs. No state. */
 #ifndef HEXAD_CLIENT_LIST_QUERY_H
 #define HEXAD_CLIENT_LIST_QUERY_H
 

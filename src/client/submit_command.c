@@ -116,7 +116,7 @@ static bool has_usable_key(const command_options *options)
     return usable;
 }
 
-/* Asks what is wrong with the job's inputs, before it waits in the queue; an answer that takes longer is not waited for. */
+/* Requests a check of the job's inputs, before the job waits in the queue. The wait for the answer is bounded. */
 static void look_for_faults(client *c, const char *body, size_t length, client_reply *found)
 {
     error e = {0};

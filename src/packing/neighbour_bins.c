@@ -58,7 +58,7 @@ static place parent_of(const place *p)
     return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
 }
 
-/* The block that was asked for last: more often than not it is the next one too. */
+/* The block of the last lookup: usually the next lookup is of the same block. */
 typedef struct visit {
     uint64_t key;
     uint32_t block;
@@ -108,10 +108,10 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
                     (int64_t)(p->z * scale) >> level}};
 }
 
-/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of each point
- * its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, `list` holds where it is, as a uint64_t at
- * b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell, its bin, then where in bin_item the chunk's
- * points of that bin go; 0 stands behind the last in bin_item. */
+/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of
+ * each point its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, `list` holds
+ * where it is, as a uint64_t at b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell,
+ * its bin, then where in bin_item the chunk's points of that bin go; bin_item ends with a 0. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
@@ -158,8 +158,8 @@ static bool split_level(neighbours *n, int level, visit *last)
     return true;
 }
 
-/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the points; then come those
- * that have only bins below them. False when there are more than there is room for. */
+/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the points; then
+ * come those that have only bins below them. False when there are more than there is room for. */
 static bool number_bins(neighbours *n)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);
@@ -208,7 +208,7 @@ static void sort_blocks(neighbours *n)
     for (size_t b = 0; b < n->blocks; b++) n->block_first[b] = n->block_begin[n->block_first[b]];
 }
 
-/* Tells the bins of blocks their cells; most cells have none. */
+/* Stores the cells of the bins of blocks; most cells have none. */
 static void cell_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const neighbours *n = context;

@@ -16,7 +16,8 @@
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
 static const size_t FIRST_ENTRIES = 20;
-/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a point to the next level. */
+/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a point to
+ * the next level. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
 enum { CHUNK = 4096 }; /* of points */
@@ -84,7 +85,7 @@ typedef struct list_search {
     struct {
         uint64_t key;
         block_cells cells;
-    } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
+    } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks of the last lookups */
     place at;                  /* of the bin at hand */
     candidates near;           /* points that may be neighbours of its points */
     candidates
@@ -306,8 +307,8 @@ static void search_level(list_search *s)
             }
 }
 
-/* The points of a block and of the bins next to it, where all bins are of one level: each is looked for once, and those of bins that
- * follow each other stand together. */
+/* The points of a block and of the bins next to it, where all bins are of one level: each bin is looked up once, and points of
+ * successive bins are contiguous. */
 static void gather_block(list_search *s)
 {
     const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1; /* from the lowest of the blocks around */
@@ -435,7 +436,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
 }
 
-/* Room for so many entries; what the lists hold is lost. */
+/* Allocates lists for `entries` entries; their previous content is discarded. */
 static bool reserve_lists(neighbours *n, size_t entries, error *e)
 {
     double bytes = (double)entries * sizeof *n->list;

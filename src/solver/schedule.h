@@ -1,8 +1,10 @@
-/* schedule: the numbers by which a solve proceeds. A schedule is a constant table: over-relaxation, step limits, convergence criteria, sweeps by
- * particle count, and when neighbour lists are rebuilt. The functions evaluate a table at a position in the solve. Pure functions, any thread.
+/* schedule: the numbers by which a solve proceeds. A schedule is a constant table: over-relaxation, step limits,
+ * convergence criteria, sweeps by particle count, and when neighbour lists are rebuilt. The functions evaluate a table
+ * at a position in the solve. Pure functions, any thread.
  *
- * A solve has levels, from the coarsest packing to the finest. The coarsest level has SCHEDULE_STAGES stages, each with a smaller gain. A finer level
- * has the last stage only. A round is the sequence of sweeps until convergence. h is the spacing of the level. */
+ * A solve has levels, from the coarsest packing to the finest. The coarsest level has SCHEDULE_STAGES stages, each with
+ * a smaller gain. A finer level has the last stage only. A round is the sequence of sweeps until convergence. h is the
+ * spacing of the level. */
 #ifndef HEXAD_SOLVER_SCHEDULE_H
 #define HEXAD_SOLVER_SCHEDULE_H
 
@@ -12,9 +14,9 @@
 enum { SCHEDULE_STAGES = 3 };
 
 typedef struct schedule {
-    /* Gain: the smallest decrease of a particle's energy, as a fraction of it, for which the particle moves in the last stage. Each earlier
-     * stage has a hundred times the gain of the next one: it only evens out the density, so that sigma is adapted before work is done
-     * under a wrong one. */
+    /* Gain: the smallest decrease of a particle's energy, as a fraction of it, for which the particle moves in the last
+     * stage. Each earlier stage has a hundred times the gain of the next one: it only equalises the density, so that
+     * sigma is adapted before work is done under a wrong one. */
     double gain;
     /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After
      * `patience` sweeps of a round (a quarter of it in earlier stages), and not before the least sweeps of its level, the gain is
@@ -34,29 +36,34 @@ typedef struct schedule {
 
     /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
     double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
-    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles is
-     * compared with defects_least ([0] of level sets, [1] of surfaces with patches) and defects_most. Between them the level takes
-     * defects_sweeps times as many sweeps ([1] on the last level, [0] on others), once. Above defects_most the surface is not resolved, and more sweeps do not help. */
+    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count
+     * particles is compared with defects_least ([0] of level sets, [1] of surfaces with patches) and defects_most.
+     * Between them the level takes defects_sweeps times as many sweeps ([1] on the last level, [0] on others), once.
+     * Above defects_most the surface is not resolved, and more sweeps do not help. */
     double defects_count, defects_sweeps[2], defects_least[2], defects_most;
 
-    /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10 lambda above it.
-     * stage_step: a stage of a coarsest level that is judged by steps, a third of it in each later stage, and a level that is refined again.
-     * finest_rest times the job's tolerance ends the last level: over-relaxed steps are longer than what is left. */
+    /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10
+     * lambda above it. stage_step: a stage of a coarsest level that is judged by steps, a third of it in each later
+     * stage, and a level that is refined again. finest_rest times the job's tolerance ends the last level: over-relaxed
+     * steps are longer than what is left. */
     double rest_lambda, stage_step, finest_rest;
-    /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms, relative). A round may lose it
-     * at most resizes_most times. */
+    /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms,
+     * relative). A round may lose it at most resizes_most times. */
     double size_settled;
     int resizes_most;
 
-    /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles (limited_share_coarse on levels before
-     * the last), or if it limits any step and the lists are at least limited_wait sweeps old. */
+    /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles
+     * (limited_share_coarse on levels before the last), or if it limits any step and the lists are at least limited_wait
+     * sweeps old. */
     double limited_share, limited_share_coarse;
     int limited_wait;
-    /* Verlet skin over h: the reach of the lists beyond the support. It is skin_steps times the rms step, clamped to skin_narrow .. skin_wide. */
+    /* Verlet skin over h: the reach of the lists beyond the support. It is skin_steps times the rms step, clamped to
+     * skin_narrow .. skin_wide. */
     double skin_wide, skin_narrow, skin_steps;
 
-    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals, before its first sweep
-     * or after its first stage. 0.5 or 0.7: hex_fraction of fog volumes at 5 000 points is up to 0.02 lower. */
+    /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals, before
+     * its first sweep or after its first stage. 0.5 or 0.7: hex_fraction of fog volumes at 5 000 points is up to 0.02
+     * lower. */
     double divergent_share;
 } schedule;
 
@@ -108,7 +115,8 @@ bool schedule_has_many_defects(const schedule *s, const schedule_position *at, d
 /* The over-relaxation factor. */
 double schedule_omega(const schedule *s, const schedule_position *at);
 
-/* Whether steps are unlimited: the least sweeps of a paced level, or the first shake_sweeps of an earlier stage. Energies may rise then. */
+/* Whether steps are unlimited: the least sweeps of a paced level, or the first shake_sweeps of an earlier stage.
+ * Energies may rise then. */
 bool schedule_is_shaken(const schedule *s, const schedule_position *at);
 
 /* The maximum length of a fast step over h; may be INFINITY. */
@@ -137,7 +145,8 @@ bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t
 /* The Verlet skin of the next lists, over h. That of the first lists of a level is skin_wide. */
 double schedule_skin(const schedule *s, double rms_step);
 
-/* Estimates the total number of sweeps of the level, at least 1, after `spent` sweeps. `seen`: results of the last sweep; NULL: the level has not begun. */
+/* Estimates the total number of sweeps of the level, at least 1, after `spent` sweeps. `seen`: results of the last
+ * sweep; NULL: the level has not begun. */
 double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
                                 const schedule_evidence *seen);
 
