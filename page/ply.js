@@ -22,7 +22,7 @@ function parseHeader(bytes) {
       words[1] === "list" ? {name: words[4], list: words[2], type: words[3]} : {name: words[2], type: words[1]});
   }
   if (format !== "binary_little_endian")
-    throw new Error(`The file is ${format || "no PLY file"}: this view reads binary_little_endian.`);
+    throw new Error(`The file is ${format || "not a PLY file"}: this view reads binary_little_endian.`);
   return {bytes: end + "end_header\n".length, elements, comments};
 }
 

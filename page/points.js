@@ -386,7 +386,7 @@ function Film({frames, frame, shown, onChange}) {
 
 export function Points({ids: [id], search}) {
   const [job, setJob] = useState(null);
-  const [frames, setFrames] = useState(null); // those that have succeeded; empty: the job is no array
+  const [frames, setFrames] = useState(null); // those that have succeeded; empty: the job is not an array
   const [frame, setFrame] = useState(search.has("frame") ? Number(search.get("frame")) : null);
   const [shown, setShown] = useState(null);
   const [error, setError] = useState(null);

@@ -86,7 +86,7 @@ function shade([half, value]) {
   return picture;
 }
 
-/** Nothing for a surface that is no formula, or whose numbers are missing. */
+/** Nothing for a surface that is not a formula, or whose numbers are missing. */
 export function Sketch({formula}) {
   const place = useRef(null);
   const shape = formula && SHAPES[formula.shape] && Object.values(formula).flat().every(x => typeof x !== "number" || Number.isFinite(x))

@@ -78,7 +78,7 @@ function Estimate({validation, busy}) {
         <div><dt>Memory</dt><dd>${bytesOf(estimate.memory_bytes)}</dd></div><div><dt>Time, about</dt><dd>${durationOf(estimate.seconds)}</dd></div></dl>`}</div>`;
 }
 
-/** `fault` says why the text is no JSON; the spec is then that of the last text that was. */
+/** `fault` says why the text is not JSON; the spec is then that of the last text that was. */
 function Json({spec, fault, onChange, onFault}) {
   const [text, setText] = useState(JSON.stringify(spec, null, 2));
   const written = useRef(spec);

@@ -49,6 +49,9 @@ PHRASES = [
     (r"\b(?:at most|at least|more than|less than|fewer than) that\b(?! (?:of|which|long|number))", "the quantity", "Cells have at most that.",
      "Cells have at most `limit` corners."),
     (r"\ba hair\b", "the tolerance", "larger by a hair", "larger by rounding"),
+    # inversions
+    (r"(?<!there )\b(?:is|are|was|were) no (?!longer|more|less|later|farther|larger|smaller|nearer|matter|sockets|other|such|warning)[a-z]",
+     "is not a", "a value that is no number", "There is no such file; it is no longer here."),
     # private terms
     (r"\b(?:particles?|points?|who) (?:is|are) creased\b|\bcreased (?:particles?|points?)\b", "with divergent normals",
      "creased particles are skipped", "creased surfaces have edges"),

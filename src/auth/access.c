@@ -121,7 +121,7 @@ static bool is_same(const struct stat *a, const struct stat *b)
 }
 
 /* Reads the tokens if their file is another than last time. When it cannot be read at the moment (internal), they stay,
- * and it is read at the next look. When it is no token file, no token is valid. Held: the mutex. */
+ * and it is read at the next look. When it is not a token file, no token is valid. Held: the mutex. */
 static bool refresh(access_control *a, error *e)
 {
     struct stat now = {0};

@@ -63,7 +63,7 @@ bool access_check_name(const char *name, bool group, error *e);
 bool access_check_names(const access_names *users, const access_names *groups, const access_names *admins,
                         error *e);
 
-/* The name of the user or group with this number, to be freed; NULL: `number` is no number, or it has no name. */
+/* The name of the user or group with this number, to be freed; NULL: `number` is not a number, or it has no name. */
 char *access_find_name(const char *number, bool group);
 
 /* The item of `names` that is the same user or group as `name`, by number; NULL: none, or `name` does not exist. */

@@ -26,7 +26,7 @@ bool session_key_open(const char *path, session_key *key, error *e);
 
 void session_begin(const session_key *key, const token *of, int64_t ends_ms, char text[SESSION_SIZE]);
 
-/* The token of the session, and when it ends; NULL when the text is no session. The caller looks whether it is over. */
+/* The token of the session, and when it ends; NULL when the text is not a session. The caller looks whether it is over. */
 const token *session_find(const session_key *key, const token_set *set, const char *text, int64_t *ends_ms);
 
 #endif

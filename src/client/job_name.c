@@ -121,7 +121,7 @@ static int find(client *c, const char *user, const char *name, char **id)
     return code;
 }
 
-/* Answers a name that is no id, nor the beginning of one. */
+/* Answers a name that is not an id, nor the beginning of one. */
 static int refuse_word(const char *name)
 {
     char *lower = mem_strdup(name);
@@ -130,7 +130,7 @@ static int refuse_word(const char *name)
     nearest_name n = nearest_name_to(lower, strlen(lower));
     nearest_name_offer(&n, JOB_NAME_LATEST);
     print_failure(
-        "%s is no id of a job: give its 26 characters, the first %d characters or more, or " JOB_NAME_LATEST
+        "%s is not an id of a job: give its 26 characters, the first %d characters or more, or " JOB_NAME_LATEST
         "%s",
         name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
     size_t letters = strspn(lower, "0123456789abcdefghijklmnopqrstuvwxyz");

@@ -38,7 +38,7 @@ typedef struct head_target {
  * library would take memory for each parameter, and answers no more when it has none. */
 head_target head_look(const char *uri);
 
-/* Refuses a head that the library refuses by itself, before a handler is called: one with a Content-Length that is no number of
+/* Refuses a head that the library refuses by itself, before a handler is called: one with a Content-Length that is not a number of
  * bytes, and one whose cookies have no room beside it. The function checks the header fields that came; the caller has seen
  * that the library reports something. False when the head has not arrived, or has no such fault. True when *r says what is
  * wrong. */

@@ -5,7 +5,7 @@
  * http/connections limits the number of connections and the time of clients. A body over the limit is
  * answered with 413: before it is read when its length is announced, at its end when it is chunked; nothing
  * of it is kept. A request that a proxy may read otherwise is refused (http/head). The library itself refuses
- * what is no request at all, and headers over header_limit_bytes, with an answer in HTML; all other errors are
+ * what is not a request at all, and headers over header_limit_bytes, with an answer in HTML; all other errors are
  * problem documents.
  */
 #ifndef HEXAD_HTTP_SERVER_H

@@ -116,7 +116,7 @@ static bool suggest_isovalues(const contents_input *in, values *v, double voxels
     return ok;
 }
 
-/* Values that no label can have, or that do not fit into memory, are no labels. */
+/* Values that no label can have, or that do not fit into memory, are not labels. */
 bool dense_describe(const contents_input *in, slices *s, const char *kind, const json *file, json *o,
                     json *suggestions, error *e)
 {

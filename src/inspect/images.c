@@ -142,7 +142,7 @@ bool contents_read_exr(const contents_input *in, json *inspection, error *e)
         describe_line(strsep(&rest, "\n"), channels, &part, &channel);
         if (s.count < 2 || k >= MOST_CHANNELS) continue;
         if (!describe_channel(in, &s, part, channel, inspection,
-                              &fault)) /* one that is no volume hides no other */
+                              &fault)) /* one that is not a volume hides no other */
             json_put_string(json_append_object(json_find(inspection, "/stacks")), "error", fault.message);
         ok = fault.code != ERROR_CANCELLED && fault.code != ERROR_LIMIT_TIME;
         if (!ok && e) *e = fault;

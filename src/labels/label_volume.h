@@ -37,7 +37,7 @@ typedef struct label_volume {
     label_material *material; /* ascending values, the background last: normals point to the later one */
 } label_volume;
 
-/* `memory_limit` bounds what it holds. Errors: input_unsupported (values that are no whole numbers, or too many),
+/* `memory_limit` bounds what it holds. Errors: input_unsupported (values that are not whole numbers, or too many),
  * spec_invalid (a label that is chosen and not there), limit_memory, those of the slices; without the path. */
 bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_limit, label_volume *out,
                        error *e);

@@ -193,7 +193,7 @@ static double find_angle(const making *k, bool *is_scan)
     return feature_angle(k, &all);
 }
 
-/* ---- sharp edges that are no feature edges */
+/* ---- sharp edges that are not feature edges */
 
 /* An edge between patches. */
 typedef struct bent_edge {
@@ -304,7 +304,7 @@ static bool is_ignored(const making *k, feature_groups *g, uint32_t c, bool is_s
            (is_scan && (g->chain_edges[chain] < LEAST_EDGES || g->chain_length[chain] < shortest));
 }
 
-/* Sharp edges caused by noise or decimation, or within a small region, are no feature edges. */
+/* Sharp edges caused by noise or decimation, or within a small region, are not feature edges. */
 static bool discard_features(making *k, bool is_scan, mesh_notes *notes, error *e)
 {
     feature_groups g = {0};
@@ -323,7 +323,7 @@ static bool discard_features(making *k, bool is_scan, mesh_notes *notes, error *
     free_groups(&g);
     k->cut_count -= dropped;
     if (dropped > 0)
-        mesh_note(notes, "%zu sharp edges form short chains only; they are no feature edges", dropped);
+        mesh_note(notes, "%zu sharp edges form short chains only; they are not feature edges", dropped);
     return ok;
 }
 

@@ -1,6 +1,6 @@
 /* mesh_patches: divides any triangle mesh into smooth patches, which end in curves; curves end in corners.
  *
- * - A patch is a maximal set of triangles connected by edges of exactly two triangles that are no feature edges. Its triangles are oriented like the
+ * - A patch is a maximal set of triangles connected by edges of exactly two triangles that are not feature edges. Its triangles are oriented like the
  *   majority.
  * - A curve is a chain of edges of one triangle, of three or more, or of two whose dihedral angle exceeds the feature angle.
  * - A corner is a vertex where other than two such edges meet, where the incident patches change, or where a chain bends by more than the feature
@@ -23,7 +23,7 @@
 typedef struct mesh_patches_params {
     /* vertices nearer to an open edge are welded to it, over the longest side of the mesh's bounding box */
     double weld;
-    /* radians; 0: edges of two triangles are no features; or MESH_PATCHES_AUTOMATIC */
+    /* radians; 0: edges of two triangles are not features; or MESH_PATCHES_AUTOMATIC */
     double feature_angle;
     double spacing; /* of the points that will be placed, world units; 0: unknown */
     /* Per triangle; patches end between triangles of different kinds. NULL: one kind. A mesh with kinds is complete: nothing is welded, and
@@ -47,7 +47,7 @@ typedef struct mesh_patches {
     field_curve *curve; /* `on` is NULL: the polyline is the curve */
     vec3 *vertex;       /* of the curves */
     uint32_t *curve_patch;
-    double feature_angle; /* that was used, radians; 0: edges of two triangles are no features */
+    double feature_angle; /* that was used, radians; 0: edges of two triangles are not features */
     size_t open_edges, feature_edges, nonmanifold_edges;
     bool closed; /* an even number of triangles meets at every edge of the input mesh */
     size_t corner_count;

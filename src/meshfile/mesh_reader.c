@@ -136,7 +136,7 @@ static void write_triangles(walk *w, const uint32_t (*triangle)[3], size_t count
     }
 }
 
-/* Corners that are no vertices become UINT32_MAX, which mesh_file refuses. */
+/* Corners that are not vertices become UINT32_MAX, which mesh_file refuses. */
 static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *face)
 {
     bool exist = true;

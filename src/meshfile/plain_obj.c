@@ -26,7 +26,7 @@ static const char *skip_blanks(const char *at)
     return at;
 }
 
-/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that is no number, as "-1.#IND"
+/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that is not a number, as "-1.#IND"
  * of a colour, the line is passed over. */
 static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {

@@ -66,7 +66,7 @@ static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t 
     double length, number;
     if (!read_number(c, p->length, &length)) return false;
     if (!(length >= 0 && length <= UINT32_MAX && length == floor(length)))
-        return refuse_row(c, "has a list whose length is no number from 0 on");
+        return refuse_row(c, "has a list whose length is not a number from 0 on");
     *count = (size_t)length;
     for (size_t k = 0; k < *count; k++) {
         if (!read_number(c, p->type, &number)) return false;

@@ -62,7 +62,7 @@ static char *write_triangle(char *to, ply_layout as, const int64_t corner[3])
     return to;
 }
 
-/* Writes the triangles where `to` is not NULL. Returns how many; SIZE_MAX: the data end early, or are no numbers. */
+/* Writes the triangles where `to` is not NULL. Returns how many; SIZE_MAX: the data end early, or are not numbers. */
 static size_t expand(const ply_element *strips, cursor c, char *to)
 {
     size_t count = 0;

@@ -321,7 +321,7 @@ static void handle_signals(void)
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
-    signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+    signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is not a reason to stop */
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
 }
 

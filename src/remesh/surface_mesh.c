@@ -207,7 +207,7 @@ static vec3 facing_of(vec3 a, vec3 b, vec3 c)
     return vec3_norm2(across) > 0 ? vec3_unit(across) : (vec3){0, 0, 0};
 }
 
-/* Whether an edge leads from a to b already; of a vertex that is no disc, true. */
+/* Whether an edge leads from a to b already; of a vertex that is not a disc, true. */
 static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
 {
     size_t s = f->side_of[a];
@@ -380,7 +380,7 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->count += 2;
 }
 
-/* What a point has that is no corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
+/* What a point has that is not a corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
  * ends with the mesh, NO_CELL if it has no cell. A corner of a triangle has IN_TRIANGLE. */
 #define NO_CELL GEODESIC_CELLS_NONE
 #define IN_TRIANGLE (GEODESIC_CELLS_NONE - 1)

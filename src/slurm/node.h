@@ -26,7 +26,7 @@ typedef struct node_task {
 } node_task;
 
 /* False and an error when this node cannot run attempts: the storage is not there or cannot be written. That a worker
- * fails is no error. */
+ * fails is not an error. */
 bool node_run(const char *farm, const node_task *task, error *e);
 
 #endif

@@ -191,7 +191,7 @@ typedef struct spec_attribute { /* of points, from a file or from the surface's 
 } spec_attribute;
 
 typedef struct spec_camera {
-    vec3 position, target, up; /* up is no multiple of target - position, which is not zero */
+    vec3 position, target, up; /* up is not a multiple of target - position, which is not zero */
     double fov;                /* along the picture's longer side, radians; 0: see orthographic */
     double orthographic;       /* world units along it; 0: see fov. Both 0: the automatic camera's fov */
 } spec_camera;

@@ -22,7 +22,7 @@ static const char *below(const char *path, const char *root)
     return strncmp(path, root, length) == 0 && path[length] == '/' ? path + length : NULL;
 }
 
-/* The next part of a path, and moves on; false at the end, or *ok false when it is no name. */
+/* The next part of a path, and moves on; false at the end, or *ok false if the part is not a valid name. */
 static bool next_part(const char **at, char name[NAME_MAX + 1], bool *ok)
 {
     *at += strspn(*at, "/");

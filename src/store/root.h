@@ -48,7 +48,7 @@ int store_open_directory(const store_roots *roots, const char *path, error *e);
 /* Whether a directory or a regular file is at the path; then what is known of it. */
 bool store_find_input(const store_roots *roots, const char *path, struct stat *info);
 
-/* The path of a root as configured, NULL behind the last one. *directory: it is no single file. */
+/* The path of a root as configured, NULL behind the last one. *directory: it is not a single file. */
 const char *store_roots_name(const store_roots *roots, size_t index, bool *directory);
 
 /* The walk that follows no link, which kernels without openat2 get at once; here so that it is tested on every

@@ -20,7 +20,7 @@ enum {
     CONTACTS_NEEDED   /* it cancels, but its removal would leave a hole */
 };
 
-/* `face`: the state of each triangle. Changes CONTACTS_CANCELS to CONTACTS_NEEDED where faces are no contact. Error: limit_memory. */
+/* `face`: the state of each triangle. Changes CONTACTS_CANCELS to CONTACTS_NEEDED where faces are not in contact. Error: limit_memory. */
 bool contacts_find_needed(const mesh *m, unsigned char *face, error *e);
 
 #endif

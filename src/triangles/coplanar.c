@@ -601,7 +601,7 @@ static size_t list_covers(const cutting *c, cover *list)
     return kept;
 }
 
-/* Finds which of these places cancel, and are no contact. */
+/* Finds which of these places cancel, and are not contacts. */
 static bool find_contacts(const cutting *c, place *places, size_t count, bool closed, error *e)
 {
     const size_t all = c->l.m->triangle_count;

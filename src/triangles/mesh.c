@@ -121,7 +121,7 @@ typedef struct joining {
     mesh *m;
     table table;
     uint32_t
-        *place; /* of each vertex: its first corner; then which vertex it becomes. FREE: it is no corner */
+        *place; /* of each vertex: its first corner; then which vertex it becomes. FREE: it is not a corner */
     atomic_bool found; /* some are equal */
 } joining;
 

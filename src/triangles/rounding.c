@@ -14,7 +14,7 @@ enum { CHUNK = 4096 };
 
 typedef struct looking {
     const mesh *m;
-    atomic_bool has_double; /* some coordinate is no float */
+    atomic_bool has_double; /* some coordinate is not a float */
 } looking;
 
 static double largest_coordinate(vec3 v)

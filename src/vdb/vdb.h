@@ -81,7 +81,7 @@ bool vdb_is_unit(const char *name);
 /* How a grid is loaded. */
 typedef struct vdb_loading {
     double
-        zero; /* subtracted from the values of a grid of doubles that is no level set, before these become floats */
+        zero; /* subtracted from the values of a grid of doubles that is not a level set, before these become floats */
     bool flood; /* inactive voxels of a level set get their side from the active ones around them */
 } vdb_loading;
 

@@ -72,7 +72,7 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
     """The order of bytes for struct (or `ascii`), and the elements."""
     form, elements = "", []
     if file.readline().strip() != b"ply":
-        raise Damaged("this is no PLY file")
+        raise Damaged("this is not a PLY file")
     for line in file:
         words = line.decode("ascii", "replace").split()
         if words[:1] == ["format"]:
@@ -129,7 +129,7 @@ def read_faces(file: BinaryIO, form: str, element: Element) -> Any:
     """The lists of an element that has one, of three numbers each."""
     _, code, length_code = element.properties[0]
     if len(element.properties) != 1 or length_code is None:
-        raise Damaged(f"the PLY file has {element.name}s that are no triangles")
+        raise Damaged(f"the PLY file has {element.name}s that are not triangles")
     if numpy and form != "ascii":
         kind = numpy.dtype([("n", form + length_code), ("corners", form + code, 3)])
         data = file.read(kind.itemsize * element.count)
@@ -137,7 +137,7 @@ def read_faces(file: BinaryIO, form: str, element: Element) -> Any:
             raise Damaged("the PLY file is cut off")
         table = numpy.frombuffer(data, kind)
         if (table["n"] != 3).any():
-            raise Damaged(f"the PLY file has {element.name}s that are no triangles")
+            raise Damaged(f"the PLY file has {element.name}s that are not triangles")
         return numpy.ascontiguousarray(table["corners"])
     faces = [read_list(file, form, length_code, code) for _ in range(element.count)]
     return numpy.array(faces, code) if numpy else faces

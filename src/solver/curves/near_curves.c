@@ -28,7 +28,7 @@ typedef struct new_copy {
     bool own;                      /* the original copy is one of the sample itself */
 } new_copy;
 
-/* Merge distance of a curve end that is no corner of the surface, in spacings. Within it another sample covers the end. */
+/* Merge distance of a curve end that is not a corner of the surface, in spacings. Within it another sample covers the end. */
 static const double LOOSE_END_DISTANCE = 0.65;
 
 typedef struct merging {
@@ -209,7 +209,7 @@ static void merge_corner(merging *m, uint32_t corner)
     }
 }
 
-/* Merges a curve end that is no corner of the surface into the nearest sample within LOOSE_END_DISTANCE spacings. */
+/* Merges a curve end that is not a corner of the surface into the nearest sample within LOOSE_END_DISTANCE spacings. */
 static void merge_loose_end(merging *m, uint32_t corner)
 {
     double least = LOOSE_END_DISTANCE * m->in->spacing[corner];

@@ -24,7 +24,7 @@ typedef struct near_curves_input {
     const size_t *first;   /* curve_count + 1: curve c has the samples first[c] .. first[c + 1] - 1 */
     const double *spacing; /* per sample */
     const double *half;    /* per copy before merging: its contribution to the border of its patch */
-    bool of_scan;          /* a corner at which at most two curves end is no corner of the surface */
+    bool of_scan;          /* a corner at which at most two curves end is not a corner of the surface */
 } near_curves_input;
 
 /* Changes *samples in place. Error: limit_memory. Deterministic. */

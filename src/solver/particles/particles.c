@@ -143,7 +143,7 @@ typedef struct arrangement {
     char *to;
 } arrangement;
 
-/* Gathers entries. Inlined with a constant size, so that memcpy is no call. */
+/* Gathers entries. Inlined with a constant size, so that memcpy is compiled inline. */
 static inline __attribute__((always_inline)) void gather(const arrangement *a, size_t begin, size_t end,
                                                          size_t size)
 {

@@ -144,7 +144,7 @@ static bool find_dense(const relocation_input *in, const near_points *near, thre
 typedef struct gap_job {
     const relocation_input *in;
     const near_points *near;
-    double reach;     /* a place with a point within this distance is no gap for any size; world units */
+    double reach;     /* a place with a point within this distance is not a gap for any size; world units */
     double *distance; /* per place: of its nearest point, in spacings of that point */
 } gap_job;
 

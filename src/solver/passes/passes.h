@@ -2,7 +2,7 @@
  * It sets *changed to true if particles must converge again, and never to false. Passes after convergence are called after every convergence: they
  * count their calls in solver_state and change nothing once their number is reached. A pass that relocates a particle resets its damping and hint
  * and calls solver_mark_displaced. Errors: limit_memory, cancelled. The folder also contains relax (sweeps) and refine (the particles of the next
- * level), which are no passes. */
+ * level), which are not passes. */
 #ifndef HEXAD_SOLVER_PASSES_PASSES_H
 #define HEXAD_SOLVER_PASSES_PASSES_H
 
@@ -31,7 +31,7 @@ bool solver_separate_patches(solver *s, bool *changed, error *e);
 /* Under-resolved surfaces: relocates over-dense particles to gaps in coverage (fill_gaps.c). */
 bool solver_spread_points(solver *s, bool *changed, error *e);
 
-/* ---- shared functions, which are no passes */
+/* ---- shared functions, which are not passes */
 
 /* Moves *x onto the zero set of f to rounding, no farther than `farthest`; `h` scales the tolerance. False, outputs untouched, if that
  * fails. */

@@ -251,7 +251,7 @@ typedef struct pairs_job {
     const particles *p;
     double reach;
     size_t every; /* stride of the sampled particles */
-    bool smooth;  /* particles with divergent neighbour normals are no defects */
+    bool smooth;  /* particles with divergent neighbour normals are not defects */
     atomic_size_t pairs, defects;
 } pairs_job;
 
