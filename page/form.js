@@ -11,7 +11,7 @@ function choicesOf(schema) {
   return [];
 }
 
-/** Of variants that differ by a constant, the name of that member. */
+/** The name of the constant member by which variants differ. */
 const discriminatorOf = schema => {
   const first = schema.oneOf && schema.oneOf[0].properties;
   return first && Object.keys(first).find(name => schema.oneOf.every(way => way.properties && way.properties[name] && "const" in way.properties[name]));

@@ -56,9 +56,10 @@ function join(a, b) {
 }
 
 /**
- * Loads the points of a file: `onStart(points)`, which may take time, when the header has come, `onMore(points)` as points arrive. Of more
- * than `most` points every so manieth is kept. `points` has the `total` of the file, the `step`, the `count` so far, an
- * `origin`, `columns`: a Float32Array for each property, x, y and z less the origin, and `comments` of the header: {up: "y"} of "comment up y".
+ * Loads the points of a file: `onStart(points)`, which may take time, when the header has come, `onMore(points)` as
+ * points arrive. If there are more than `most` points, one of each `step` points is kept. `points` has the `total` of
+ * the file, the `step`, the `count` so far, an `origin`, `columns`: a Float32Array for each property, x, y and z less
+ * the origin, and `comments` of the header: {up: "y"} of "comment up y".
  */
 export async function loadPoints(path, most, {signal, onStart, onMore}) {
   const response = await send("GET", path, {signal});

@@ -9,7 +9,7 @@ import {Trouble, useTitle} from "./parts.js";
 import {hasSpacing, loadEdges, loadPoints} from "./ply.js";
 import {countOf, nameOf, numberOf} from "./words.js";
 
-/** Of more points, a selection is shown, with a note: two million are 64 MiB on the graphics card. */
+/** The maximum number of shown points. If there are more, a selection is shown, with a note: two million are 64 MiB on the graphics card. */
 const MOST = 2000000;
 const NEIGHBOURS = "neighbours";
 const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
@@ -22,7 +22,7 @@ const AXES = {"": "No cut", x: "x", y: "y", z: "z"};
 /** "rgb(29, 35, 39)" as numbers up to 1. */
 const partsOf = colour => colour.match(/[\d.]+/g).slice(0, 3).map(part => part / 255);
 
-/** Of an element, the colours of text and of what lies behind it. */
+/** The colours of an element's text and background. */
 function coloursAt(element) {
   const {backgroundColor, color} = getComputedStyle(element);
   return {ground: partsOf(backgroundColor), ink: partsOf(color)};

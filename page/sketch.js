@@ -16,7 +16,7 @@ function turned(axis = [0, 0, 1], half, value) {
   }];
 }
 
-/** Of each shape: how far it reaches along x, y and z, and a function that is negative inside; both around its centre. */
+/** For each shape the extent along x, y and z, and a function that is negative inside; both around its centre. */
 const SHAPES = {
   sphere: ({radius}) => [[radius, radius, radius], p => norm(p) - radius],
   torus({major_radius: major, minor_radius: minor, axis = [0, 0, 1]}) {

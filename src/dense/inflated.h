@@ -6,7 +6,7 @@
 
 typedef struct inflated inflated;
 
-/* Of the file from `offset` on. `fd` is only read at places, and stays the caller's. */
+/* Opens the data of the file from `offset` on. `fd` is read with pread only, and remains the caller's. */
 inflated *inflated_new(int fd, int64_t offset);
 void inflated_free(inflated *i); /* accepts NULL */
 

@@ -1,4 +1,5 @@
-/* box_tree: which of some boxes are near a place, by a tree of halves along Morton's curve. Boxes may differ in size as they like.
+/* box_tree: which of some boxes are near a place, by a tree of halves along Morton's curve. Boxes may differ in size as
+ * they like.
  */
 #ifndef HEXAD_GEOMETRY_BOX_TREE_H
 #define HEXAD_GEOMETRY_BOX_TREE_H
@@ -11,7 +12,7 @@
 
 typedef struct box_tree box_tree;
 
-/* Of `count` boxes, fewer than 2^31, none of them empty; they are copied. NULL and limit_memory when memory is out. */
+/* A tree of `count` boxes, fewer than 2^31, none of them empty; they are copied. On failure NULL and limit_memory. */
 box_tree *box_tree_new(const bbox *box, size_t count, error *e);
 void box_tree_free(box_tree *t);
 

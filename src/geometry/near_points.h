@@ -19,8 +19,8 @@ typedef struct near_points near_points;
 near_points *near_points_new(const vec3 *points, size_t count, threads *pool, error *e);
 void near_points_free(near_points *n);
 
-/* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. Of points that are
- * as near as each other any. */
+/* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. Among equally near
+ * points any. */
 uint32_t near_points_nearest(const near_points *n, vec3 x, double enough, double *distance);
 
 /* Calls `visit` for each point within `reach` of x, ends included, in no order that means anything. */

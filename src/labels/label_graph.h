@@ -18,7 +18,7 @@ typedef struct label_graph {
  * Errors: limit_memory. */
 bool label_graph_make(const mesh *m, const uint32_t *kind, label_graph *out, error *e);
 
-/* Of each vertex twice the sum of its triangles' areas, across them. */
+/* For each vertex twice the sum of the area vectors of its triangles. */
 void label_graph_normals(const mesh *m, vec3 *out);
 
 void label_graph_free(label_graph *g); /* a zeroed one will do */

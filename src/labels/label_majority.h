@@ -4,7 +4,7 @@
  * voxels, which label_smoothing does not take out, since it keeps each voxel where it is. Here a voxel gets the label
  * whose indicator function, smoothed by a Gaussian that is as wide along each axis of the world, is the largest, times a
  * weight of the label (Meyer and others 2008 without; label_weights); its own where two are alike. So a ball keeps its
- * radius, and a flat side its place. Of a label that is thin in parts these shrink or are lost, and the others grow; a
+ * radius, and a flat side its place. Thin parts of a label shrink or are lost, and the others grow; a
  * speck with a radius below the width is lost.
  */
 #ifndef HEXAD_LABELS_LABEL_MAJORITY_H

@@ -42,7 +42,7 @@ static inline int label_weights_winner(const label_contest *c, const float *weig
     return best;
 }
 
-/* Of a label: the voxels that it has, and how many of the listed voxels it is to win. */
+/* For a label: the voxels that it has, and how many of the listed voxels it is to win. */
 typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Of a file whose name has this ending, in lower case: bytes up to the end of its solids (STL), elements (PLY) or faces (OFF).
+/* For a file whose name has this ending, in lower case: bytes up to the end of its solids (STL), elements (PLY) or faces (OFF).
  * `size` where that end is not known. */
 size_t content_end(const char *ending, const char *data, size_t size);
 

@@ -10,7 +10,7 @@
 
 #define GEODESIC_CELLS_NONE UINT32_MAX
 
-/* Of each vertex the name of the point whose cell it is in; GEODESIC_CELLS_NONE in a part that has none. Points lie on the
+/* For each vertex the name of the point whose cell it is in; GEODESIC_CELLS_NONE in a part that has none. Points lie on the
  * mesh; several may have one name. To be freed. Error: limit_memory. Deterministic. */
 bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position, const uint32_t *name,
                          uint32_t **out, error *e);

@@ -45,7 +45,7 @@ typedef struct frame_transfer {
     size_t particles; /* a point on a curve is one for each patch there; else as many */
     size_t died, born;
     registration motion;
-    /* Of each particle, in the order of Morton's curve. */
+    /* Arrays of the particles, in Morton order. */
     vec3 *position; /* on the surface */
     vec3 *normal;
     uint32_t *patch; /* on a surface with patches the one that it lies on; else NULL */

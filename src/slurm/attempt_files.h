@@ -89,7 +89,7 @@ bool attempt_files_cancel(const char *directory, error *e);
 /* Also when the directory is gone. */
 bool attempt_files_is_cancelled(const char *directory);
 
-/* Of a worker that has ended. */
+/* Reads the ending of a worker. */
 bool attempt_files_write_ending(const char *directory, const engine_ending *ending, error *e);
 /* *found is false when there is none yet. last_words is to be freed. */
 bool attempt_files_read_ending(const char *directory, engine_ending *ending, bool *found, error *e);

@@ -60,7 +60,7 @@ struct engine_attempt {
     bool cancelled, forced, told; /* to end; to be killed; its node has been notified */
     int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
     int64_t over_ms, stopped_ms;  /* when it was first seen so; 0: not yet */
-    int64_t unread_ms;    /* since when its ending cannot be read; 0: it can. Of the files thread alone */
+    int64_t unread_ms;    /* since when its ending cannot be read; 0: it can. For the files thread only */
     int64_t offset;       /* of what was read of its progress */
     char reason[64];      /* why it waits, as last reported to the executor */
     char *fresh, *newest; /* progress lines: to be polled, the last that was */

@@ -86,7 +86,7 @@ bool source_prefix_origin(const source *s, error *e);
 /* The surface in world space, for callers that evaluate F: the field itself unless its space is rotated. */
 const field *source_world(const source *s);
 
-/* Of a scan of the field: the box around the surface in world space. */
+/* The bounding box of the surface in world space, from a scan of the field. */
 bbox source_box(const source *s, const surface *scan);
 
 /* Parts of the surface's first combination, 1 if it is none, and which of them a point of the surface lies on. */

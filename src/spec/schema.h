@@ -19,7 +19,7 @@ typedef enum schema_use {
 
 json *schema_new(schema_use use);
 
-/* Of one member of it, by its pointer, which must be there. */
+/* The schema of one member of it, by its pointer, which must exist. */
 json *schema_new_member(const char *pointer, schema_use use);
 
 #endif

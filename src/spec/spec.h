@@ -331,7 +331,8 @@ static inline bool spec_is_graded(const spec *s)
 /* Which axis of the surface is up, y or z: as output.preview.up says, else as files of its kind have it. */
 bool spec_y_up(const spec *s);
 
-/* Whether that is sure: the spec says it, or all files of the kind are so. Of sequences it is, lest frames differ. */
+/* Whether that is sure: the spec says it, or all files of the kind are so. It is always certain for sequences, so that
+ * frames do not differ. */
 bool spec_up_is_certain(const spec *s);
 
 /* Whether other files than points.ply and the report are requested. */

@@ -6,8 +6,8 @@
  * is read as text and put in place of its name, as often as there are links; what comes of it is opened by a
  * walk that follows no link at all. So moving files meanwhile gives no access.
  *
- * A root that is a file stands for itself alone, named by its last part. Of the directory of files that clients have
- * sent (store/inputs.h) only these can be opened, and only by the name `sha256:HEX`; an ending behind the hash,
+ * A root that is a file stands for itself alone, named by its last part. In the directory of uploaded files
+ * (store/inputs.h) only these can be opened, and only by the name `sha256:HEX`; an ending behind the hash,
  * `sha256:HEX.obj`, is not looked at.
  *
  * Roots are immutable once opened and may be used by any thread.

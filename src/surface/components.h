@@ -1,6 +1,6 @@
 /* components: the connected parts of a surface, by its cells: two parts are separate if no two of their cells share a
  * face that the surface passes, by the signs at its corners; any face if cells differ in size, or are too far from the
- * origin for lattice positions. Of a surface with patches each patch is a part, whether it touches others or not; a cell
+ * origin for lattice positions. Each patch of a surface with patches is a part, whether it touches others or not; a cell
  * of several goes to one of them. */
 #ifndef HEXAD_SURFACE_COMPONENTS_H
 #define HEXAD_SURFACE_COMPONENTS_H

@@ -40,7 +40,7 @@ ISA_INLINE uint64_t block_turned(const uint64_t bits[GRID_VIEW_SIDE], int k)
     return layer;
 }
 
-/* Of a layer's bits those of row y, each in a lane. */
+/* The bits of row y of a layer, each in a lane. */
 ISA_INLINE lanes_mask block_row(uint64_t layer, int y)
 {
     return lanes_spread((uint8_t)(layer >> GRID_VIEW_SIDE * y));

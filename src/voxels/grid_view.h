@@ -29,7 +29,7 @@ typedef enum grid_view_kind { GRID_VIEW_LEVEL_SET, GRID_VIEW_FOG, GRID_VIEW_DENS
 /* Tiles of a level are 1 << shift blocks wide; their coordinates are those of their blocks >> shift. */
 static const int grid_view_tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9};
 
-/* Of a leaf's voxels, in words as above: those with F < 0, with F > 0, and the known ones. */
+/* Masks of a leaf's voxels, in words as above: those with F < 0, with F > 0, and the known ones. */
 typedef struct grid_view_signs {
     uint64_t inside[GRID_VIEW_SIDE], outside[GRID_VIEW_SIDE], known[GRID_VIEW_SIDE];
 } grid_view_signs;

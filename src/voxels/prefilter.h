@@ -4,10 +4,10 @@
 
 #include "voxels/samples.h"
 
-/* In place, axis by axis, along runs of voxels in neighbouring blocks. Of a narrow band (`known`) these are the known voxels alone:
- * each run goes on beyond its ends as the parabola of its last three voxels does, and voxels that are not known stay as they are:
- * beyond a known one they do instead of coefficients. Else all voxels count, to the last block. Source: Unser 1999, box 2, with other ends: what the recursion would have come to on
- * the parabola. */
+/* In place, axis by axis, along runs of voxels in neighbouring blocks. For a narrow band (`known`) these are the known
+ * voxels only: each run goes on beyond its ends as the parabola of its last three voxels does, and voxels that are not
+ * known stay as they are: beyond a known one they do instead of coefficients. Else all voxels count, to the last block.
+ * Source: Unser 1999, box 2, with other ends: what the recursion would have come to on the parabola. */
 bool prefilter_run(samples *s, bool known, threads *pool, error *e);
 
 #endif

@@ -85,13 +85,13 @@ class Job(ABC):
 
     @property
     def outcome(self) -> str | None:
-        """Of a job that has succeeded: `converged`, `unresolved` or `not_converged`."""
+        """The outcome of a succeeded job: `converged`, `unresolved` or `not_converged`; else None."""
         outcome: str | None = self.document["outcome"]
         return outcome
 
     @property
     def error(self) -> dict[str, Any] | None:
-        """Of a job that has failed: `code` and `message`."""
+        """The `code` and `message` of a failed job."""
         error: dict[str, Any] | None = self.document["error"]
         return error
 

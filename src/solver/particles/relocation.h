@@ -3,8 +3,8 @@
  *
  * A point is over-dense if another point is within RELOCATION_DENSE spacings. A place is a gap if no point is within
  * RELOCATION_GAP spacings. The caller may set other distances. The densest point goes to the largest gap, and so on, while the
- * place is farther from its nearest point than the point is. Of over-dense points near each other one moves; of gaps near each
- * other one is filled. Deterministic for any number of threads. World space.
+ * place is farther from its nearest point than the point is. Only one of several over-dense points near each other moves, and
+ * only one of several gaps near each other is filled. Deterministic for any number of threads. World space.
  */
 #ifndef HEXAD_SOLVER_PARTICLES_RELOCATION_H
 #define HEXAD_SOLVER_PARTICLES_RELOCATION_H
