@@ -9,7 +9,7 @@
 #include "client/command.h"
 #include "client/print.h"
 
-/* Of the attempts of a job, those that `show` prints. */
+/* The attempts of a job that `show` prints. */
 #define ATTEMPTS_SHOWN 10
 
 static const char *text_of(json_at object, const char *key, const char *otherwise)

@@ -14,9 +14,9 @@
 
 #define JOBS_DEFAULT 50
 #define PAGE_MOST 500
-/* Of the frames of an array that failed, those that `show` prints. */
+/* The maximum number of failed frames of an array that `show` prints. */
 #define FAILURES_SHOWN 20
-/* Of the jobs that depend on one. */
+/* The maximum number of jobs that depend on one that `show` prints. */
 #define DEPENDENTS_SHOWN 20
 
 /* A list that comes in pages: its entries as a document, with --json, or as rows of a table. */

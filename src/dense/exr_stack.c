@@ -171,7 +171,7 @@ static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
     if (s->stretched++ == 0) s->aspect = a->aspect;
 }
 
-/* Of all slices from `first` on; `pixels` NULL: only their windows. */
+/* Reads all slices from `first` on; `pixels` NULL: only their windows. */
 static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
 {
     faults missing = {0}, broken = {0};

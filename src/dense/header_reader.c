@@ -191,7 +191,7 @@ static bool begins_with_values(const Nrrd *n)
     return n->dim == 4 && first->kind >= nrrdKindList;
 }
 
-/* Of a vector: the file may say in which directions its components are. */
+/* The file may have the directions of a vector's components. */
 static void values_of_nrrd(answer *a, const Nrrd *n)
 {
     const NrrdAxisInfo *first = &n->axis[0];
@@ -518,7 +518,8 @@ static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_b
     return true;
 }
 
-/* Of a single file. Its vox_offset counts from the beginning; 0 means that the data begin behind what comes before them. */
+/* Finds the data of a single file. Its vox_offset counts from the beginning; 0: the data begin after the header and its
+ * extensions. */
 static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_bytes)
 {
     if (!(h->vox_offset == 0 || (h->vox_offset >= (double)h->header_bytes && h->vox_offset < 1e15)))

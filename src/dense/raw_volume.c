@@ -364,7 +364,7 @@ static bool place_files(raw_volume *s, error *e)
     return true;
 }
 
-/* Of several volumes the one with this number; -1: none was named. */
+/* Selects one of several volumes by its number; -1: none was named. */
 static bool choose_volume(header *h, int64_t index, error *e)
 {
     const int64_t count = h->volumes > 1 ? h->volumes : 1, samples = h->size[0] * h->size[1] * h->size[2];

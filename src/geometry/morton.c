@@ -11,7 +11,7 @@ enum { FEWEST_BITS = 5, MOST_BITS = 14 };
 enum { PARTS = 8 };
 static const size_t FEW = 50000;
 
-/* Of each coordinate: of n points on a surface, root n lie along an axis; times four. */
+/* Bits of each coordinate: sqrt(n) of n points on a surface lie along an axis; times four. */
 static int bits_of(size_t count)
 {
     int bits = FEWEST_BITS;

@@ -15,13 +15,14 @@
 
 typedef struct moving_points moving_points;
 
-/* Of `count` points, of which those of the ascending indices `moving` may move. NULL and limit_memory when memory is out, or
- * cancelled. */
+/* Creates the structure for `count` points, of which the points with the ascending indices `moving` may move. On failure NULL
+ * and limit_memory or cancelled. */
 moving_points *moving_points_new(const vec3 *points, size_t count, const uint32_t *moving,
                                  size_t moving_count, threads *pool, error *e);
 void moving_points_free(moving_points *m);
 
-/* The squared distance from x to the nearest point but `except`, which is one of those that move; INFINITY where there is none. */
+/* The squared distance from x to the nearest point but `except`, which is one of those that move; INFINITY where there
+ * is none. */
 double moving_points_nearest2(const moving_points *m, vec3 x, uint32_t except);
 
 #endif

@@ -42,7 +42,7 @@ double triangle_distance2(const triangle *t, vec3 p)
     return height * height / vec3_norm2(normal);
 }
 
-/* Of the place on an edge that is nearest to p, if that is nearer than *best. */
+/* Updates *best with the point of an edge that is nearest to p, if that is nearer. */
 static void try_edge(const vec3 corner[3], int from, vec3 p, double *best, double weight[3])
 {
     int to = (from + 1) % 3;

@@ -69,7 +69,7 @@ static const char *find_fault(struct MHD_Connection *connection, const char *met
            " colon and without control bytes";
 }
 
-/* Of a number that does not fit into 64 bits *large is true. */
+/* *large: the number does not fit into 64 bits. */
 static bool is_length(const char *digits, size_t count, bool *large)
 {
     uint64_t number = 0;

@@ -16,7 +16,7 @@
 
 #define BACKLOG 1024
 
-/* Of a socket; with SHARED_MODE all users may connect, since the kernel tells who does. */
+/* Mode of a socket; with SHARED_MODE all users may connect, since the kernel identifies them. */
 enum { OWN_MODE = 0700, SHARED_MODE = 0666 };
 
 static bool fail(error *e, const char *where, const char *what)

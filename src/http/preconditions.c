@@ -22,7 +22,7 @@ bool preconditions_match(const char *list, const char *tag, bool weakly)
     return false;
 }
 
-/* A number of bytes. Of too many digits strtoll makes the largest number, which is beyond every end. */
+/* A number of bytes. For too many digits strtoll returns the largest number, which is beyond every end. */
 static bool read_digits(const char **text, int64_t *value)
 {
     size_t length = strspn(*text, "0123456789");

@@ -619,8 +619,8 @@ static bool make_room(exchange *x, size_t bytes)
     return true;
 }
 
-/* Takes a piece of the body. A long body goes to its sink. Of a body over the limit nothing is kept; the
- * answer waits for its end, since the library sends answers only before a body or after it. The time limit
+/* Takes a piece of the body. A long body goes to its sink. A body over the limit is discarded; the answer
+ * waits for its end, since the library sends answers only before a body or after it. The time limit
  * bounds that wait. */
 static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {

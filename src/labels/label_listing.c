@@ -4,9 +4,11 @@
 
 #include "base/memory.h"
 
-/* Of labels at least this share of the voxels is like one of the three next ones; of measurements with noise few are. */
+/* In a segmentation at least this share of the voxels equals one of the next voxels along the three axes; in noisy
+ * measurements few do. */
 static const double alike_least = 0.8;
-/* Of a label that hangs together at least this share of its voxels is so. The values at a mask's soft edge do not. */
+/* For a connected label at least this share of its voxels equals a next one. The values at a mask's soft edge are not
+ * connected. */
 static const double hangs_from = 0.5;
 
 /* Whether the next voxel along an axis has the same label. */

@@ -130,7 +130,7 @@ static size_t gathered(const filtering *f, size_t voxel)
     return (z * side_of(f, 1) + y) * side_of(f, 0) + x;
 }
 
-/* Of equal ones the voxel's own comes first. */
+/* Among equal indicators the voxel's own label comes first. */
 static void rank(const filtering *f, size_t count, scratch *on)
 {
     memset(on->ranks, 0, VOXELS * sizeof *on->ranks);

@@ -14,7 +14,7 @@ static const char what[] = "the smoothing of the labels";
  * the first left there. */
 enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
 
-/* Of the eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they have in
+/* The eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they have in
  * tetrahedra of voxels, the square root of one half. */
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
@@ -63,7 +63,7 @@ static int make_terms(double length, double term[MOST_TERMS])
     return count;
 }
 
-/* Of a vertex the neighbours by whose mean it goes: on a line those along it, and none in a corner that has its place. */
+/* The neighbours whose mean smooths a vertex: on a line those along it, and none for a fixed corner. */
 static size_t count_smoothing(const work *w, size_t v)
 {
     const label_graph *g = &w->graph;

@@ -66,8 +66,8 @@ static size_t list_sides(const label_surface *s, thin_side *out)
     return count;
 }
 
-/* Of the sides of one thin label, from `first` on, the other label with the largest area; of two alike the one
- * whose patches end earlier. Returns the place of the next label's. */
+/* Finds among the sides of one thin label, from `first` on, the other label with the largest area; between
+ * equal ones the one whose patches end earlier. Returns the index of the next label's sides. */
 static size_t choose_largest(const label_surface *s, const thin_side *side, size_t count, size_t first,
                              size_t *best)
 {
@@ -235,8 +235,9 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
-/* A label is ragged that has more thin voxels than this share of the faces of a ball as large. Balls and ellipsoids of 5 voxels' radius
- * have at most .08, of 10 voxels' .024; labels of a frog, whose slices do not fit to each other, .15 to .45. */
+/* A label is ragged that has more thin voxels than this share of the faces of a ball as large. Balls and ellipsoids of 5
+ * voxels' radius have at most .08, of 10 voxels' .024; labels of a frog, whose slices do not fit to each other, .15 to
+ * .45. */
 static const double RAGGED = 0.1;
 
 bool label_surface_is_ragged(const label_surface *s, double radius)

@@ -21,8 +21,8 @@ enum { MOST_CANDIDATES = 12 };
 static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 3;
-/* Of all points within this many spacings beyond the nearest one. A triangle that needs others, since these are of an
- * opposite wall, collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
+/* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite wall, a
+ * triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };

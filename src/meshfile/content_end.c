@@ -7,7 +7,7 @@
 
 #include "meshfile/ply_header.h"
 
-/* Of a binary STL file: before its number of triangles, before these, and of each. */
+/* Bytes of a binary STL file: before its number of triangles, before the triangles, and of each triangle. */
 enum { STL_COUNT_AT = 80, STL_HEAD = 84, STL_TRIANGLE = 50 };
 
 static bool is_blank(char c)
@@ -71,7 +71,7 @@ static const char *line_with_content(const char *at, const char *end)
     return at;
 }
 
-/* Of a text whose vertices and faces have a line each. */
+/* The end of a text with one line for each vertex and face. */
 static const char *end_of_off(const char *data, size_t size)
 {
     const char *end = data + size, *at = line_with_content(data, end);
@@ -111,7 +111,7 @@ static const char *skip_row(const ply_header *h, const ply_element *e, const cha
     return at;
 }
 
-/* Of text, a row of which is a line, and of binary. */
+/* The end of a text element, a row of which is a line, and of a binary one. */
 static const char *end_of_ply(const char *data, size_t size)
 {
     ply_header *h = malloc(sizeof *h);

@@ -32,8 +32,9 @@ typedef struct mesh_values {
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
 
-/* Of that the answer alone, from its first byte to its end: what is checked. *header is what was read of it. *notes receives its
- * warnings. `values`: NULL where none are to come; else for mesh_values_free, after failure, too. */
+/* Reads and checks only the answer of the reader process, from its first byte to its end. *header is the answer's
+ * header. *notes receives its warnings. `values`: NULL where none are to come; else for mesh_values_free, after failure,
+ * too. */
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
                      mesh_notes *notes, mesh_values *values, error *e);
 

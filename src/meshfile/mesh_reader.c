@@ -208,7 +208,7 @@ static bool mesh_has(const struct aiMesh *mesh, const values *v)
                                   : true;
 }
 
-/* Of a vertex; zeros where this mesh of several has none. */
+/* The value of a vertex; zeros if this one of several meshes has none. */
 static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v, unsigned n,
                      float out[MESH_VALUES_COMPONENTS])
 {
@@ -407,7 +407,7 @@ static bool add_zeros(bytes *b)
 
 static const char file_too_large[] = "the file is larger than the memory limit: raise limits.memory_mb";
 
-/* Of a PLY file: makes triangles of its strips, or ends the process. */
+/* Converts the strips of a PLY file to triangles, or ends the process. */
 static void expand_strips(const char *ending, bytes *b)
 {
     if (strcasecmp(ending, "ply") != 0) return;
@@ -454,7 +454,7 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* Of AMF as text, which the library reads without its unit. */
+/* Reads the unit of AMF as text, which the library ignores. */
 static void read_amf_unit(const char *data, plain_mesh *out)
 {
     xml_tag tag;

@@ -353,7 +353,7 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     return true;
 }
 
-/* Of rotation and scale of a node: R diag(s), with its translation, row by row. */
+/* The matrix of a node's rotation and scale, R diag(s), with its translation, row by row. */
 static void compose_trs(const double t[3], const double q[4], const double s[3], double out[16])
 {
     const double x = q[0], y = q[1], z = q[2], w = q[3], n = x * x + y * y + z * z + w * w,

@@ -16,8 +16,8 @@ typedef struct ply_values {
     float *value[MESH_VALUES_MOST]; /* one a vertex */
 } ply_values;
 
-/* Of a file whose first element is `vertex`, with single numbers as properties; of any other there is none. False: no
- * memory. */
+/* Reads a file whose first element is `vertex`, with single numbers as properties; other files have no values. False:
+ * no memory. */
 bool ply_values_read(const char *data, size_t size, ply_values *out);
 
 #endif

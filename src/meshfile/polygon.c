@@ -9,11 +9,12 @@
 
 #define NONE UINT32_MAX
 
-/* Of all tests of a corner against an ear, and of cells that are looked into. */
+/* Maximum number of tests of a corner against an ear, and of cells that are searched. */
 static const uint64_t most_work = (uint64_t)1 << 30;
 /* Diagonals of a quadrangle that differ by less are equal: those of a rectangle differ by the rounding of floats. */
 static const double same_length = 1e-6;
-/* Of the polygon's area: triangles that are turned over by more cross others; by less, the corners are rounded. */
+/* As a share of the polygon's area: flipped triangles with more area overlap other triangles; with less, the corners are
+ * rounded. */
 static const double crossed_area = 1e-6;
 
 /* Polygons of no more corners need no memory for their order. */
@@ -121,8 +122,8 @@ static double reach_of(const double (*place)[3], const uint32_t *corner, size_t 
     return 2 * sqrt(3) * largest * (of_double + (are_floats ? of_float : 0));
 }
 
-/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area. Rounding alone decides whether
- * such sides cross. */
+/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area. Rounding
+ * alone decides whether such sides cross. */
 static bool is_spike(const double before[3], const double tip[3], const double after[3], double reach)
 {
     const vec3 a = vec3_sub(vector(before), vector(tip)), b = vec3_sub(vector(after), vector(tip));
@@ -304,8 +305,8 @@ static bool is_spike_at(const cutting *c, const double (*place)[3], double reach
     return is_spike(place[c->corner[ear[0]]], place[c->corner[tip]], place[c->corner[ear[2]]], reach);
 }
 
-/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike may be another one. Returns a
- * corner that is left. */
+/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike may be
+ * another one. Returns a corner that is left. */
 static uint32_t clip_spikes(cutting *c, const double (*place)[3], uint32_t (*out)[3])
 {
     const double reach = reach_of(place, c->corner, c->count);
@@ -353,7 +354,7 @@ static void link_corners(cutting *c)
     }
 }
 
-/* About as many cells as reflex corners. Of the corners that are left, of which `tip` is one. */
+/* About as many cells as reflex corners. The state of the remaining corners, of which `tip` is one. */
 static bool make_grid(cutting *c, uint32_t tip)
 {
     const size_t left = c->count - c->made;
@@ -418,8 +419,8 @@ static polygon_result cut_in_order(const double (*place)[3], const uint32_t *cor
     return POLYGON_CUT;
 }
 
-/* The corners from the one that comes first in space, towards that of its neighbours which comes before the other, so that copies of
- * a polygon are cut alike. Returns whether that turns the polygon over. */
+/* The corners from the one that comes first in space, towards that of its neighbours which comes before the other, so
+ * that copies of a polygon are cut alike. Returns whether that turns the polygon over. */
 static bool put_in_order(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t *out)
 {
     const size_t first = first_corner(place, corner, count);

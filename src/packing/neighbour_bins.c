@@ -109,8 +109,8 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
 }
 
 /* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of
- * each point its spot's number within the chunk. Of the k-th spot of a chunk that begins with point b, `list` holds
- * where it is, as a uint64_t at b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell,
+ * each point its spot's number within the chunk. For the k-th spot of a chunk that begins with point b, `list` holds
+ * its position, as a uint64_t at b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell,
  * its bin, then where in bin_item the chunk's points of that bin go; bin_item ends with a 0. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {

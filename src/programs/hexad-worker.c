@@ -165,8 +165,8 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
-/* Of a sequence one frame is run, and of any other spec none. With values by frame *s becomes the spec of that frame, which
- * still lists the numbers of all frames. */
+/* A sequence requires the number of one frame, and any other spec none. With values by frame *s becomes the spec of that
+ * frame, which still lists the numbers of all frames. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
     spec *whole = *s;

@@ -279,7 +279,7 @@ static void flip(flipping *f, size_t s)
     }
 }
 
-/* Of the edges between two points that may be flipped that with the widest angles opposite; *edges counts all. */
+/* Among the edges between two points that may be flipped, the one with the widest opposite angles; *edges counts all. */
 static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edges)
 {
     const size_t begin = f->side_of[a];
@@ -304,7 +304,7 @@ static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edge
     return worst;
 }
 
-/* Of several edges between the same points one stays, as far as others leave room for that. */
+/* Flips all but one of several edges between the same points, if their neighbours permit. */
 static void part_doubled(flipping *f)
 {
     for (int pass = 0; pass < MOST_PARTINGS; pass++) {
@@ -675,7 +675,7 @@ static bool touches_end(const flipping *f, const ring *r)
 }
 
 /* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a triangle of each joins
- * them. Of several bars between the same parts one gets its band. */
+ * them. Only one of several bars between the same parts gets a band. */
 static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
 {
     uint32_t *parent = mem_array(names, sizeof *parent, what, e);

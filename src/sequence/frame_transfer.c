@@ -494,8 +494,8 @@ static size_t let_go(candidates *c, bool spread, size_t most)
     return died;
 }
 
-/* Of `among` in the order from `first` on, most urgent first, takes or lets go at most `most` that are far
- * from each other. *there is the number of those that are taken. */
+/* Takes or deletes at most `most` candidates of `among`, in the order from `first` on, most urgent first,
+ * that are far from each other. *there is the number of taken ones. */
 static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool lives, size_t *there,
                     error *e)
 {

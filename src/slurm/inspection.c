@@ -170,7 +170,7 @@ static void keep_progress(view *v)
     put_progress(v, line);
 }
 
-/* Of a worker that has begun. A time limit that other attempts have used up says nothing of this one. */
+/* The loss of an attempt whose worker has begun. A time limit that other attempts have used up does not count. */
 static engine_loss find_loss(const view *v)
 {
     engine_loss loss = v->task.state->begun;

@@ -139,7 +139,7 @@ static char *add_need(char *needs, const char *option)
     return more;
 }
 
-/* Of options that are given twice sbatch takes the last: the job's. `root`: of its spec. */
+/* sbatch uses the last of repeated options: the job's. `root`: of its spec. */
 static char *describe_needs(const slurm_settings *settings, const engine_request *r, const json_at *root)
 {
     const char *account = find_account(settings, r->owner);

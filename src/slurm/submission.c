@@ -25,7 +25,7 @@
 #define GATHER_MS 2000
 #define GATHER_MORE_MS 10000
 
-/* Of Slurm's client commands: complaints after which nothing was submitted, and the same may work later ... */
+/* Error messages of Slurm's client commands after which nothing was submitted, and a repetition may succeed ... */
 static const char *const away[] = {
     "Unable to contact slurm controller",           "Connection refused",
     "Slurm temporarily unable to accept job",       "Resource temporarily unavailable",

@@ -188,8 +188,8 @@ static bool sizes_are_current(solver *s)
     return false;
 }
 
-/* Whether the points would have converged as they are delivered: a sweep does not count particles that found no better position. The
- * gradient minimiser has converged when its steps are small, whatever Newton's would be. */
+/* Whether the points would have converged as they are delivered: a sweep does not count particles that found no better
+ * position. The gradient minimiser has converged when its steps are small, whatever Newton's would be. */
 static bool points_have_converged(const solver *s, const schedule_position *at)
 {
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
@@ -301,7 +301,7 @@ static bool is_last_level(const solver *s)
     return s->state.level == s->state.plan.count - 1;
 }
 
-/* Of what converged with this gain, and has the ideal energy or not. */
+/* The action after convergence with this gain, with or without the ideal energy. */
 static solver_outcome outcome_of(const solver *s, bool is_on_target)
 {
     return is_on_target && s->state.gain <= schedule_coarsest_gain(s->state.regime->schedule)
@@ -393,8 +393,8 @@ static bool control(solver *s, error *e)
 
 /* ---- a result that has converged */
 
-/* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes vary, after extra
- * sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
+/* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes
+ * vary, after extra sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
 static bool may_repair_defects(const solver *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;

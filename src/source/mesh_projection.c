@@ -8,7 +8,7 @@
 #include "mesh/mesh_faces.h"
 #include "packing/neighbours.h"
 
-/* Of the extent: what is as near to a face of the region is on it. */
+/* Tolerance, as a share of the extent, within which a point is on a face of the region. */
 static const double ON_FACE = 1e-9;
 /* Maximum steps of the alternating projection onto a face of the region and the triangles, which meet at any angle. */
 static const int MOST_STEPS = 100;

@@ -21,16 +21,16 @@ static const double least_cells = 32; /* along the longest side of the mesh */
  * spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of their area's root. A scan bends by a
  * triangle's side, and with a third of it the ends of a dragon's thorns are missed by half the spacing. */
 static const double most_cells = 6.25e5, own_floor = 1.0 / 256, triangle_floor = 0.4;
-/* Of the longest side of a mesh: farther from the origin it is solved about its middle. Doubles lose 3 of 16 digits at
- * this distance; a mesh of usual coordinates is not moved. */
+/* In longest sides of a mesh: a mesh farther from the origin is moved, with its middle at the origin. Doubles lose 3 of
+ * 16 digits at this distance; a mesh of usual coordinates is not moved. */
 static const double FAR_AWAY = 1000;
-/* Of the area: with more the outcome would be unresolved. */
+/* Share of the area that may be missing; with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
-/* Of a mesh that is to be resolved and has no other sharp edges, radians. A side of h that cuts off an edge bent by this misses
- * it by a quarter of h, and by a third where the side is as long as any. */
+/* Feature angle, in radians, of a mesh that is to be resolved and has no other sharp edges. A side of h that cuts off an
+ * edge bent by this misses it by a quarter of h, and by a third where the side is as long as any. */
 static const double cut_angle = 1.1;
-/* Of the area of a closed mesh: with more inside of its solids it is a level set, unless the spec says otherwise; with more than
- * shown_hidden there is a warning. */
+/* Shares of the area of a closed mesh: with more than most_hidden inside of its solids it is a level set, unless the
+ * spec says otherwise; with more than shown_hidden there is a warning. */
 static const double most_hidden = 0.01, shown_hidden = 0.001;
 
 /* The spacing of the requested points; 0: unknown before features are computed. */
@@ -111,7 +111,7 @@ static const mesh_edges *edges_of(const welded *w)
     return w->m.welded ? &w->edges : NULL;
 }
 
-/* Of the mesh as it is, or as it is placed and cut. */
+/* Makes the surface of the mesh as it is, or as it is placed and cut. */
 static bool make_patches(const mesh_source_request *r, const welded *w, double feature_angle, bool placed,
                          mesh_notes *notes, mesh_patches *made, error *e)
 {
@@ -338,8 +338,8 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* Of an axis along which the mesh is farther from the origin than FAR_AWAY times its longest side: the middle. There all
- * coordinates are within a factor of 2 of the middle, so that the difference is exact (Sterbenz). */
+/* The middle along an axis along which the mesh is farther from the origin than FAR_AWAY times its longest side; else 0.
+ * There all coordinates are within a factor of 2 of the middle, so that the difference is exact (Sterbenz). */
 static vec3 far_origin(const mesh *m, threads *pool)
 {
     const bbox box = mesh_box(m, pool);

@@ -8,21 +8,21 @@
 /* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350 while the
  * result is measured; lists of over-dense particles are longer. */
 static const double BYTES_PER_PARTICLE = 400;
-/* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
+/* For the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_WITKIN_HECKBERT_PARTICLE = 5000;
-/* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they
- * grow. */
+/* For a mesh: two triangles, six corners of the points' one-rings, and the triangles once more while the
+ * array grows. */
 static const double BYTES_PER_VERTEX = 120;
-/* Of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
+/* For a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
 static const double BYTES_PER_GRID_POINT = 200;
-/* Of a frame that is carried over: places for births and their lists, beside the points before. */
+/* For a frame with transferred points: places for births and their lists, besides the previous points. */
 static const double BYTES_PER_CARRIED = 800;
 /* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried together. */
 static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
 /* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double REPAIRED_MAX = 2.4e6;
-/* Of the preview's pixels: two pictures, and what each shows. */
+/* For each pixel of the preview: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
 
 double plan_picture_memory(const spec *s)

@@ -16,12 +16,13 @@
 #include "source/mesh_source.h"
 #include "source/plan.h"
 
-/* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
+/* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal rounding.
  */
 static const double ANGLE_ROUNDING = 1e-6;
 
-/* Of its longest side: how far beyond a region a surface without an end is looked for, so that the region cuts it. More at one
- * end, lest planes through a region's middle lie on corners of cells: areas beside edges in them are 3e-3 too small. */
+/* Margins, as shares of the longest side, by which an unbounded surface is computed beyond a region, so that the region
+ * cuts it. They differ at the two ends, so that no planes through a region's middle lie on corners of cells: areas
+ * beside edges in them are 3e-3 too small. */
 static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 
 /* How often cells of a combination are halved in thin walls, and of one within another, whose cells they bind. */
@@ -233,7 +234,7 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
 }
 
 /* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may have
- * another origin. Of a mesh whose interior is dropped errors name places. */
+ * another origin. Errors about a mesh whose interior is dropped name positions. */
 static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
 {
     const spec *s = o->spec;

@@ -1250,9 +1250,9 @@ const spec_row spec_rows[] = {
      .otherwise = "0.05",
      AT(energy_tolerance),
      .prose =
-         "Of the methods that choose the support of the energy (every method except sized): the mean energy of the points "
-         "differs from the ideal one at most by this fraction. A larger difference is the criterion target_energy of the "
-         "outcome not_converged. Method sized does not use it."},
+         "The maximum relative difference between the mean energy of the points and the ideal one, for the methods that choose the "
+         "support of the energy (every method except sized). A larger difference is the criterion target_energy of the "
+         "outcome not_converged."},
 
     GROUP("/outcome", SPEC_OPTIONAL,
           "Requirements on the result in addition to the criteria of every job (doc/report.md)."),
@@ -1296,7 +1296,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the "
          "component of an NRRD file with several values at a place (0, 1, ...; all of them if this is "
-         "absent), or the name of a value of the vertices of a mesh. Of geometry: part (the number of the "
+         "absent), or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the "
          "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures)."},
     {.pointer = "/attributes/as",
      .type = SPEC_TYPE_STRING,

@@ -28,7 +28,7 @@ bool surface_name_slices(spec_exr *x)
     return !frames_is_pattern(x->files[0]);
 }
 
-/* Of a stack the number in the path is that of the slice. */
+/* The number in the path of a stack is that of the slice. */
 void surface_set_frame(spec_surface *s, int frame)
 {
     char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path, &s->labels.path};

@@ -102,7 +102,7 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     for (size_t i = 0; i < count; i++) json_append_number(list, numbers[i] == 0 ? 0 : numbers[i]);
 }
 
-/* Of the bad integers of a list the first is named. */
+/* The message names the first bad integer of a list. */
 static void read_list(reading *r, const json_at *at, const spec_row *row, spec_list *out, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {

@@ -60,7 +60,7 @@ typedef struct store_identity {
     int64_t mtime_ns, ctime_ns;
 } store_identity;
 
-/* Of an open file. False: it cannot be examined. */
+/* The identity of an open file. False: it cannot be examined. */
 bool store_identify(int fd, store_identity *out);
 bool store_identity_equals(const store_identity *a, const store_identity *b);
 

@@ -8,7 +8,8 @@
 
 #include "field/field.h"
 
-/* Of the cell: what such a step of Newton leaves is half its square over the radius of curvature. */
+/* Maximum Newton step, in cells, after which a root is accepted: the remaining error is half its square over the radius
+ * of curvature. */
 #define CELL_LAST_STEP 1.5e-3
 /* Steps to a root: a few do. */
 #define CELL_ROOT_STEPS 24

@@ -95,8 +95,8 @@ static bool note_places(lattice *l, size_t cells, error *e)
     return l->cell != NULL;
 }
 
-/* A cell and those beyond its faces that the surface passes. Of two cells one may know of their face what the other does
- * not, where the surface passes between corners. */
+/* A cell and those beyond its faces that the surface passes. Where the surface passes between corners, only one of two
+ * cells may have the crossing of their common face. */
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const lattice *l = context;

@@ -23,10 +23,10 @@ static const double CORNER_TOLERANCE = 1e-4;
 static const double EXCESS_FINE = 5e-3;
 /* For bumps of the size of a cell; a sliver at the last depth is corrected no more than this. */
 static const int EXCESS_DEPTH = 2;
-/* A middle that lies farther off its side than this share of the side belongs to another sheet, or the
+/* A middle that lies farther off its side than this share of the side belongs to an opposite wall, or the
  * surface is too rough there: the side stays straight. An arc of a right angle rises by 0.21. */
 static const double RISE_LIMIT = 0.25;
-/* Of the cell. */
+/* In cells. */
 static const double ROOT_TOLERANCE = 1e-6;
 /* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
  * as the cell cut corners: it is measured by parts (cell_parts.h). With 0.8 the area of smoke is 3e-3 too
@@ -53,7 +53,7 @@ static const int SLIDE_STEPS = 4;
 static const double TINY = 1e-9;
 /* Triangles with less than this of the area that a cell's parts have are not drawn from. */
 static const double LITTLE = 0.1;
-/* Of surface_bisect: to a millionth of the way. */
+/* Steps of surface_bisect: to a millionth of the way. */
 enum { BISECT_STEPS = 20 };
 /* Draws for a point of a triangle that lies in the domain, before any point of it does. */
 static const int INSIDE_DRAWS = 200;

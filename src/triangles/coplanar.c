@@ -70,8 +70,8 @@ static double reach_of(const cutting *c, const vec3 a[3], const vec3 b[3])
     return fmax(rounding_reach(c->r, a), rounding_reach(c->r, b));
 }
 
-/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding error at the corners of a;
- * it increases beyond them. */
+/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding error at
+ * the corners of a; it increases beyond them. */
 static bool lies_in(const plane *a, const vec3 b[3], double reach)
 {
     for (int k = 0; k < 3; k++) {
@@ -125,8 +125,8 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
     return true;
 }
 
-/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope along the oblique direction.
- * It is uncertain by the rounding over the triangle's height. */
+/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope along the
+ * oblique direction. It is uncertain by the rounding over the triangle's height. */
 static void widen(const cutting *c, double scale, uint32_t t, part *p)
 {
     vec3 corner[3];
@@ -386,7 +386,7 @@ static bool is_outline(const cutting *c, uint32_t a, uint32_t b, uint32_t number
     return count == 1;
 }
 
-/* Of the side of triangle t that begins at corner k. */
+/* Whether the side of triangle t that begins at corner k is on the outline of its part. */
 static bool ends_at(const cutting *c, uint32_t t, int k)
 {
     const uint32_t *corner = c->l.m->triangle[t];
@@ -406,8 +406,9 @@ static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
     return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
 }
 
-/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the shares of the
- * side. Else x is within rounding of another side, too, and the parts could be cut back into the triangle, without end. */
+/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the
+ * shares of the side. Else x is within rounding of another side, too, and the parts could be cut back into the triangle,
+ * without end. */
 static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
 {
     const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
@@ -468,7 +469,7 @@ static step cross_sides(cutting *c, uint32_t s, uint32_t t, double reach, error 
     return STEP_NONE;
 }
 
-/* Of two triangles, what came of them, in all combinations. */
+/* Pushes all pairs of a piece of triangle s and a piece of triangle t. */
 static bool push_children(cutting *c, uint32_t s, uint32_t t, error *e)
 {
     const uint32_t alone_s[2] = {s, 1}, alone_t[2] = {t, 1}, *of_s = c->l.dead[s] ? c->children[s] : alone_s,
@@ -507,8 +508,8 @@ static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
     return did == STEP_DONE && push_pair(c, s, t, e);
 }
 
-/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding causes cycles; an assembly
- * whose parts touch over many small triangles takes 70 steps per pair. */
+/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding causes cycles;
+ * an assembly whose parts touch over many small triangles takes 70 steps per pair. */
 static bool treat_pairs(cutting *c, error *e)
 {
     size_t most = ((size_t)1 << 16) + 256 * c->pair_count;
@@ -575,8 +576,8 @@ static place place_of(const cutting *c, const cover *own, size_t count)
     return p;
 }
 
-/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority, or of the first part if
- * orientations are arbitrary. */
+/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority, or of the
+ * first part if orientations are arbitrary. */
 static bool is_first(const cutting *c, const place *p, bool oriented)
 {
     const uint32_t own = c->part_of[p->triangle];

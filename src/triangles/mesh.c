@@ -67,8 +67,8 @@ bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e)
     return error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* Per triangle: itself, a sorted copy, three sides of 8 bytes in each of two lists of edges, and the unions; per vertex: itself, its
- * places in the table and in these lists. */
+/* Per triangle: itself, a sorted copy, three sides of 8 bytes in each of two lists of edges, and the unions; per vertex:
+ * itself, its places in the table and in these lists. */
 size_t mesh_bytes(size_t vertices, size_t triangles)
 {
     return vertices * (sizeof(vec3) + 32) + triangles * 128;
@@ -167,7 +167,7 @@ static bool are_one(const joining *j, uint32_t a, uint32_t b)
     return memcmp(&j->m->vertex[a], &j->m->vertex[b], sizeof(vec3)) == 0;
 }
 
-/* Of equal vertices the one whose corner comes first gets the slot, whatever the order of the threads. */
+/* Among equal vertices the one whose corner comes first gets the slot, for any order of the threads. */
 static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
 {
     uint32_t there = __atomic_load_n(slot, __ATOMIC_RELAXED);

@@ -374,7 +374,7 @@ static size_t bytes_of(const reading *r, size_t count)
     return count * (r->half ? sizeof(uint16_t) : sizeof(float));
 }
 
-/* Of `count` stored values, before them: their length where they are packed; negative where they are not. */
+/* Reads the length before `count` stored values: their packed bytes; negative if they are not packed. */
 static int64_t take_length(reading *r, size_t count)
 {
     cursor *c = r->from;

@@ -73,7 +73,7 @@ const char *scalar_type(const vdb_point_values &v)
     return v.whole ? "int64" : "float";
 }
 
-/* Of two components and a zero, or of the first three. */
+/* A vector of two components and a zero, or of the first three components. */
 vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
 {
     const double *at = v.values + size_t(v.components) * i;
@@ -248,7 +248,7 @@ void verify_values(const leaf_node &leaf, const vdb_point_values &v, const finde
     }
 }
 
-/* Of a leaf's points; notes those that are seen. */
+/* Compares a leaf's points, and marks them as seen. */
 void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, const vdb_points &p,
                  const finder &where, std::vector<bool> &seen)
 {

@@ -19,8 +19,8 @@ enum { ROUNDS = 2 };
 /* Maximum factor by which extrapolation may increase a value; see bounded. */
 enum { LINE_MOST = 3 * SIDE };
 
-/* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. Of a block
- * that is missing none is known. */
+/* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. A missing
+ * block has no known voxels. */
 typedef struct surroundings {
     float *here;
     const float *beyond[6];
@@ -43,7 +43,7 @@ ISA_INLINE void find_surroundings(const samples *s, uint32_t block, surroundings
     memcpy(out->layers + 3 + SIDE, out->known[1], 3 * sizeof *out->layers);
 }
 
-/* Of the layer x of a block, bit by bit, whether the voxel `step` away is known: below (side 0) or above along an
+/* For each voxel of the layer x of a block, as bits: whether the voxel `step` away is known: below (side 0) or above along an
  * axis; step <= 3. */
 ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int side, int step)
 {
@@ -92,7 +92,7 @@ ISA_INLINE lanes row_of(const float *block, int x, int y)
     return *(const lanes *)(block + 64 * x + SIDE * y);
 }
 
-/* Of two rows, one behind the other, the eight from the first's place `from` on: 1 to 3, 5 to 7. */
+/* The eight values from position `from` of two consecutive rows: 1 to 3, 5 to 7. */
 ISA_INLINE lanes across(lanes a, lanes b, int from)
 {
 #define FROM(n) \
@@ -110,8 +110,8 @@ ISA_INLINE lanes across(lanes a, lanes b, int from)
     return a;
 }
 
-/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. Of a block that is missing they
- * may be anything. */
+/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. For a missing block they are
+ * undefined. */
 ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int side, int step)
 {
     const float *there = s->beyond[2 * axis + side];

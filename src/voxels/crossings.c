@@ -125,8 +125,8 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
     return crossings_add(out, block, &corners, e);
 }
 
-/* The blocks with cells that touch the leaf n. Of those that touch several leaves each belongs to the one that comes first
- * around it. */
+/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of them.
+ *  */
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
     const int32_t *leaf = l->leaves.blocks[n];
@@ -197,7 +197,7 @@ static void odd_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Of a node those whose neighbour beyond a face, 2 axis + high, is odd: most are beside their like. */
+/* Bits of a node's children whose neighbour beyond the face 2 axis + high is marked in `odd`; few are. */
 static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int face)
 {
     static const int step[3] = {16, 4, 1};
@@ -212,8 +212,9 @@ static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int 
                     : (here << by & ~low) | (there >> 3 * by & low);
 }
 
-/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides meet at an edge or a
- * corner alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets the other by a face. */
+/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides meet at an
+ * edge or a corner alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets
+ * the other by a face. */
 static bool meets_background(const grid_view *l, const int32_t origin[3], int32_t side, int face)
 {
     const int axis = face >> 1, a = (axis + 1) % 3, b = (axis + 2) % 3;

@@ -34,7 +34,7 @@ typedef struct crossings {
 /* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
 bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, crossings *out, error *e);
 
-/* Of the corners of a block's cells, which are so. Word x of part 0: the corners (x, y, z) with y, z < 8, bit 8 y + z; of
+/* A mask of the corners of a block's cells. Word x of part 0: the corners (x, y, z) with y, z < 8, bit 8 y + z; of
  * part 1 those with y = 8 in bits z; of part 2 those with z = 8 in bits 8 y; of part 3 the one with both in bit 0. Other
  * bits may be anything. */
 typedef struct corner_bits {

@@ -112,7 +112,7 @@ ISA_INLINE void turn_block(const float *from, float *to, bool back)
     }
 }
 
-/* Of the voxels' bits, likewise. */
+/* The same for the voxels' bits. */
 ISA_INLINE void copy_bits(const uint64_t bits[SIDE], int axis, uint64_t row[SIDE])
 {
     uint64_t layer[SIDE];

@@ -137,8 +137,9 @@ static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
     return false;
 }
 
-/* Whether a sample of a curve may be merged into an end of a segment: of an earlier curve, or of the same curve between earlier
- * samples. A segment that ends at the sample counts by its other end: where the curve folds back between the two, they are near. */
+/* Whether a sample of a curve may be merged into an end of a segment: of an earlier curve, or of the same curve between
+ * earlier samples. A segment that ends at the sample counts by its other end: where the curve folds back between the
+ * two, they are near. */
 static bool is_earlier(const segment *s, uint32_t place, uint32_t curve)
 {
     return s->curve < curve || (s->curve == curve && s->from <= place && s->to <= place);
@@ -185,8 +186,8 @@ static bool is_free_to_merge(const merging *m, uint32_t corner, uint32_t place)
            are_mergeable(m, corner, place);
 }
 
-/* Merges a corner into a near earlier corner, also into one that a curve joins it to. Of another curve that passes within the merge
- * distance, the nearest sample is merged into the corner. */
+/* Merges a corner into a near earlier corner, also into one that a curve joins it to. The nearest sample of another curve that
+ * passes within the merge distance is merged into the corner. */
 static void merge_corner(merging *m, uint32_t corner)
 {
     const double reach = merge_distance(m) * m->in->spacing[corner];

@@ -122,7 +122,7 @@ static bool is_dense(const density_job *job, size_t i)
     return job->least[i] < dense_limit(in) && !(in->immovable && in->immovable[i]);
 }
 
-/* The over-dense points, densest first. Of points near each other only the first is kept. */
+/* The over-dense points, densest first. Only the first of several points near each other is kept. */
 static bool find_dense(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
                        size_t *found, error *e)
 {
@@ -180,7 +180,7 @@ static double gap_limit(const relocation_input *in)
     return in->gap > 0 ? in->gap : RELOCATION_GAP;
 }
 
-/* The first `wanted` gaps, largest first. Of gaps near each other only the first is kept. */
+/* The first `wanted` gaps, largest first. Only the first of several gaps near each other is kept. */
 static bool find_gaps(const relocation_input *in, const near_points *near, size_t wanted, threads *pool,
                       ranked **out, size_t *found, error *e)
 {

@@ -149,8 +149,8 @@ static double worst_residual(const solver *s, size_t begin, size_t end)
     return worst;
 }
 
-/* Relocates particle i to a random place of the surface, or of its patch. Of several places the one that is farthest from its
- * nearest particle is taken. False: none is farther than `least` (world units; < 0: no minimum). */
+/* Relocates particle i to a random place of the surface, or of its patch. It tries several places and takes the one farthest
+ * from its nearest particle. False: none is farther than `least` (world units; < 0: no minimum). */
 static bool replace(solver *s, const moving_points *all, uint32_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
