@@ -895,9 +895,9 @@ class Solver(_SolverRest):
     step_tolerance: Convergence requires an rms step below this. For witkin-heckbert it is the rms
         displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and
         changes the quality less than another seed. (spacings) Default: 0.003.
-    energy_tolerance: Of the methods that choose the support of the energy (every method except sized): the
-        mean energy of the points differs from the ideal one at most by this fraction. A larger difference is
-        the criterion target_energy of the outcome not_converged. Method sized does not use it. Default: 0.05.
+    energy_tolerance: The maximum relative difference between the mean energy of the points and the ideal one,
+        for the methods that choose the support of the energy (every method except sized). A larger difference
+        is the criterion target_energy of the outcome not_converged. Default: 0.05.
     """
 
 
@@ -966,8 +966,8 @@ class AttributesItem(_AttributesItemRest):
         file in the same space; it moves with the transforms of the surface. Default: 'surface'.
     name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
-        or the name of a value of the vertices of a mesh. Of geometry: part (the number of the part of a
-        combined surface, from 0), direction1 or direction2 (of the principal curvatures).
+        or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
+        of a combined surface, from 0), direction1 or direction2 (of the principal curvatures).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv
