@@ -19,11 +19,12 @@ typedef struct reader {
                  attribute_counts *counts, error *e);
 } reader;
 
-enum { GRIDS, VOLUMES, PAIRS, MESHES, READERS };
+enum { GRIDS, VOLUMES, PAIRS, PAGES, MESHES, READERS };
 static const reader readers[READERS] = {
     [GRIDS] = {" BDV\0\0\0\0", 8, "", grid_find, grid_read},
     [VOLUMES] = {"NRRD", 4, "", dense_find, dense_read},
     [PAIRS] = {"", 0, " .nii .nii.gz .hdr .mha .mhd ", dense_find, dense_read},
+    [PAGES] = {"", 0, " .tif .tiff .btf ", dense_find, dense_read},
     [MESHES] = {"", 0, NULL, corners_find, corners_read}, /* whose reader knows the formats */
 };
 

@@ -28,6 +28,7 @@ typedef struct attribute_request {
     size_t memory_limit;
     const slices_files *files;     /* opens files that a header names */
     const exr_stack_params *stack; /* the images of a stack, whose channel `name` is; or NULL */
+    const vec3 *voxel_size;        /* of a dense volume, in the place of the file's; or NULL */
     attribute_mesh **last;
 } attribute_request;
 

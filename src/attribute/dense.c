@@ -5,7 +5,7 @@
 
 #include "attribute/lattice.h"
 #include "base/memory.h"
-#include "dense/raw_volume.h"
+#include "dense/volume_file.h"
 #include "geometry/affine.h"
 
 /* As many as a stencil has along an axis. */
@@ -36,10 +36,10 @@ static slices *open_slices(const attribute_request *request, int *component, err
         exr_stack_params params = *request->stack;
         error own = {0};
         if (request->name) params.channel = request->name;
-        slices *images = exr_stack_open(&params, &own);
+        slices *images = volume_file_open_stack(&params, &own);
         if (!images && own.code == ERROR_GRID_MISSING && params.part) {
             params.part = NULL; /* another part may have the channel */
-            images = exr_stack_open(&params, &own);
+            images = volume_file_open_stack(&params, &own);
         }
         if (!images && e) *e = own;
         if (!images && e && e->code == ERROR_GRID_MISSING) e->code = ERROR_ATTRIBUTE_MISSING;
@@ -49,7 +49,9 @@ static slices *open_slices(const attribute_request *request, int *component, err
         missing(request, 1, e);
         return NULL;
     }
-    slices *s = raw_vectors_open(request->fd, request->path, NULL, 0, request->files, e);
+    volume_file file = {request->fd,           request->path,      NULL, 0, request->files,
+                        request->memory_limit, request->voxel_size};
+    slices *s = volume_file_open_vectors(&file, e);
     if (!s || number < 0) return s;
     if (s->components > 1 && number < s->components) {
         *component = (int)number;
@@ -59,7 +61,8 @@ static slices *open_slices(const attribute_request *request, int *component, err
     if (vector) missing(request, s->components, e);
     s->ops->close(s);
     if (vector) return NULL;
-    s = raw_vectors_open(request->fd, request->path, NULL, number, request->files, e);
+    file.index = number;
+    s = volume_file_open_vectors(&file, e);
     if (!s && e && e->code == ERROR_GRID_MISSING) e->code = ERROR_ATTRIBUTE_MISSING;
     return s;
 }

@@ -100,3 +100,25 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
                   error_set(e, ERROR_INPUT_DAMAGED,
                             "the file ended while it was read: check the disk and copy it again"));
 }
+
+bool reader_send(reader *r, const void *request, size_t size, int file, error *e)
+{
+    union {
+        char room[CMSG_SPACE(sizeof(int))];
+        struct cmsghdr align;
+    } control = {.room = {0}};
+    struct iovec text = {(void *)request, size};
+    struct msghdr message = {.msg_iov = &text, .msg_iovlen = 1};
+    if (file >= 0) {
+        message.msg_control = control.room;
+        message.msg_controllen = sizeof control.room;
+        struct cmsghdr *c = CMSG_FIRSTHDR(&message);
+        c->cmsg_level = SOL_SOCKET;
+        c->cmsg_type = SCM_RIGHTS;
+        c->cmsg_len = CMSG_LEN(sizeof file);
+        memcpy(CMSG_DATA(c), &file, sizeof file);
+    }
+    return sendmsg(fileno(r->stream), &message, MSG_NOSIGNAL) == (ssize_t)size ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file ended while it was read: check the disk and copy it again");
+}

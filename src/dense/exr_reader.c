@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -166,7 +165,10 @@ static bool refuse_other(image *m)
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (memcmp(first, others[k].bytes, others[k].length) == 0) {
             error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                      "the file is a %s image: `oiiotool IMAGE -o IMAGE.exr` converts it", others[k].name);
+                      strcmp(others[k].name, "TIFF") == 0
+                          ? "the file is a %s image: name the stack as /surface/volume/path with slices"
+                          : "the file is a %s image: `oiiotool IMAGE -o IMAGE.exr` converts it",
+                      others[k].name);
             return true;
         }
     return false;
@@ -378,28 +380,6 @@ static bool read_pixels(image *m)
 
 /* ---- the program */
 
-/* The next request, or 0 when there is none any more. */
-static char receive(int *fd)
-{
-    union {
-        char room[CMSG_SPACE(sizeof(int))];
-        struct cmsghdr align;
-    } control;
-    char what = 0;
-    struct iovec text = {&what, 1};
-    struct msghdr message = {.msg_iov = &text,
-                             .msg_iovlen = 1,
-                             .msg_control = control.room,
-                             .msg_controllen = sizeof control.room};
-    ssize_t got;
-    do got = recvmsg(STDIN_FILENO, &message, MSG_CMSG_CLOEXEC);
-    while (got < 0 && errno == EINTR);
-    struct cmsghdr *c = got == 1 ? CMSG_FIRSTHDR(&message) : NULL;
-    if (!c || c->cmsg_type != SCM_RIGHTS) return 0;
-    memcpy(fd, CMSG_DATA(c), sizeof *fd);
-    return what;
-}
-
 static bool answer(image *m, char what)
 {
     char *list = NULL;
@@ -438,8 +418,9 @@ int exr_reader_main(int argc, char **argv)
                    .part = *part == '=' ? part + 1 : NULL};
     for (;;) {
         image m = asked;
-        char what = receive(&m.fd);
-        if (!what) _exit(0); /* nothing is left to do but to free what the library built */
+        char what = 0;
+        if (!reader_receive(&what, 1, &m.fd) || m.fd < 0)
+            _exit(0); /* nothing is left to do but to free what the library built */
         if (!answer(&m, what)) _exit(1);
     }
 }

@@ -4,12 +4,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "base/memory.h"
 #include "base/reader.h"
 #include "dense/exr_reader.h"
+#include "dense/slice_faults.h"
 
 /* Processor time of the process that decodes: 100 times what a picture of a million pixels takes. */
 static const unsigned seconds_at_least = 60, seconds_per_slice = 2;
@@ -36,45 +36,6 @@ typedef struct exr_stack {
     reader reader;
 } exr_stack;
 
-/* Slices of which something is wrong: their numbers, and the first one's error. */
-typedef struct faults {
-    size_t count;
-    char numbers[320];
-    int begin, last; /* the run of numbers at hand */
-    error first;
-} faults;
-
-static void close_run(faults *f)
-{
-    size_t n = strlen(f->numbers);
-    if (f->count == 0 || n + 40 > sizeof f->numbers)
-        return; /* the first thirty runs or so; the count says the rest */
-    if (f->begin == f->last)
-        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d", n ? ", " : "", f->begin);
-    else
-        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d-%d", n ? ", " : "", f->begin, f->last);
-}
-
-/* `before` is the number of the slice before this one. */
-static void add_fault(faults *f, int number, int before, const error *e)
-{
-    if (f->count == 0 || f->last != before) {
-        close_run(f);
-        f->begin = number;
-    }
-    f->last = number;
-    if (f->count++ == 0) f->first = *e;
-}
-
-static bool report_faults(faults *f, const char *what, error *e)
-{
-    if (f->count == 0) return true;
-    close_run(f);
-    return error_set(e, f->first.code, "%zu %s %s (slice%s %s), the first: %s", f->count,
-                     f->count == 1 ? "slice is" : "slices are", what, f->count == 1 ? "" : "s", f->numbers,
-                     f->first.message);
-}
-
 /* ---- talking to the process */
 
 static bool start(exr_stack *s, error *e)
@@ -86,27 +47,6 @@ static bool start(exr_stack *s, error *e)
                                   s->params.memory_limit,
                                   seconds_at_least + seconds_per_slice * (unsigned)s->params.count};
     return s->running || (s->running = reader_start(&params, &s->reader, e));
-}
-
-static bool send_request(exr_stack *s, char what, int fd, error *e)
-{
-    union {
-        char room[CMSG_SPACE(sizeof(int))];
-        struct cmsghdr align;
-    } control = {.room = {0}};
-    struct iovec text = {&what, 1};
-    struct msghdr message = {.msg_iov = &text,
-                             .msg_iovlen = 1,
-                             .msg_control = control.room,
-                             .msg_controllen = sizeof control.room};
-    struct cmsghdr *c = CMSG_FIRSTHDR(&message);
-    c->cmsg_level = SOL_SOCKET;
-    c->cmsg_type = SCM_RIGHTS;
-    c->cmsg_len = CMSG_LEN(sizeof fd);
-    memcpy(CMSG_DATA(c), &fd, sizeof fd);
-    return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1 ||
-           error_set(e, ERROR_INPUT_DAMAGED,
-                     "the file ended while it was read: check the disk and copy it again");
 }
 
 /* The answer's text goes to `list` (EXR_READER_LIST_MAX and one more), or is an error. */
@@ -138,7 +78,7 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_
     if (ok) {
         const window *w = &s->windows[k];
         *a = (exr_reader_answer){0};
-        ok = send_request(s, what, fd, e) && read_answer(s, a, list, e);
+        ok = reader_send(&s->reader, &what, 1, fd, e) && read_answer(s, a, list, e);
         whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
         if (ok && what == EXR_READER_PIXELS) {
             size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
@@ -174,7 +114,7 @@ static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
 /* Reads all slices from `first` on; `pixels` NULL: only their windows. */
 static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
 {
-    faults missing = {0}, broken = {0};
+    slice_faults missing = {0}, broken = {0};
     for (size_t k = first; k < s->params.count; k++) {
         error fault = {0};
         exr_reader_answer a;
@@ -182,15 +122,15 @@ static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
         if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, NULL, &fault)) {
             if (!pixels) note_answer(s, k, &a);
         } else if (fault.code == ERROR_INPUT_MISSING) {
-            add_fault(&missing, number, before, &fault);
+            slice_faults_add(&missing, number, before, &fault);
         } else if (fault.code == ERROR_INPUT_DAMAGED) {
-            add_fault(&broken, number, before, &fault);
+            slice_faults_add(&broken, number, before, &fault);
         } else { /* what is wrong with one is wrong with all, or nothing can be read at all */
             if (e) *e = fault;
             return error_prefix(e, "slice %d", number);
         }
     }
-    return report_faults(&missing, "missing", e) && report_faults(&broken, "damaged", e);
+    return slice_faults_report(&missing, "missing", e) && slice_faults_report(&broken, "damaged", e);
 }
 
 /* ---- as slices */

@@ -14,6 +14,7 @@ typedef struct exr_stack_params {
     const char *const *paths;   /* of the slices, the caller's, who keeps them as long as the stack lives */
     const int *numbers;         /* that messages call them by */
     const char *part, *channel; /* NULL: the only one */
+    bool has_voxel_size;        /* it was given: it counts for files with a size of their own, too */
     vec3 voxel_size, origin;    /* pixel (x, y) of slice k lies at origin + voxel_size (x, y, k) */
     const char *program;        /* that decodes; NULL: this one */
     size_t memory_limit;        /* of its process */

@@ -614,16 +614,12 @@ static const struct {
     size_t at, length;
     const char *bytes, *what;
 } others[] = {
-    {0, 14, "# vtk DataFile", "a VTK file (3D Slicer saves it as NRRD)"},
+    {0, 14, "# vtk DataFile", "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
     {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
     {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
     {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
     {0, 4, "VOL\003",
      "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)"},
-    {0, 4, "II*\0", "a TIFF image (Fiji saves a stack of TIFF images as NRRD)"},
-    {0, 4, "MM\0*", "a TIFF image (Fiji saves a stack of TIFF images as NRRD)"},
-    {0, 4, "II+\0", "a BigTIFF image (Fiji saves a stack of TIFF images as NRRD)"},
-    {0, 4, "MM\0+", "a BigTIFF image (Fiji saves a stack of TIFF images as NRRD)"},
     {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
     {0, 8, "\x89HDF\r\n\x1a\n",
      "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
@@ -641,7 +637,7 @@ static const char *guess(const char *head)
     memcpy(&size, head, sizeof size);
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
-    if (strstr(head, "<VTKFile")) return "a VTK XML file (ParaView saves it as MetaImage, .mhd)";
+    if (strstr(head, "<VTKFile")) return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
     if (strstr(head, "<GIFTI"))
         return "a GIfTI file, which holds a mesh (`mris_convert FILE.gii FILE.stl` converts it for surface.mesh)";
     if (strstr(head, "zarr_format")) return "a part of a Zarr volume (Fiji opens Zarr and saves it as NRRD)";

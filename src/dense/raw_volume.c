@@ -13,6 +13,7 @@
 #include "base/precision.h"
 #include "dense/header.h"
 #include "dense/inflated.h"
+#include "dense/numbers.h"
 
 /* zlib packs a byte into 1/1032 of one at best. */
 static const int64_t most_packed = 1032;
@@ -36,7 +37,10 @@ typedef struct raw_volume {
     char buffer[BUFFER + 16];
 } raw_volume;
 
-static const int size_of[HEADER_TYPE_COUNT] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+static int size_of(const header *h)
+{
+    return numbers_bytes((header_type)h->type);
+}
 
 static const char *name_at(const raw_volume *s)
 {
@@ -153,7 +157,7 @@ static bool check_length(const raw_volume *s, int64_t values, error *e)
 {
     struct stat st;
     if (fstat(s->data, &st) != 0) return damaged(s, e, "the file cannot be read");
-    int64_t have = st.st_size - s->offset, needed = values * size_of[s->head.type];
+    int64_t have = st.st_size - s->offset, needed = values * size_of(&s->head);
     if (s->head.encoding == HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
     if (s->head.encoding == HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
     if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
@@ -185,70 +189,19 @@ static bool open_data(raw_volume *s, uint32_t index, error *e)
                    : error_set(e, ERROR_INTERNAL, "the file cannot be read: %s", strerror(errno));
     if (!skip_lines(s, e) || !check_length(s, s->left, e)) return false;
     start_unpacking(s);
-    return skip_bytes(s, s->left * size_of[s->head.type], e);
+    return skip_bytes(s, s->left * size_of(&s->head), e);
 }
 
 /* ---- values */
-
-static double one_value(const unsigned char *p, header_type type)
-{
-    union {
-        int8_t i8;
-        uint8_t u8;
-        int16_t i16;
-        uint16_t u16;
-        int32_t i32;
-        uint32_t u32;
-        int64_t i64;
-        uint64_t u64;
-        float f;
-        double d;
-    } v;
-    memcpy(&v, p, (size_t)size_of[type]);
-    switch (type) {
-    case HEADER_INT8:
-        return v.i8;
-    case HEADER_UINT8:
-        return v.u8;
-    case HEADER_INT16:
-        return v.i16;
-    case HEADER_UINT16:
-        return v.u16;
-    case HEADER_INT32:
-        return v.i32;
-    case HEADER_UINT32:
-        return v.u32;
-    case HEADER_INT64:
-        return (double)v.i64;
-    case HEADER_UINT64:
-        return (double)v.u64;
-    case HEADER_FLOAT:
-        return (double)v.f;
-    default:
-        return v.d;
-    }
-}
 
 static bool is_scaled(const raw_volume *s)
 {
     return s->head.slope != 1 || s->head.intercept != 0;
 }
 
-/* Remembers the first whole number that a double does not hold; a scaled one is none. */
-static void note_inexact(raw_volume *s, const unsigned char *p)
-{
-    int64_t number;
-    memcpy(&number, p, sizeof number);
-    if (*s->base.inexact || is_scaled(s)) return;
-    if (s->head.type == HEADER_UINT64 && (uint64_t)number > (uint64_t)PRECISION_WHOLE_MOST)
-        snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRIu64, (uint64_t)number);
-    if (s->head.type == HEADER_INT64 && (number > PRECISION_WHOLE_MOST || number < -PRECISION_WHOLE_MOST))
-        snprintf(s->base.inexact, sizeof s->base.inexact, "%" PRId64, number);
-}
-
 static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
 {
-    const int size = size_of[s->head.type];
+    const int size = size_of(&s->head);
     const double slope = s->head.slope, intercept = s->head.intercept;
     while (count > 0) {
         int64_t some = count < BUFFER / size ? count : BUFFER / size;
@@ -260,8 +213,9 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
-            if (size == sizeof(int64_t)) note_inexact(s, one);
-            *values++ = slope * one_value(one, (header_type)s->head.type) + intercept;
+            if (size == sizeof(int64_t) && !is_scaled(s)) /* a scaled number is no whole one */
+                numbers_note_inexact(one, (header_type)s->head.type, s->base.inexact);
+            *values++ = slope * numbers_value(one, (header_type)s->head.type) + intercept;
         }
         count -= some;
     }
@@ -365,18 +319,13 @@ static bool place_files(raw_volume *s, error *e)
 }
 
 /* Selects one of several volumes by its number; -1: none was named. */
-static bool choose_volume(header *h, int64_t index, error *e)
+static bool choose_volume(raw_volume *s, int64_t index, error *e)
 {
-    const int64_t count = h->volumes > 1 ? h->volumes : 1, samples = h->size[0] * h->size[1] * h->size[2];
-    if (index < 0 && count > 1)
-        return error_set(e, ERROR_GRID_AMBIGUOUS,
-                         "the file has %lld volumes of %lld x %lld x %lld: choose one with index, 0 to %lld",
-                         (long long)count, (long long)h->size[0], (long long)h->size[1],
-                         (long long)h->size[2], (long long)count - 1);
-    if (index >= count)
-        return error_set(e, ERROR_GRID_MISSING, "the file has no volume %lld: choose index from 0 to %lld",
-                         (long long)index, (long long)count - 1);
-    if (index > 0) h->byte_skip += index * samples * size_of[h->type];
+    header *h = &s->head;
+    memcpy(s->base.size, h->size, sizeof s->base.size);
+    s->base.volumes = h->volumes > 1 ? h->volumes : 1;
+    if (!slices_choose_volume(&s->base, &index, e)) return false;
+    h->byte_skip += index * h->size[0] * h->size[1] * h->size[2] * size_of(h);
     return true;
 }
 
@@ -393,11 +342,6 @@ static void note_length(raw_volume *s)
                (long long)said, (long long)(st.st_size - begin));
 }
 
-static bool needs_doubles(header_type type)
-{
-    return size_of[type] >= 4 && type != HEADER_FLOAT;
-}
-
 slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t index,
                          const slices_files *files, error *e)
 {
@@ -405,18 +349,18 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     *s = (raw_volume){.base = {.ops = &raw_volume_ops}, .path = path, .files = files, .fd = fd, .data = -1};
     bool ok = header_read(fd, path, program, &s->head, &s->text, e);
     s->base.components = s->head.components > 1 ? (int)s->head.components : 1;
-    if (!ok || !choose_volume(&s->head, index, e) || !place_files(s, e) || !open_data(s, 0, e)) {
+    if (!ok || !choose_volume(s, index, e) || !place_files(s, e) || !open_data(s, 0, e)) {
         raw_volume_close(&s->base);
         return NULL;
     }
     memcpy(s->base.vector_to_world, s->head.vector_to_world, sizeof s->base.vector_to_world);
-    memcpy(s->base.size, s->head.size, sizeof s->base.size);
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
+    s->base.type = numbers_name((header_type)s->head.type);
     for (uint32_t k = 0; k < s->head.warnings.count; k++)
         dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
-    s->base.fine = needs_doubles((header_type)s->head.type);
+    s->base.fine = numbers_need_doubles((header_type)s->head.type);
     note_length(s);
     return &s->base;
 }

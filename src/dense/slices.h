@@ -29,10 +29,19 @@ struct slices {
     double vector_to_world[9];  /* those of a vector, row by row */
     double index_to_world[16];  /* row-major, column vectors */
     char format[12], space[64]; /* as in header.h */
+    const char *type;           /* of the numbers in the file, "uint8" for example; NULL: not told */
+    int64_t volumes;            /* that the file has, of which this is one; 0 counts as 1 */
     bool fine;                  /* values may need more than the 24 bits of a float */
     char inexact[24]; /* the first whole number beyond PRECISION_WHOLE_MOST that was read, as text; or "" */
     dense_warnings warnings;
 };
+
+/* Checks the number of a volume in a file with s->volumes of s->size. *index -1: none was named, which becomes 0 if there is only one.
+ * Errors: grid_ambiguous, grid_missing. */
+bool slices_choose_volume(const slices *s, int64_t *index, error *e);
+
+/* Gives the axes these lengths of a step, in the place of those of the file; their directions and the place of the first sample stay. */
+void slices_set_voxel_size(slices *s, const double size[3]);
 
 /* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
  * that names the path. */

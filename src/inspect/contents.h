@@ -16,6 +16,7 @@ typedef struct contents_input {
  * file. */
 typedef bool contents_reader(const contents_input *in, json *inspection, error *e);
 
-contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_mesh;
+contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_tiff,
+    contents_read_mesh;
 
 #endif

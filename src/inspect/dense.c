@@ -4,16 +4,12 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "dense/header.h"
-#include "dense/raw_volume.h"
+#include "dense/volume_file.h"
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
 #include "labels/label_listing.h"
 #include "store/root.h"
-
-static const char *const type_names[HEADER_TYPE_COUNT] = {"int8",   "uint8", "int16",  "uint16", "int32",
-                                                          "uint32", "int64", "uint64", "float",  "double"};
 
 int dense_open_beside(void *context, const char *path, error *e)
 {
@@ -147,23 +143,30 @@ bool dense_describe(const contents_input *in, slices *s, const char *kind, const
     return ok;
 }
 
+bool dense_describe_volume(const contents_input *in, slices *s, json *file, json *inspection, error *e)
+{
+    json *o = json_put_object(inspection, "volume");
+    json_put_string(inspection, "format", s->format);
+    json_put_string(o, "type", s->type);
+    json_put_integer(o, "volumes", s->volumes > 1 ? s->volumes : 1);
+    if (s->volumes > 1) json_put_integer(file, "index", 0);
+    return dense_describe(in, s, "volume", file, o, json_find(inspection, "/suggestions"), e);
+}
+
+slices *dense_open(const contents_input *in, const slices_files *files, error *e)
+{
+    const volume_file file = {in->fd, in->path, NULL, 0, files, (size_t)in->options->memory_mb << 20, NULL};
+    return volume_file_open(&file, e);
+}
+
 bool contents_read_dense(const contents_input *in, json *inspection, error *e)
 {
-    header head;
-    char *names = NULL;
-    if (!header_read(in->fd, in->path, NULL, &head, &names, e)) return error_prefix(e, "%s", in->path);
-    free(names);
     const slices_files files = {dense_open_beside, (void *)in};
-    slices *s = raw_volume_open(in->fd, in->path, NULL, 0, &files, e);
+    slices *s = dense_open(in, &files, e);
     if (!s) return error_prefix(e, "%s", in->path);
-    json *o = json_put_object(inspection, "volume");
-    json_put_string(inspection, "format", head.format);
-    json_put_string(o, "type", type_names[head.type]);
-    json_put_integer(o, "volumes", head.volumes > 1 ? head.volumes : 1);
     json *file = json_new_object();
     json_put_string(file, "path", in->path);
-    if (head.volumes > 1) json_put_integer(file, "index", 0);
-    const bool ok = dense_describe(in, s, "volume", file, o, json_find(inspection, "/suggestions"), e);
+    const bool ok = dense_describe_volume(in, s, file, inspection, e);
     json_free(file);
     s->ops->close(s);
     return ok;

@@ -1,4 +1,4 @@
-/* The contents of OpenEXR images, and of the stack that an image is one of. */
+/* The contents of OpenEXR and TIFF images, and of the stack that an image is one of. */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "dense/exr_stack.h"
+#include "dense/volume_file.h"
 #include "inspect/contents.h"
 #include "inspect/dense.h"
 #include "store/root.h"
@@ -103,6 +104,49 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
     bool ok = dense_describe(in, s, "exr", exr, volume, json_find(inspection, "/suggestions"), e);
     json_free(exr);
     s->ops->close(s);
+    return ok;
+}
+
+/* A TIFF image of one page, with those beside it. */
+static bool describe_pages(const contents_input *in, const stack *of, json *inspection, error *e)
+{
+    const slices_files files = {dense_open_beside, (void *)in};
+    const exr_stack_params params = {.count = of->count,
+                                     .paths = (const char *const *)of->paths,
+                                     .numbers = of->numbers,
+                                     .voxel_size = {1, 1, 1},
+                                     .memory_limit = (size_t)in->options->memory_mb << 20,
+                                     .files = &files};
+    slices *s = volume_file_open_stack(&params, e);
+    if (!s) return false;
+    json *file = json_new_object();
+    char *range = mem_printf("%d-%d", of->first, of->last);
+    json_put_string(file, "path", of->pattern);
+    json_put_string(file, "slices", range);
+    free(range);
+    json_put_integer(inspection, "images", (int64_t)of->count);
+    const bool ok = dense_describe_volume(in, s, file, inspection, e);
+    json_free(file);
+    s->ops->close(s);
+    return ok;
+}
+
+bool contents_read_tiff(const contents_input *in, json *inspection, error *e)
+{
+    const slices_files files = {dense_open_beside, (void *)in};
+    error fault = {0};
+    slices *s = dense_open(in, &files, &fault);
+    if (s) {
+        s->ops->close(s);
+        return contents_read_dense(in, inspection, e);
+    }
+    stack beside = fault.code == ERROR_NO_SURFACE ? find_stack(in) : (stack){0};
+    bool ok = beside.count >= 2 && describe_pages(in, &beside, inspection, e);
+    if (beside.count < 2) {
+        if (e) *e = fault;
+        ok = error_prefix(e, "%s", in->path);
+    }
+    free_stack(&beside);
     return ok;
 }
 

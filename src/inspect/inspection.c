@@ -21,11 +21,15 @@ typedef struct kind {
 static const kind kinds[] = {
     {"OpenVDB", " BDV\0\0\0\0", 8, " .vdb ", contents_read_vdb},
     {"OpenEXR", "v/1\1", 4, " .exr ", contents_read_exr},
+    {"TIFF", "II*\0", 4, " .tif .tiff .btf ", contents_read_tiff},
+    {"TIFF", "MM\0*", 4, "", contents_read_tiff},
+    {"TIFF", "II+\0", 4, "", contents_read_tiff},
+    {"TIFF", "MM\0+", 4, "", contents_read_tiff},
     {"NRRD", "NRRD", 4, " .nrrd .nhdr ", contents_read_dense},
     {"NIfTI", "", 0, " .nii .nii.gz .hdr .img .img.gz ", contents_read_dense},
     /* of these the reader says what they are */
     {"MetaImage", "", 0, " .mha .mhd ", contents_read_dense},
-    {"volume", "", 0, " .vti .vtk .slc .vol .mgz .mgh .raw .dcm ", contents_read_dense},
+    {"volume", "", 0, " .vti .slc .vol .mgz .mgh .raw .dcm ", contents_read_dense},
     {"mesh", "", 0, NULL, contents_read_mesh},
 };
 

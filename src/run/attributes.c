@@ -27,7 +27,7 @@ struct attributes_entry {
 
 static const char *file_of(const spec_surface *s)
 {
-    return s->kind == SPEC_SURFACE_EXR      ? s->exr.path
+    return s->exr.count > 0                 ? s->exr.path
            : s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
            : s->kind == SPEC_SURFACE_MESH   ? s->mesh.path
            : s->kind == SPEC_SURFACE_VOLUME ? s->volume.path
@@ -93,7 +93,9 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
     out->request.path = part ? file_of(part) : a->from;
     out->files = (slices_files){open_beside, from};
     out->request.files = &out->files;
-    if (part && part->kind == SPEC_SURFACE_EXR) {
+    if (part && part->kind == SPEC_SURFACE_VOLUME && part->exr.has_voxel_size)
+        out->request.voxel_size = &part->exr.voxel_size;
+    if (part && part->exr.count > 0) {
         out->stack = source_stack(&part->exr, &out->files);
         out->request.stack = &out->stack;
         return true;

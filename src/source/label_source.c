@@ -7,7 +7,7 @@
 #include <strings.h>
 
 #include "base/precision.h"
-#include "dense/raw_volume.h"
+#include "dense/volume_file.h"
 #include "volume/grid_selection.h"
 
 /* A grid as slices: the box of its active voxels, with a layer of the background around it. */
@@ -113,15 +113,28 @@ static label_surface *open_vdb(const label_source_request *r, error *e)
     return v.opened;
 }
 
+static label_surface *refuse_voxel_size(error *e)
+{
+    error_set(
+        e, ERROR_NOT_SUPPORTED,
+        "an OpenVDB file has the size of its voxels: remove voxel_size, or give the file another transform");
+    return NULL;
+}
+
 label_surface *label_source_open(const label_source_request *request, error *e)
 {
     const spec_labels *l = request->how.spec;
     const char *ending = l->path ? strrchr(l->path, '.') : NULL;
     if (!request->stack && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
-        return open_vdb(request, e);
-    slices *from = request->stack ? exr_stack_open(request->stack, e)
-                                  : raw_volume_open(request->fd, l->path, NULL, l->has_index ? l->index : -1,
-                                                    request->files, e);
+        return request->voxel_size ? refuse_voxel_size(e) : open_vdb(request, e);
+    const volume_file file = {request->fd,
+                              l->path,
+                              NULL,
+                              l->has_index ? l->index : -1,
+                              request->files,
+                              request->how.memory_limit,
+                              request->voxel_size};
+    slices *from = request->stack ? volume_file_open_stack(request->stack, e) : volume_file_open(&file, e);
     if (!from) return NULL;
     label_surface_request how = request->how;
     how.from = from;

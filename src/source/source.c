@@ -9,7 +9,7 @@
 #include "base/memory.h"
 #include "dense/coefficients.h"
 #include "dense/exr_stack.h"
-#include "dense/raw_volume.h"
+#include "dense/volume_file.h"
 #include "geometry/affine.h"
 #include "source/creased_source.h"
 #include "source/label_source.h"
@@ -288,11 +288,17 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
     return v;
 }
 
-static volume *open_stored(const spec_volume *v, int fd, const opening *o, error *e)
+static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
-    return open_dense(raw_volume_open(fd, v->path, NULL, v->has_index ? v->index : -1, &files, e), v->path,
-                      v->isovalue, v->reconstruction, o, e);
+    const volume_file file = {fd,
+                              v->path,
+                              NULL,
+                              v->has_index ? v->index : -1,
+                              &files,
+                              memory_left(o),
+                              x->has_voxel_size ? &x->voxel_size : NULL};
+    return open_dense(volume_file_open(&file, e), v->path, v->isovalue, v->reconstruction, o, e);
 }
 
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
@@ -302,17 +308,21 @@ exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
                               .numbers = x->numbers,
                               .part = x->part,
                               .channel = x->channel,
+                              .has_voxel_size = x->has_voxel_size,
                               .voxel_size = x->voxel_size,
                               .origin = x->origin,
                               .files = files};
 }
 
-static volume *open_exr(const spec_exr *x, const opening *o, error *e)
+/* `exr_alone`: other images are refused. */
+static volume *open_images(const spec_exr *x, bool exr_alone, double isovalue, spec_reconstruction how,
+                           const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
     exr_stack_params params = source_stack(x, &files);
     params.memory_limit = memory_left(o);
-    return open_dense(exr_stack_open(&params, e), x->path, x->isovalue, x->reconstruction, o, e);
+    slices *from = exr_alone ? exr_stack_open(&params, e) : volume_file_open_stack(&params, e);
+    return open_dense(from, x->path, isovalue, how, o, e);
 }
 
 /* Rims lie on faces of boxes along the axes of the space that is sampled; oblique data must not end within `box`.
@@ -359,7 +369,8 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
         fd,
         {NULL, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool},
         &files,
-        l->path ? NULL : &stack};
+        l->path ? NULL : &stack,
+        s->exr.has_voxel_size ? &s->exr.voxel_size : NULL};
     out->labels = label_source_open(&request, e);
     if (fd >= 0) close(fd);
     if (!out->labels) return error_prefix(e, "%s", l->path ? l->path : s->exr.path);
@@ -376,7 +387,9 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
             e, ERROR_NOT_SUPPORTED,
             "an offset requires distances, which a dense volume does not have: give another isovalue");
     if (s->kind == SPEC_SURFACE_EXR) {
-        out->volume = open_exr(&s->exr, o, e);
+        out->volume = open_images(&s->exr, true, s->exr.isovalue, s->exr.reconstruction, o, e);
+    } else if (s->exr.count > 0) {
+        out->volume = open_images(&s->exr, false, s->volume.isovalue, s->volume.reconstruction, o, e);
     } else {
         const char *path = s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
                            : s->kind == SPEC_SURFACE_MESH ? s->mesh.path
@@ -387,7 +400,7 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
             open_mesh(&s->mesh, offset, fd, o, out, e);
         else
             out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(&s->vdb, offset, fd, o, e)
-                                                      : open_stored(&s->volume, fd, o, e);
+                                                      : open_stored(&s->volume, &s->exr, fd, o, e);
         close(fd);
     }
     if (out->mesh) out->field = mesh_surface_field(out->mesh);

@@ -205,14 +205,13 @@ static void check_exr(reading *r, const json_at *at)
 /* With slices the path names a stack. */
 static void check_label_files(reading *r, const json_at *at)
 {
-    static const char *const of_stacks[] = {"part", "channel", "voxel_size",
-                                            "origin"}; /* the last two have defaults */
+    static const char *const of_stacks[] = {"part", "channel", "origin"}; /* the last has a default */
     static const char *const of_files[] = {"grid", "index"};
     spec_surface *s = r->surface;
     const bool stack = s->exr.slices != NULL;
     const vec3 size = s->exr.voxel_size, origin = s->exr.origin;
-    const bool is_default[] = {false, false, size.x == 1 && size.y == 1 && size.z == 1,
-                               origin.x == 0 && origin.y == 0 && origin.z == 0};
+    const bool is_default[] = {false, false, origin.x == 0 && origin.y == 0 && origin.z == 0};
+    s->exr.has_voxel_size = size.x != 1 || size.y != 1 || size.z != 1;
     for (size_t k = 0; k < sizeof of_stacks / sizeof *of_stacks; k++) {
         const json_at member = json_member(at, of_stacks[k]);
         if (!stack && member.node && !is_default[k])
@@ -225,6 +224,19 @@ static void check_label_files(reading *r, const json_at *at)
     if (!stack || r->known) return;
     s->exr.path = s->labels.path;
     s->labels.path = NULL;
+    check_exr(r, at);
+}
+
+static void check_volume(reading *r, const json_at *at)
+{
+    spec_surface *s = r->surface;
+    const json_at index = json_member(at, "index");
+    if (!s->exr.has_voxel_size) s->exr.voxel_size = vec3_make(1, 1, 1);
+    if (!s->exr.slices) return;
+    if (index.node) reading_add_fault(r, &index, "excludes slices: remove one of the two");
+    if (r->known) return;
+    s->exr.path = s->volume.path;
+    s->volume.path = NULL;
     check_exr(r, at);
 }
 
@@ -450,6 +462,7 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
                  {"/surface/analytic", check_analytic},
                  {"/surface/bspline", check_bspline},
                  {"/surface/bspline/domain", check_domain},
+                 {"/surface/volume", check_volume},
                  {"/surface/exr", check_exr},
                  {"/surface/labels", check_labels},
                  {"/surface/transform", check_transform},

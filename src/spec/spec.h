@@ -26,7 +26,7 @@ typedef struct spec_vdb {
 } spec_vdb;
 
 typedef struct spec_volume {
-    char *path;
+    char *path; /* NULL: a stack of images, the surface's `exr` */
     bool has_index;
     int64_t index; /* of several volumes in the file */
     double isovalue;
@@ -41,6 +41,7 @@ typedef struct spec_exr {
     size_t count;  /* of them */
     char *part;    /* NULL: the only one, or the only one with the channel */
     char *channel; /* NULL: the only one */
+    bool has_voxel_size; /* given, for files that have a size of their own */
     vec3 voxel_size, origin;
     double isovalue;
     spec_reconstruction reconstruction;

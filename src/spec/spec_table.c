@@ -402,14 +402,34 @@ const spec_row spec_rows[] = {
      AT(surface.volume.path),
      .prose =
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
-         "NIfTI-2 or MetaImage. It and the files that it names must lie below one of the service's input roots."},
+         "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of the "
+         "slice number. It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
      AT_HAS(surface.volume.index, surface.volume.has_index),
      .prose =
-         "Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are several."},
+         "Which volume of a file with more than three axes, counted from 0. Required if there are several. For channel c at time t "
+         "of a TIFF file with C channels it is c + C t."},
+    {.pointer = "/surface/volume/slices",
+     .type = SPEC_TYPE_STRING,
+     .low = 3,
+     .high = 64,
+     AT(surface.exr.slices),
+     .prose =
+         "The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its slices: see "
+         "/surface/exr/slices."},
+    {.pointer = "/surface/volume/voxel_size",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = WORLD_MAX,
+     AT_HAS(surface.exr.voxel_size, surface.exr.has_voxel_size),
+     .unit = "world",
+     .prose =
+         "The distance between samples along each axis of the data, in place of the one in the file. The directions of the axes "
+         "and the position of the first sample stay. Default: that of the file; for files without one, 1."},
     {.pointer = "/surface/volume/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
@@ -441,7 +461,7 @@ const spec_row spec_rows[] = {
      .high = 4096,
      AT(surface.labels.path),
      .prose =
-         "The file: NRRD, NIfTI, MetaImage, or OpenVDB; with slices the images, as in /surface/exr/path. It and the files that "
+         "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, or OpenVDB; with slices the images, as in /surface/exr/path. It and the files that "
          "it names must lie below one of the service's input roots."},
     {.pointer = "/surface/labels/index",
      .type = SPEC_TYPE_LARGE,
@@ -454,8 +474,9 @@ const spec_row spec_rows[] = {
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
-     .prose = "The labels are a stack of OpenEXR images, and these are its slices: see "
-              "/surface/exr. The same holds for part, channel, voxel_size and origin."},
+     .prose =
+         "The labels are a stack of OpenEXR or TIFF images, and these are its slices: see "
+         "/surface/exr. The same holds for part, channel, voxel_size and origin; TIFF has no part and no channel."},
     {.pointer = "/surface/labels/part",
      .type = SPEC_TYPE_STRING,
      .low = 0,
@@ -476,7 +497,9 @@ const spec_row spec_rows[] = {
      .otherwise = "[1,1,1]",
      AT(surface.exr.voxel_size),
      .unit = "world",
-     .prose = "The distance between columns, rows and slices. Requires slices."},
+     .prose =
+         "The distance between columns, rows and slices. For files with a size of their own it replaces that, unless it is "
+         "[1, 1, 1]."},
     {.pointer = "/surface/labels/origin",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,

@@ -68,6 +68,7 @@ static void read_vector(reading *r, const json_at *at, const spec_row *row, json
         }
     }
     if (!good) return;
+    if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
     if (whole) {
         const int triple[3] = {(int)v.x, (int)v.y, (int)v.z};
         memcpy(reading_target(r, row->offset), triple, sizeof triple);

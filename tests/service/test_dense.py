@@ -511,7 +511,7 @@ def broken(tmp_path):
     yield "far.nhdr", nrrd([*header(), far]), "input_damaged", "FORMAT MIN MAX STEP"
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
                                  ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
-    yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK file (3D Slicer saves it as NRRD)"
+    yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK file (3D Slicer saves a volume as NRRD"
     yield "other.vdb", b" BDV\0\0\0\0" + raw, "input_unsupported", "OpenVDB file (use surface.vdb)"
     yield "other.slc", b"11111\n66 66 66 8\n" + raw, "input_unsupported", "SLC volume of VolVis (ParaView saves it"
     yield "other.vol", b"VOL\3" + raw, "input_unsupported", "byte skip: 48"

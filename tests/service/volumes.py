@@ -289,3 +289,82 @@ def read_nifti(path):
     kind = order + {v: k for k, v in NIFTI_TYPES.items()}[code]
     values = numpy.frombuffer(raw, kind, numpy.prod(size), int(offset))
     return values.reshape(size, order="F").astype(float), matrix
+
+
+# ---- TIFF
+
+TIFF_FORMATS = {"u": 1, "i": 2, "f": 3}
+
+
+def _tiff_rational(number):
+    """A number as two integers, exactly if it is a binary fraction of few digits."""
+    below = 1
+    while number * below != int(number * below) and below < 1 << 20:
+        below *= 2
+    return round(number * below), below
+
+
+def _pack_bits(rows, bits):
+    return b"".join(numpy.packbits((row[:, None] >> numpy.arange(bits - 1, -1, -1)) & 1).tobytes() for row in rows)
+
+
+def write_tiff(path, pages, endian="<", big=False, packed=False, rows=None, tile=None, bits=None, description=None,
+               resolution=None, unit=1, tags=None, contiguous=False):
+    """Each page is an array [x, y]. `rows`: of a strip; `tile`: (width, height); `packed`: by Deflate; `bits`: fewer than eight;
+    `resolution`: pixels in a unit along x and y; `tags`: further ones of SHORT, or in the place of these, by number;
+    `contiguous`: one directory, that of the first page."""
+    kind = pages[0].dtype.str[1:]
+    word, size, count_word, entry = ("Q", 8, "Q", 20) if big else ("I", 4, "H", 12)
+    head = (b"II" if endian == "<" else b"MM") + struct.pack(endian + "H", 43 if big else 42)
+    if big:
+        head += struct.pack(endian + "2H", 8, 0)
+    out = bytearray(head + bytes(size))
+    link = len(head)  # where the place of the next directory goes
+
+    def numbers(part):
+        data = _pack_bits(part.T, bits) if bits else part.astype(endian + kind).tobytes(order="F")
+        return zlib.compress(data) if packed else data
+
+    def add(data):
+        at = len(out)
+        out.extend(data)
+        return at, len(data)
+
+    for number, page in enumerate(pages[:1] if contiguous else pages):
+        width, height = page.shape
+        if tile:
+            filled = numpy.zeros(tuple(-(-n // t) * t for n, t in zip(page.shape, tile)), page.dtype)
+            filled[:width, :height] = page
+            parts = [filled[x:x + tile[0], y:y + tile[1]] for y in range(0, height, tile[1]) for x in range(0, width, tile[0])]
+        else:
+            parts = [page[:, y:y + (rows or height)] for y in range(0, height, rows or height)]
+        places = [add(numbers(part)) for part in parts]
+        if contiguous:
+            add(b"".join(map(numbers, pages[1:])))
+        fields = {256: ("I", [width]), 257: ("I", [height]), 258: ("H", [bits or page.dtype.itemsize * 8]),
+                  259: ("H", [8 if packed else 1]), 262: ("H", [1]), 277: ("H", [1]), 339: ("H", [TIFF_FORMATS[kind[0]]])}
+        fields.update({322: ("I", [tile[0]]), 323: ("I", [tile[1]]), 324: (word, [p[0] for p in places]),
+                       325: (word, [p[1] for p in places])} if tile else
+                      {273: (word, [p[0] for p in places]), 278: ("I", [rows or height]), 279: (word, [p[1] for p in places])})
+        if description is not None and number == 0:
+            fields[270] = ("s", description.encode() if isinstance(description, str) else description)
+        if resolution:
+            fields.update({282: ("R", _tiff_rational(resolution[0])), 283: ("R", _tiff_rational(resolution[1])), 296: ("H", [unit])})
+        fields.update({tag: ("H", [value]) for tag, value in (tags or {}).items()})
+        entries = b""
+        for tag, (code, values) in sorted(fields.items()):
+            if code == "s":
+                data, count, of_type = values + b"\0", len(values) + 1, 2
+            elif code == "R":
+                data, count, of_type = struct.pack(endian + "2I", *values), 1, 5
+            else:
+                data, count, of_type = struct.pack(f"{endian}{len(values)}{code}", *values), len(values), {"H": 3, "I": 4, "Q": 16}[code]
+            if len(data) > size:
+                data = struct.pack(endian + word, add(data + bytes(len(data) % 2))[0])
+            entries += struct.pack(f"{endian}2H{word}", tag, of_type, count) + data.ljust(size, b"\0")
+        out.extend(bytes(len(out) % 2))
+        struct.pack_into(endian + word, out, link, len(out))
+        out.extend(struct.pack(endian + count_word, len(entries) // entry) + entries)
+        link = len(out)
+        out.extend(bytes(size))
+    path.write_bytes(out)

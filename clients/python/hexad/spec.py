@@ -403,6 +403,8 @@ class _SurfaceVolumeNeeded(TypedDict):
 
 class _SurfaceVolumeRest(TypedDict, total=False):
     index: int
+    slices: str
+    voxel_size: Sequence[float]
     reconstruction: Literal["interpolating", "smoothing"]
 
 
@@ -411,10 +413,16 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     is that of the file: for NRRD the space that the header names (left-posterior-superior is not converted),
     for NIfTI right-anterior-superior.
 
-    path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2 or
-        MetaImage. It and the files that it names must lie below one of the service's input roots.
-    index: Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are
-        several.
+    path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2,
+        MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of
+        the slice number. It and the files that it names must lie below one of the service's input roots.
+    index: Which volume of a file with more than three axes, counted from 0. Required if there are several.
+        For channel c at time t of a TIFF file with C channels it is c + C t.
+    slices: The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its
+        slices: see /surface/exr/slices.
+    voxel_size: The distance between samples along each axis of the data, in place of the one in the file. The
+        directions of the axes and the position of the first sample stay. Default: that of the file; for files
+        without one, 1. (world)
     isovalue: The value on the surface. The surface is open where it meets the end of the data. (the volume's)
     reconstruction: See /surface/vdb/reconstruction. Default: 'interpolating'.
     """
@@ -447,14 +455,15 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     Points have the properties label_a and label_b; normals point from the former, the lower one, to the
     latter.
 
-    path: The file: NRRD, NIfTI, MetaImage, or OpenVDB; with slices the images, as in /surface/exr/path. It
-        and the files that it names must lie below one of the service's input roots.
+    path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, or OpenVDB; with slices the images, as in
+        /surface/exr/path. It and the files that it names must lie below one of the service's input roots.
     index: See /surface/volume/index.
-    slices: The labels are a stack of OpenEXR images, and these are its slices: see /surface/exr. The same
-        holds for part, channel, voxel_size and origin.
+    slices: The labels are a stack of OpenEXR or TIFF images, and these are its slices: see /surface/exr. The
+        same holds for part, channel, voxel_size and origin; TIFF has no part and no channel.
     part: The name of the part. Requires slices.
     channel: The name of the channel. Requires slices.
-    voxel_size: The distance between columns, rows and slices. Requires slices. (world) Default: [1, 1, 1].
+    voxel_size: The distance between columns, rows and slices. For files with a size of their own it replaces
+        that, unless it is [1, 1, 1]. (world) Default: [1, 1, 1].
     origin: The position of pixel (0, 0) of the first slice. Requires slices. (world) Default: [0, 0, 0].
     grid: The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers.
     labels: The labels to sample; all others are background. Default: all.
