@@ -614,7 +614,8 @@ static const struct {
     size_t at, length;
     const char *bytes, *what;
 } others[] = {
-    {0, 14, "# vtk DataFile", "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
+    {0, 14, "# vtk DataFile",
+     "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
     {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
     {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
     {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
@@ -625,7 +626,7 @@ static const struct {
      "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
     {0, 4, "\0\0\0\1", "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
     {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
-    {0, 4, "PK\3\4", "a ZIP archive (unpack it; Fiji opens Zarr and saves it as NRRD)"},
+    {0, 4, "PK\3\4", "a ZIP archive (unpack it; name the directory of an OME-Zarr image as the path)"},
     {208, 4, "MAP ",
      "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
 };
@@ -637,10 +638,10 @@ static const char *guess(const char *head)
     memcpy(&size, head, sizeof size);
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
-    if (strstr(head, "<VTKFile")) return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
-    if (strstr(head, "<GIFTI"))
-        return "a GIfTI file, which holds a mesh (`mris_convert FILE.gii FILE.stl` converts it for surface.mesh)";
-    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (Fiji opens Zarr and saves it as NRRD)";
+    if (strstr(head, "<VTKFile"))
+        return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
+    if (strstr(head, "<GIFTI")) return "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)";
+    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (name its directory as the path)";
     if (size == sizeof(nifti_1_header) || size == 0x5c010000)
         return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
     return "not a volume in a known format (raw numbers need an NRRD header: `unu make -h -t "

@@ -2,6 +2,7 @@
 
 #include <stdbool.h>
 #include <string.h>
+#include <strings.h>
 
 static bool begins_with(const char *data, size_t size, const char *bytes, size_t count)
 {
@@ -39,7 +40,7 @@ static bool is_iges(const char *data, size_t size)
     return blanks == NUMBER - 1 && data[SECTION + NUMBER] == '1';
 }
 
-const char *foreign_format(const char *data, size_t size)
+const char *foreign_format(const char *ending, const char *data, size_t size)
 {
     if (BEGINS(" BDV\0\0\0\0"))
         return "the file is a volume of OpenVDB and not a mesh. In the spec, name it as /surface/vdb/path.";
@@ -59,11 +60,13 @@ const char *foreign_format(const char *data, size_t size)
         return "the file is a geometry file of Houdini, which is not read. Convert it with gconvert of Houdini (gconvert "
                "a.bgeo a.obj).";
     if (BEGINS("# vtk DataFile") || has_in_head(data, size, "<VTKFile"))
-        return "the file is a VTK file, which is not read as a mesh. Convert it with ParaView: Extract Surface, then save the "
-               "data as PLY or STL.";
+        return strcasecmp(ending, "vtk") == 0 || strcasecmp(ending, "vtp") == 0
+                   ? NULL
+                   : "the file is a VTK file, which the ending of its name does not say. Name it .vtk or .vtp.";
     if (has_in_head(data, size, "<GIFTI"))
-        return "the file is a GIfTI file, which is not read. Convert it with mris_convert of FreeSurfer (mris_convert a.gii "
-               "a.stl).";
+        return strcasecmp(ending, "gii") == 0
+                   ? NULL
+                   : "the file is a GIfTI file, which the ending of its name does not say. Name it .gii.";
     if (BEGINS("\xFF\xFF\xFE"))
         return "the file is a surface of FreeSurfer, which is not read. Convert it with mris_convert (mris_convert lh.pial "
                "lh.stl).";

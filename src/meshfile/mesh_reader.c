@@ -463,6 +463,12 @@ static void read_amf_unit(const char *data, plain_mesh *out)
     plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
 }
 
+/* Whether only the positions of vertices are read from files of this format. */
+static bool has_places_only(const char *ending)
+{
+    return strcasecmp(ending, "vtk") == 0 || strcasecmp(ending, "vtp") == 0 || strcasecmp(ending, "gii") == 0;
+}
+
 /* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
 static bool is_read_for_values(const char *ending)
 {
@@ -485,7 +491,7 @@ static void try_plain(const char *ending, const bytes *b, bool wants_values, pla
         free(plain->triangle);
     }
     if (strcasecmp(ending, "amf") == 0) read_amf_unit(b->data, plain);
-    if ((foreign = foreign_format(b->data, b->size)))
+    if ((foreign = foreign_format(ending, b->data, b->size)))
         plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
@@ -506,7 +512,8 @@ static int answer_only_reader(const char *ending, bytes *b)
             (b->size != whole.size || b->data != whole.data) && plain_mesh_read(ending, b->data, b->size, &m);
     }
     if (read) return answer_plain(&m, end);
-    if ((foreign = foreign_format(b->data, b->size))) return answer_fault(ERROR_INPUT_UNSUPPORTED, foreign);
+    if ((foreign = foreign_format(ending, b->data, b->size)))
+        return answer_fault(ERROR_INPUT_UNSUPPORTED, foreign);
     return answer_fault(m.refused, m.text);
 }
 
@@ -519,6 +526,10 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     plain_mesh plain = {0};
     ply_values own = {0};
     const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
+    if (wants_values && has_places_only(argv[1]))
+        return answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "the values of the vertices of such files are not read: save it as PLY for attributes");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     if (!wants_values && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], &b));
     try_plain(argv[1], &b, wants_values, &plain);

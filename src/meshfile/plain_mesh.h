@@ -1,4 +1,4 @@
-/* plain_mesh: OBJ, PLY, STL, OFF, glTF and 3MF files read without a library, in the precision that they have.
+/* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files read without a library, in the precision that they have.
  *
  * A reader takes a whole file or refuses it with a message that gives the place. OFF, glTF and 3MF have a third answer:
  * a file with contents that are not known here is left to the library. Runs in the process that reads. Threads: none.
@@ -30,7 +30,7 @@ typedef struct plain_mesh {
  * one of the formats that only this reader reads is never left. plain_mesh_free. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether files with this ending are read here only: OBJ, PLY and STL. */
+/* Whether files with this ending are read here only: OBJ, PLY, STL, VTK and GIfTI. */
 bool plain_mesh_is_only_reader(const char *ending);
 
 void plain_mesh_free(plain_mesh *m);
@@ -43,6 +43,10 @@ bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_vtk(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_vtp(const char *data, size_t size,
+                         plain_mesh *out); /* also a legacy file by this name */
 
 /* Of 3MF and AMF: how many millimetres the unit of a document is, with a warning unless it is 1; a unit that is not
  * known is refused. No unit is a millimetre. */

@@ -414,9 +414,9 @@ def test_pixels_of_an_aspect_that_the_job_does_not_have(told, tmp_path):
 
 OTHERS = [(b"# vtk DataFile Version 3.0\n", "VTK file (3D Slicer saves a volume as NRRD"),
           (b'<?xml version="1.0"?>\n<VTKFile type="ImageData">', "VTK XML file (ParaView saves a volume as MetaImage"),
-          (b'<?xml version="1.0"?>\n<GIFTI Version="1.0">', "GIfTI file, which holds a mesh (`mris_convert"),
-          (b'{"zarr_format": 2, "shape": [8, 8, 8]}', "Zarr volume (Fiji opens"),
-          (b"PK\3\4", "ZIP archive (unpack it; Fiji opens Zarr"), (bytes(128) + b"DICM", "DICOM file (`dcm2niix FOLDER`"),
+          (b'<?xml version="1.0"?>\n<GIFTI Version="1.0">', "GIfTI file, which holds a mesh (name it as /surface/mesh/path"),
+          (b'{"zarr_format": 2, "shape": [8, 8, 8]}', "Zarr volume (name its directory"),
+          (b"PK\3\4", "ZIP archive (unpack it; name the directory"), (bytes(128) + b"DICM", "DICOM file (`dcm2niix FOLDER`"),
           (b"\x89HDF\r\n\x1a\n", "HDF5 file (`h5dump -d DATASET -b LE -o FILE`"), (b"CDF\1", "MINC file (`mnc2nii`"),
           (bytes(208) + b"MAP ", "MRC or CCP4 map (1024 bytes"), (struct.pack("<i", 348), "ANALYZE 7.5 header (`fslchfiletype"),
           (struct.pack(">i", 348), "ANALYZE 7.5 header (`fslchfiletype"), (b"\7\6\5", "raw numbers need an NRRD header: `unu make")]

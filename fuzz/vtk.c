@@ -1,0 +1,29 @@
+/* The same bytes as a legacy file and as an XML file of VTK, in the process that reads. */
+#include <string.h>
+
+#include "fuzz/target.h"
+#include "meshfile/plain_mesh.h"
+
+static void read_as(const char *ending, const char *data, size_t size)
+{
+    plain_mesh m;
+    if (!plain_mesh_read(ending, data, size, &m)) {
+        expect(m.refused != ERROR_NONE && *m.text);
+        return;
+    }
+    for (size_t n = 0; n < m.triangles; n++)
+        for (int k = 0; k < 3; k++) expect(m.triangle[n][k] < m.vertices);
+    plain_mesh_free(&m);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    char *copy = malloc(size + 1); /* the sanitizers see what is read behind it */
+    expect(copy);
+    memcpy(copy, data, size);
+    copy[size] = 0;
+    read_as("vtk", copy, size);
+    read_as("vtp", copy, size);
+    free(copy);
+    return 0;
+}

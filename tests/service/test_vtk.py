@@ -1,0 +1,205 @@
+"""VTK files of PolyData as meshes: what the process that reads answers, for each way of storing the same mesh, and what is refused."""
+import json
+import struct
+import subprocess
+
+import numpy
+import pytest
+
+from service import PATIENCE_S
+from vtk_files import write_legacy, write_xml
+
+# A pyramid with a base of four corners: two triangles as polygons, and two as a strip.
+POINTS = numpy.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1.5]])
+POLYS = [[3, 2, 1, 0], [0, 1, 4], [1, 2, 4]]
+STRIP = [2, 3, 4, 0]
+AREA = 4 + 4 * numpy.sqrt(1 + 1.5 ** 2)
+
+
+@pytest.fixture
+def read(build):
+    """What the reader answers of a file: (vertices, triangles, warnings, others), or the text of a refusal."""
+    def call(path, command="read-mesh"):
+        with open(path, "rb") as file:
+            done = subprocess.run([build / "hexad-worker", command, path.suffix[1:], str(512 << 20), "10"], stdin=file,
+                                  capture_output=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        magic, code, length, vertices, triangles, others, crossed, end = struct.unpack_from("<QII5Q", done.stdout)
+        text = done.stdout[56:56 + length].decode()
+        if code:
+            return text
+        rest = done.stdout[56 + length:]
+        assert len(rest) == 24 * vertices + 12 * triangles
+        return (numpy.frombuffer(rest, "<f8", 3 * vertices).reshape(-1, 3),
+                numpy.frombuffer(rest, "<u4", 3 * triangles, 24 * vertices).reshape(-1, 3), text, others)
+    return call
+
+
+def area(vertices, triangles):
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    return numpy.linalg.norm(numpy.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def assert_pyramid(answer, points=POINTS):
+    assert not isinstance(answer, str), answer
+    vertices, triangles, text, _ = answer
+    assert text == "" and (vertices == points).all() and len(triangles) == 6
+    assert area(vertices, triangles) == pytest.approx(AREA)
+    # closed, and turned one way: every edge is there once in each direction
+    edges = {(int(t[k]), int(t[(k + 1) % 3])) for t in triangles for k in range(3)}
+    assert len(edges) == 18 and edges == {(b, a) for a, b in edges}
+
+
+LEGACY_CELLS = {"VERTICES": [[0], [1, 2]], "LINES": [[0, 1, 2]], "POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]}
+XML_CELLS = {"Verts": [[0]], "Lines": [[0, 1]], "Strips": [STRIP], "Polys": POLYS}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("version", ["1.0", "4.2", "5.1"])
+def test_legacy_files(read, tmp_path, binary, version):
+    for kind in ("f4", "f8", "i4"):
+        points = numpy.round(2 * POINTS).astype(kind) if kind == "i4" else POINTS.astype(kind)
+        write_legacy(tmp_path / "v.vtk", points, LEGACY_CELLS, binary, version)
+        answer = read(tmp_path / "v.vtk")
+        if kind == "i4":
+            answer = (answer[0] / 2, *answer[1:])
+        assert_pyramid(answer)
+        assert answer[3] == 3  # two verts and a line
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_what_is_around_the_cells_of_a_legacy_file(read, tmp_path, binary):
+    field = b"FIELD FieldData 3\nTIME 1 1 double\n" + (struct.pack(">d", 0.5) + b"\n" if binary else b"0.5\n")
+    field += b"bits 1 11 bit\n" + (b"\xff\xe0\n" if binary else b"1 " * 11 + b"\n")
+    field += b"names 1 2 string\n" + (b"\xc3abc\x80\x02xy\n" if binary else b"a%20b\nxy\n")
+    data = b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\nPOINT_DATA 5\nSCALARS s float\nLOOKUP_TABLE default\n"
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary, before=field, behind=data)
+    assert_pyramid(read(tmp_path / "v.vtk"))
+    text = (tmp_path / "v.vtk").read_bytes()
+    if not binary:
+        (tmp_path / "v.vtk").write_bytes(text.replace(b"\n", b"\r\n"))
+        assert_pyramid(read(tmp_path / "v.vtk"))
+
+
+WAYS = [{"mode": "ascii"}, {"mode": "binary"}, {"mode": "binary", "packed": True, "long_heads": True},
+        {"mode": "appended"}, {"mode": "appended", "packed": True, "big": True}, {"mode": "appended", "encoding": "raw", "big": True},
+        {"mode": "appended", "encoding": "raw", "packed": True, "long_heads": True, "index": "i4"},
+        {"mode": "binary", "packed": True, "block": 1 << 15, "index": "u1"}]
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_xml_files(read, tmp_path, way):
+    for kind in ("f4", "f8"):
+        write_xml(tmp_path / "v.vtp", [(POINTS.astype(kind), XML_CELLS)], **way)
+        answer = read(tmp_path / "v.vtp")
+        assert_pyramid(answer)
+        assert answer[3] == 2
+
+
+def test_pieces_have_points_of_their_own(read, tmp_path):
+    write_xml(tmp_path / "v.vtp", [(POINTS, {"Polys": POLYS}), (numpy.zeros((0, 3)), {"Polys": []}), (POINTS + 5, {"Strips": [STRIP]})],
+              mode="appended", packed=True)
+    vertices, triangles, _, _ = read(tmp_path / "v.vtp")
+    assert len(vertices) == 10 and (triangles[:4] < 5).all() and (triangles[4:] >= 5).all() and len(triangles) == 6
+
+
+def test_a_legacy_file_with_the_other_name(read, tmp_path):
+    write_legacy(tmp_path / "v.vtp", POINTS, LEGACY_CELLS)
+    assert_pyramid(read(tmp_path / "v.vtp"))
+
+
+def test_as_jobs_and_as_an_inspection(solve, worker, tmp_path):
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary=True)
+    report, data = solve({"version": 1, "surface": {"mesh": {"path": "v.vtk"}}, "sampling": {"count": 40}, "solver": {"max_sweeps": 1},
+                          "output": {"preview": False}})
+    assert data and report["surface"]["area"] == pytest.approx(AREA) and report["surface"]["mesh"]["triangles"] == 6
+    assert report["surface"]["warnings"][0].startswith("the mesh has 3 points or lines")
+    seen = json.loads(worker("v.vtk", "--json", command="inspect", output=None).stdout)
+    assert seen["format"] == "mesh" and seen["mesh"]["triangles"] == 6 and seen["mesh"]["closed"]
+    write_legacy(tmp_path / "v.vtk", POINTS, {"POLYGONS": [[0, 1, 7]]})
+    error, none = solve({"version": 1, "surface": {"mesh": {"path": "v.vtk"}}, "sampling": {"count": 40}})
+    assert error["code"] == "input_damaged" and error["message"].startswith("v.vtk: cell 0 of Polys has the point 7"), error
+
+
+# ---- what is refused
+
+LEGACY_FAULTS = {
+    "a volume": (b"DATASET POLYDATA", b"DATASET STRUCTURED_POINTS", "STRUCTURED_POINTS, and PolyData is read: it is a volume"),
+    "another data set": (b"DATASET POLYDATA", b"DATASET UNSTRUCTURED_GRID", "Extract Surface in ParaView"),
+    "no numbers": (b"POINTS 5", b"POINTS five", 'line 5 of the VTK file has "five" in place of the number of points'),
+    "many points": (b"POINTS 5", b"POINTS 5000000000000000000", "too many points"),
+    "more points": (b"POINTS 5", b"POINTS 500", "begins 1500 numbers of the points, and the file has"),
+    "a type": (b"double", b"string", 'the type "string"'),
+    "a word": (b"0.0 0.0 0.0", b"0.0 x 0.0", 'line 6 of the VTK file has "x" in place of a number of the points'),
+    "a section": (b"LINES", b"PLANES", '"PLANES" in place of POINTS, POLYGONS'),
+    "a long cell": (b"POLYGONS 3 13\n4 ", b"POLYGONS 3 13\n40 ", "a cell of Polys with 40 points, and 12 numbers are left"),
+    "more numbers": (b"POLYGONS 3 13", b"POLYGONS 2 13", "of which 4 numbers belong to no cell"),
+    "a negative point": (b"3 0 1 4", b"3 0 -1 4", "cell 1 of Polys has the point -1, and there are 5 points"),
+    "a header": (b"ASCII", b"BASCII", '"BASCII" in place of ASCII or BINARY'),
+    "no header": (b"# vtk DataFile", b"# vkt DataFile", 'does not begin with "# vtk DataFile Version"'),
+}
+
+
+@pytest.mark.parametrize("fault", LEGACY_FAULTS)
+def test_legacy_files_that_are_refused(read, tmp_path, fault):
+    find, put, words = LEGACY_FAULTS[fault]
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS)
+    text = (tmp_path / "v.vtk").read_bytes()
+    assert text.count(find) >= 1
+    (tmp_path / "v.vtk").write_bytes(text.replace(find, put, 1))
+    answer = read(tmp_path / "v.vtk")
+    assert isinstance(answer, str) and words in answer, answer
+
+
+XML_FAULTS = {
+    "a volume": ({"kind": "ImageData"}, None, 'the type "ImageData", and PolyData is read: it is a volume'),
+    "another type": ({"kind": "UnstructuredGrid"}, None, "Extract Surface in ParaView"),
+    "a document type": ({"extra": '<!DOCTYPE a [<!ENTITY b "c">]>'}, None, "document type"),
+    "a compressor": ({"packed": True, "mode": "binary"}, (b"vtkZLib", b"vtkLZ4"), "vtkLZ4DataCompressor"),
+    "xml": ({}, (b"</Points>", b"</Point>"), "is not valid XML (mismatched tag)"),
+    "a number of points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="5x"'), 'NumberOfPoints="5x", which is no number'),
+    "more points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="6"'), "array Points of piece 0 of the VTK file has 15 numbers, and 18"),
+    "many points": ({"mode": "binary"}, (b'NumberOfPoints="5"', b'NumberOfPoints="400000000"'), "has at most"),
+    "more bytes": ({"mode": "binary"}, (b'NumberOfPoints="5"', b'NumberOfPoints="4"'), "has 120 bytes, and 96 are expected"),
+    "more packed bytes": ({"mode": "binary", "packed": True}, (b'NumberOfPoints="5"', b'NumberOfPoints="4"'), "has 120 bytes, and 96 are expected"),
+    "a point": ({}, (b"0 1 4", b"0 1 5"), "cell 1 of Polys has the point 5, and there are 5 points"),
+    "an offset": ({}, (b"\n4 7 10\n", b"\n4 3 10\n"), "offsets that do not grow"),
+    "a type": ({}, (b'type="Int64" Name="offsets"', b'type="Float64" Name="offsets"'), "indices are whole"),
+    "a format": ({}, (b'Name="Points" NumberOfComponents="3" format="ascii"', b'Name="Points" NumberOfComponents="3" format="hex"'), 'the format "hex"'),
+    "an encoding": ({"mode": "appended"}, (b'encoding="base64"', b'encoding="hex"'), 'encoding "hex"'),
+    "no data": ({"mode": "appended"}, (b"\n_", b"\n "), 'do not begin with "_"'),
+    "an offset of data": ({"mode": "appended"}, (b'offset="32"', b'offset="99999999"'), "begins behind the end of the file"),
+    "another element": ({}, (b"VTKFile", b"KTVFile"), 'the element "KTVFile"'),
+}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("fault", XML_FAULTS)
+def test_xml_files_that_are_refused(read, tmp_path, fault):
+    how, change, words = XML_FAULTS[fault]
+    write_xml(tmp_path / "v.vtp", [(POINTS, XML_CELLS)], **how)
+    text = (tmp_path / "v.vtp").read_bytes()
+    if change:
+        assert change[0] in text, text[:600]
+        (tmp_path / "v.vtp").write_bytes(text.replace(*change))
+    answer = read(tmp_path / "v.vtp")
+    assert isinstance(answer, str) and words in answer, answer
+
+
+@pytest.mark.sanitized
+def test_files_that_end_early(read, tmp_path):
+    for name, write in (("v.vtk", lambda p: write_legacy(p, POINTS, LEGACY_CELLS, binary=True)),
+                        ("v.vtp", lambda p: write_xml(p, [(POINTS, XML_CELLS)], mode="appended", encoding="raw", packed=True))):
+        write(tmp_path / name)
+        whole = (tmp_path / name).read_bytes()
+        for share in (0.2, 0.5, 0.8, 0.9):
+            (tmp_path / name).write_bytes(whole[:int(share * len(whole))])
+            answer = read(tmp_path / name)
+            assert isinstance(answer, str) or len(answer[1]) < 6, (name, share, answer)
+
+
+def test_values_of_vertices_are_refused_by_name(read, tmp_path):
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS)
+    assert "save it as PLY for attributes" in read(tmp_path / "v.vtk", "read-mesh-values")
