@@ -104,7 +104,8 @@ bool inputs_check(const http_context *c, const access_caller *caller, const char
                          "%s: the file was not uploaded by this user, or has expired: send it with hexadctl "
                          "upload",
                          path);
-    int fd = store_open_input(c->roots, path, e);
+    bool is_directory; /* of an image of many files; whatever else is named by it is refused by the worker */
+    int fd = store_open_place(c->roots, path, &is_directory, e);
     if (fd >= 0) close(fd);
     return fd >= 0;
 }

@@ -49,8 +49,11 @@ static slices *open_slices(const attribute_request *request, int *component, err
         missing(request, 1, e);
         return NULL;
     }
-    volume_file file = {request->fd,           request->path,      NULL, 0, request->files,
-                        request->memory_limit, request->voxel_size};
+    volume_file file = {.fd = request->fd,
+                        .path = request->path,
+                        .files = request->files,
+                        .memory_limit = request->memory_limit,
+                        .voxel_size = request->voxel_size};
     slices *s = volume_file_open_vectors(&file, e);
     if (!s || number < 0) return s;
     if (s->components > 1 && number < s->components) {

@@ -50,4 +50,11 @@ typedef struct slices_files {
     void *context;
 } slices_files;
 
+/* Opens files below a directory, without following links. Returns a descriptor for reading, which the caller closes, or -1: *is_missing,
+ * or an error that names the path. */
+typedef struct slices_directory {
+    int (*open)(void *context, const char *path, bool *is_missing, error *e);
+    void *context;
+} slices_directory;
+
 #endif

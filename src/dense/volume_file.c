@@ -4,11 +4,29 @@
 
 #include "dense/raw_volume.h"
 #include "dense/tiff_stack.h"
+#include "dense/zarr_volume.h"
 
 static slices *open_any(const volume_file *f, bool vectors, error *e)
 {
     const double size[3] = {f->voxel_size ? f->voxel_size->x : 0, f->voxel_size ? f->voxel_size->y : 0,
                             f->voxel_size ? f->voxel_size->z : 0};
+    if (f->directory) {
+        const zarr_request_volume request = {.directory = f->directory,
+                                             .program = f->program,
+                                             .level = f->level,
+                                             .index = f->index,
+                                             .voxel_size = f->voxel_size ? size : NULL,
+                                             .region = f->region,
+                                             .most_chunks = f->most_chunks,
+                                             .memory_limit = f->memory_limit};
+        return zarr_volume_open(&request, e);
+    }
+    if (f->has_level) {
+        error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "the file has one resolution, and level is for the directory of an OME-Zarr image: remove level");
+        return NULL;
+    }
     if (tiff_stack_is(f->fd))
         return tiff_file_open(f->fd, f->program, f->index, f->memory_limit, f->voxel_size ? size : NULL, e);
     slices *s = vectors ? raw_vectors_open(f->fd, f->path, f->program, f->index, f->files, e)

@@ -4,6 +4,7 @@
 
 #include "dense/exr_stack.h"
 #include "dense/slices.h"
+#include "geometry/bbox.h"
 
 typedef struct volume_file {
     int fd; /* open for reading; it, `path` and `files` stay the caller's and outlive the slices */
@@ -11,11 +12,16 @@ typedef struct volume_file {
     const char *program; /* that reads; NULL: this one */
     int64_t index;       /* of several volumes; -1: the only one */
     const slices_files *files;
-    size_t memory_limit;    /* of the process that reads */
+    size_t memory_limit;               /* of the process that reads */
+    const slices_directory *directory; /* in the place of `fd`: an OME-Zarr image; or NULL */
+    bool has_level;
+    int64_t level;          /* of its resolutions */
+    const bbox *region;     /* in the world, in and near which samples of it are read; or NULL */
+    int64_t most_chunks;    /* of it, that are read */
     const vec3 *voxel_size; /* in the place of the file's; or NULL */
 } volume_file;
 
-/* NRRD, NIfTI, MetaImage (raw_volume.h) or TIFF (tiff_stack.h). One value at each sample. Errors: those of these modules. */
+/* NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h). One value at each sample. Errors: those of these modules. */
 slices *volume_file_open(const volume_file *file, error *e);
 
 /* The same of a file that may have several values at each sample. */

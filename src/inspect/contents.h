@@ -7,7 +7,7 @@
 #include "run/run_options.h"
 
 typedef struct contents_input {
-    int fd;           /* open for reading */
+    int fd;           /* open for reading; of a directory, for store_tree_new */
     const char *path; /* as specs are to name it */
     const run_options *options;
 } contents_input;
@@ -17,6 +17,6 @@ typedef struct contents_input {
 typedef bool contents_reader(const contents_input *in, json *inspection, error *e);
 
 contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_tiff,
-    contents_read_mesh;
+    contents_read_zarr, contents_read_mesh;
 
 #endif

@@ -155,7 +155,8 @@ bool dense_describe_volume(const contents_input *in, slices *s, json *file, json
 
 slices *dense_open(const contents_input *in, const slices_files *files, error *e)
 {
-    const volume_file file = {in->fd, in->path, NULL, 0, files, (size_t)in->options->memory_mb << 20, NULL};
+    const volume_file file = {
+        .fd = in->fd, .path = in->path, .files = files, .memory_limit = (size_t)in->options->memory_mb << 20};
     return volume_file_open(&file, e);
 }
 

@@ -58,14 +58,16 @@ static const kind *recognise(int fd, const char *path)
 
 json *inspection_make(const char *path, const run_options *options, error *e)
 {
-    int fd = store_open_input(options->roots, path, e);
+    static const kind of_directories = {"OME-Zarr", "", 0, NULL, contents_read_zarr};
+    bool is_directory = false;
+    int fd = store_open_place(options->roots, path, &is_directory, e);
     if (fd < 0) return NULL;
-    const kind *k = recognise(fd, path);
+    const kind *k = is_directory ? &of_directories : recognise(fd, path);
     json *o = json_new_object();
     json_put_string(o, "schema", "hexad.inspection");
     json_put_integer(o, "version", 1);
     json_put_string(o, "path", path);
-    json_put_integer(o, "bytes", (int64_t)lseek(fd, 0, SEEK_END));
+    json_put_integer(o, "bytes", is_directory ? 0 : (int64_t)lseek(fd, 0, SEEK_END));
     json_put_string(o, "format", k->format);
     const contents_input in = {fd, path, options};
     json_put_array(o, "suggestions");

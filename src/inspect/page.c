@@ -157,6 +157,20 @@ static void print_volume(FILE *out, json_at volume)
     print_labels(out, json_member(&volume, "labels"));
 }
 
+static void print_levels(FILE *out, json_at levels)
+{
+    for (size_t k = 0; k < json_size(levels); k++) {
+        const json_at l = json_element(&levels, k);
+        fprintf(out, "level %zu: %s, ", k, text_of(l, "type"));
+        print_numbers(out, json_member(&l, "size"), " x ");
+        fputs(", voxel ", out);
+        print_numbers(out, json_member(&l, "voxel_size"), " x ");
+        fputs(", chunks of ", out);
+        print_numbers(out, json_member(&l, "chunk"), " x ");
+        putc('\n', out);
+    }
+}
+
 static void print_mesh(FILE *out, json_at mesh)
 {
     if (!mesh.node) return;
@@ -213,6 +227,7 @@ void inspection_print(const json *inspection, FILE *out)
     print_name(out, text_of(root, "path"));
     fprintf(out, ": %s, %.0f bytes\n", text_of(root, "format"), number_of(root, "bytes"));
     print_grids(out, json_member(&root, "grids"));
+    print_levels(out, json_member(&root, "levels"));
     print_volume(out, json_member(&root, "volume"));
     print_images(out, root);
     print_mesh(out, json_member(&root, "mesh"));

@@ -21,6 +21,7 @@
 #include "dense/exr_reader.h"
 #include "dense/header.h"
 #include "dense/tiff_reader.h"
+#include "dense/zarr_reader.h"
 #include "formats/thumbnail.h"
 #include "inspect/inspection.h"
 #include "json/json.h"
@@ -600,6 +601,7 @@ int main(int argc, char **argv)
     if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
     if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
     if (strcmp(name, TIFF_READER_COMMAND) == 0) return tiff_reader_main(argc - 1, argv + 1);
+    if (strcmp(name, ZARR_READER_COMMAND) == 0) return zarr_reader_main(argc - 1, argv + 1);
     if (strcmp(name, THUMBNAIL_COMMAND) == 0) return thumbnail_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
     if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);

@@ -125,15 +125,18 @@ label_surface *label_source_open(const label_source_request *request, error *e)
 {
     const spec_labels *l = request->how.spec;
     const char *ending = l->path ? strrchr(l->path, '.') : NULL;
-    if (!request->stack && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
+    if (!request->stack && !request->directory && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
         return request->voxel_size ? refuse_voxel_size(e) : open_vdb(request, e);
-    const volume_file file = {request->fd,
-                              l->path,
-                              NULL,
-                              l->has_index ? l->index : -1,
-                              request->files,
-                              request->how.memory_limit,
-                              request->voxel_size};
+    const volume_file file = {.fd = request->fd,
+                              .path = l->path,
+                              .index = l->has_index ? l->index : -1,
+                              .files = request->files,
+                              .memory_limit = request->how.memory_limit,
+                              .directory = request->directory,
+                              .has_level = l->has_level,
+                              .level = l->level,
+                              .most_chunks = request->most_chunks,
+                              .voxel_size = request->voxel_size};
     slices *from = request->stack ? volume_file_open_stack(request->stack, e) : volume_file_open(&file, e);
     if (!from) return NULL;
     label_surface_request how = request->how;

@@ -7,11 +7,13 @@
 #include "labels/label_surface.h"
 
 typedef struct label_source_request {
-    int fd;                        /* the file, the caller's */
-    label_surface_request how;     /* its `from` is found here */
-    const slices_files *files;     /* that a header names */
-    const exr_stack_params *stack; /* in place of the file; or NULL */
-    const vec3 *voxel_size;        /* in the place of the file's; or NULL */
+    int fd;                            /* the file, the caller's */
+    label_surface_request how;         /* its `from` is found here */
+    const slices_files *files;         /* that a header names */
+    const exr_stack_params *stack;     /* in place of the file; or NULL */
+    const slices_directory *directory; /* in place of the file; or NULL */
+    int64_t most_chunks;               /* of it, that are read */
+    const vec3 *voxel_size;            /* in the place of the file's; or NULL */
 } label_source_request;
 
 /* Errors: those of label_surface_open, of the readers, and not_supported; without the path. */

@@ -70,6 +70,51 @@ static int open_input(void *context, const char *path, error *e)
     return -1;
 }
 
+/* The same of a path that may be that of a directory, whose files are opened below *tree. -1: an error, or a directory. */
+static int open_file_or_tree(source *s, const char *path, store_tree **tree, error *e)
+{
+    bool is_directory = false;
+    *tree = NULL;
+    const int fd = store_open_place(s->roots, path, &is_directory, e);
+    if (fd < 0) return -1;
+    if (!is_directory) {
+        close(fd);
+        return open_input(s, path, e);
+    }
+    source_input *before = find_input(s, path);
+    if (before && before->tree) {
+        *tree = before->tree;
+        close(fd);
+        return -1;
+    }
+    if (!settle_hash(s, e)) {
+        close(fd);
+        return -1;
+    }
+    *tree = store_tree_new(fd, true);
+    s->inputs = mem_resize(s->inputs, (s->input_count + 1) * sizeof *s->inputs);
+    s->inputs[s->input_count++] = (source_input){.path = mem_strdup(path), .tree = *tree, .changed = true};
+    return -1;
+}
+
+static int open_in_tree(void *context, const char *path, bool *is_missing, error *e)
+{
+    return store_tree_open(context, path, is_missing, e);
+}
+
+/* Directories have been read. */
+static void settle_trees(source *s)
+{
+    for (size_t k = 0; k < s->input_count; k++) {
+        source_input *input = &s->inputs[k];
+        bool has_changed;
+        if (!input->tree) continue;
+        store_tree_facts(input->tree, &input->facts, &has_changed);
+        store_tree_free(input->tree);
+        input->tree = NULL;
+    }
+}
+
 int source_open_file(source *s, const char *path, error *e)
 {
     return open_input(s, path, e);
@@ -288,16 +333,25 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
     return v;
 }
 
-static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, const opening *o, error *e)
+static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, store_tree *tree,
+                           const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
-    const volume_file file = {fd,
-                              v->path,
-                              NULL,
-                              v->has_index ? v->index : -1,
-                              &files,
-                              memory_left(o),
-                              x->has_voxel_size ? &x->voxel_size : NULL};
+    const slices_directory directory = {open_in_tree, tree};
+    const bbox cut = {o->spec->region.min, o->spec->region.max};
+    /* the region is one of the world, where parts that are placed are not yet */
+    const bool is_cut = o->direct && !o->placed && o->spec->has_region && !o->spec->region_inside;
+    const volume_file file = {.fd = fd,
+                              .path = v->path,
+                              .index = v->has_index ? v->index : -1,
+                              .files = &files,
+                              .memory_limit = memory_left(o),
+                              .directory = tree ? &directory : NULL,
+                              .has_level = v->has_level,
+                              .level = v->level,
+                              .region = is_cut ? &cut : NULL,
+                              .most_chunks = o->spec->max_chunks,
+                              .voxel_size = x->has_voxel_size ? &x->voxel_size : NULL};
     return open_dense(volume_file_open(&file, e), v->path, v->isovalue, v->reconstruction, o, e);
 }
 
@@ -360,8 +414,10 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
         return error_set(e, ERROR_NOT_SUPPORTED,
                          "the interfaces of labels do not bound one solid: remove the combination, offset, "
                          "transform or region around surface.labels");
-    const int fd = l->path ? open_input(o->source, l->path, e) : -1;
-    if (l->path && fd < 0) return false;
+    store_tree *tree = NULL;
+    const int fd = l->path ? open_file_or_tree(o->source, l->path, &tree, e) : -1;
+    if (l->path && fd < 0 && !tree) return false;
+    const slices_directory directory = {open_in_tree, tree};
     const slices_files files = {open_input, o->source};
     exr_stack_params stack = source_stack(&s->exr, &files);
     stack.memory_limit = memory_left(o);
@@ -370,6 +426,8 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
         {NULL, l, plan_spacing(o->spec), (double)o->spec->count, memory_left(o), o->pool},
         &files,
         l->path ? NULL : &stack,
+        tree ? &directory : NULL,
+        o->spec->max_chunks,
         s->exr.has_voxel_size ? &s->exr.voxel_size : NULL};
     out->labels = label_source_open(&request, e);
     if (fd >= 0) close(fd);
@@ -394,14 +452,16 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
         const char *path = s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
                            : s->kind == SPEC_SURFACE_MESH ? s->mesh.path
                                                           : s->volume.path;
-        int fd = open_input(o->source, path, e);
-        if (fd < 0) return false;
+        store_tree *tree = NULL;
+        int fd = s->kind == SPEC_SURFACE_VOLUME ? open_file_or_tree(o->source, path, &tree, e)
+                                                : open_input(o->source, path, e);
+        if (fd < 0 && !tree) return false;
         if (s->kind == SPEC_SURFACE_MESH)
             open_mesh(&s->mesh, offset, fd, o, out, e);
         else
             out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(&s->vdb, offset, fd, o, e)
-                                                      : open_stored(&s->volume, &s->exr, fd, o, e);
-        close(fd);
+                                                      : open_stored(&s->volume, &s->exr, fd, tree, o, e);
+        if (fd >= 0) close(fd);
     }
     if (out->mesh) out->field = mesh_surface_field(out->mesh);
     if (!out->volume) return out->mesh != NULL;
@@ -681,6 +741,7 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
     if (!e) e = &unused;
     const bool ok = open_source(s, memory, kernels, pool, out, e);
     out->hashes_beside = false;
+    settle_trees(out);
     return settle_hash(out, ok ? e : NULL) && ok;
 }
 
@@ -716,6 +777,7 @@ void source_close(source *s)
     close_part(&s->whole);
     close_part(&s->inside);
     map_close(s->map);
+    settle_trees(s);
     for (size_t k = 0; k < s->input_count; k++) free(s->inputs[k].path);
     free(s->inputs);
     *s = (source){0};

@@ -17,15 +17,17 @@
 #include "store/file.h"
 #include "store/late_hash.h"
 #include "store/root.h"
+#include "store/tree.h"
 #include "surface/surface.h"
 #include "volume/map.h"
 #include "volume/volume.h"
 
-/* An input file. */
+/* An input file, or a directory. */
 typedef struct source_input {
     char *path;              /* as written in the spec, or in a file that the spec names */
     store_facts facts;       /* known once the source is open */
     store_identity identity; /* when it was first opened */
+    store_tree *tree;        /* while the source opens: the files of a directory, of which `facts` tell */
     bool changed;            /* while the source opened, or it cannot be examined */
 } source_input;
 

@@ -206,7 +206,7 @@ static void check_exr(reading *r, const json_at *at)
 static void check_label_files(reading *r, const json_at *at)
 {
     static const char *const of_stacks[] = {"part", "channel", "origin"}; /* the last has a default */
-    static const char *const of_files[] = {"grid", "index"};
+    static const char *const of_files[] = {"grid", "index", "level"};
     spec_surface *s = r->surface;
     const bool stack = s->exr.slices != NULL;
     const vec3 size = s->exr.voxel_size, origin = s->exr.origin;
@@ -230,10 +230,11 @@ static void check_label_files(reading *r, const json_at *at)
 static void check_volume(reading *r, const json_at *at)
 {
     spec_surface *s = r->surface;
-    const json_at index = json_member(at, "index");
+    const json_at index = json_member(at, "index"), level = json_member(at, "level");
     if (!s->exr.has_voxel_size) s->exr.voxel_size = vec3_make(1, 1, 1);
     if (!s->exr.slices) return;
     if (index.node) reading_add_fault(r, &index, "excludes slices: remove one of the two");
+    if (level.node) reading_add_fault(r, &level, "excludes slices: remove one of the two");
     if (r->known) return;
     s->exr.path = s->volume.path;
     s->volume.path = NULL;

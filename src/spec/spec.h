@@ -29,18 +29,20 @@ typedef struct spec_volume {
     char *path; /* NULL: a stack of images, the surface's `exr` */
     bool has_index;
     int64_t index; /* of several volumes in the file */
+    bool has_level;
+    int64_t level; /* of several resolutions in the directory */
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_volume;
 
 typedef struct spec_exr {
-    char *path;    /* with #### or %04d */
-    char *slices;  /* "1-93" or "1-93x2" */
-    char **files;  /* of the slices, from the first on */
-    int *numbers;  /* of each */
-    size_t count;  /* of them */
-    char *part;    /* NULL: the only one, or the only one with the channel */
-    char *channel; /* NULL: the only one */
+    char *path;          /* with #### or %04d */
+    char *slices;        /* "1-93" or "1-93x2" */
+    char **files;        /* of the slices, from the first on */
+    int *numbers;        /* of each */
+    size_t count;        /* of them */
+    char *part;          /* NULL: the only one, or the only one with the channel */
+    char *channel;       /* NULL: the only one */
     bool has_voxel_size; /* given, for files that have a size of their own */
     vec3 voxel_size, origin;
     double isovalue;
@@ -56,7 +58,9 @@ typedef struct spec_labels {
     char *path; /* NULL: they are a stack of images, the surface's `exr` */
     char *grid; /* NULL: the only one of integers in a VDB file */
     bool has_index;
-    int64_t index;           /* of several volumes in the file */
+    int64_t index; /* of several volumes in the file */
+    bool has_level;
+    int64_t level;           /* of several resolutions in the directory */
     spec_list only;          /* empty: all labels */
     double smooth, majority; /* voxels */
     bool has_background;
@@ -272,6 +276,7 @@ typedef struct spec {
     int64_t memory_mb; /* limits; 0: the default of the service or the worker */
     double timeout_s, stall_s;
     int max_attempts;
+    int64_t max_chunks; /* of a directory, that are read */
 
     int priority;
     char **labels;

@@ -403,7 +403,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
          "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of the "
-         "slice number. It and the files that it names must lie below one of the service's input roots."},
+         "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -412,6 +412,12 @@ const spec_row spec_rows[] = {
      .prose =
          "Which volume of a file with more than three axes, counted from 0. Required if there are several. For channel c at time t "
          "of a TIFF file with C channels it is c + C t."},
+    {.pointer = "/surface/volume/level",
+     .type = SPEC_TYPE_LARGE,
+     .low = 0,
+     .high = 1000,
+     AT_HAS(surface.volume.level, surface.volume.has_level),
+     .prose = "Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0."},
     {.pointer = "/surface/volume/slices",
      .type = SPEC_TYPE_STRING,
      .low = 3,
@@ -461,7 +467,7 @@ const spec_row spec_rows[] = {
      .high = 4096,
      AT(surface.labels.path),
      .prose =
-         "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, or OpenVDB; with slices the images, as in /surface/exr/path. It and the files that "
+         "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr image; with slices the images, as in /surface/exr/path. It and the files that "
          "it names must lie below one of the service's input roots."},
     {.pointer = "/surface/labels/index",
      .type = SPEC_TYPE_LARGE,
@@ -469,6 +475,12 @@ const spec_row spec_rows[] = {
      .high = 1e9,
      AT_HAS(surface.labels.index, surface.labels.has_index),
      .prose = "See /surface/volume/index."},
+    {.pointer = "/surface/labels/level",
+     .type = SPEC_TYPE_LARGE,
+     .low = 0,
+     .high = 1000,
+     AT_HAS(surface.labels.level, surface.labels.has_level),
+     .prose = "See /surface/volume/level."},
     {.pointer = "/surface/labels/slices",
      .type = SPEC_TYPE_STRING,
      .low = 3,
@@ -1599,6 +1611,15 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "An attempt without progress for this long is stopped, and tried again up to "
               "max_attempts."},
+    {.pointer = "/limits/max_chunks",
+     .type = SPEC_TYPE_LARGE,
+     .low = 1,
+     .high = 1e9,
+     .otherwise = "100000",
+     AT(max_chunks),
+     .unit = "chunks",
+     .prose =
+         "The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser level, needs fewer."},
     {.pointer = "/limits/max_attempts",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,

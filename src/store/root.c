@@ -119,7 +119,7 @@ void store_roots_close(store_roots *roots)
     free(roots);
 }
 
-int store_open_walking(int directory, const char *path)
+static int walk(int directory, const char *path, int flags)
 {
     int here = dup(directory);
     while (here >= 0) {
@@ -136,7 +136,7 @@ int store_open_walking(int directory, const char *path)
             memcpy(name, path, length);
             name[length] = '\0';
             next = openat(here, length ? name : ".",
-                          *rest ? O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC : OPEN_FLAGS | O_NOFOLLOW);
+                          *rest ? O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC : flags | O_NOFOLLOW);
             /* O_PATH with O_DIRECTORY says ENOTDIR of a symbolic link */
             struct stat info;
             if (next < 0 && (errno == ELOOP || errno == ENOTDIR)) {
@@ -155,20 +155,25 @@ int store_open_walking(int directory, const char *path)
     return -1;
 }
 
-static int open_beneath(int directory, const char *path)
+int store_open_walking(int directory, const char *path)
+{
+    return walk(directory, path, OPEN_FLAGS);
+}
+
+static int open_beneath(int directory, const char *path, int flags)
 {
 #ifdef HAVE_LINUX_OPENAT2_H
-    struct open_how how = {.flags = OPEN_FLAGS, .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
+    struct open_how how = {.flags = (uint64_t)flags, .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
     for (int i = 0; i < OPEN_TRIES; i++) {
         long fd = syscall(SYS_openat2, directory, path, &how, sizeof how);
         if (fd >= 0) return (int)fd;
-        if (errno == ENOSYS || errno == EPERM) return store_open_walking(directory, path);
+        if (errno == ENOSYS || errno == EPERM) return walk(directory, path, flags);
         if (errno != EAGAIN && errno != EINTR) return -1;
     }
     errno = EXDEV;
     return -1;
 #else
-    return store_open_walking(directory, path);
+    return walk(directory, path, flags);
 #endif
 }
 
@@ -304,7 +309,7 @@ static bool take_part(const store_roots *roots, route *w, const char *part, int 
 }
 
 /* Opens a path whose links may lead from root to root. */
-static int open_linked(const store_roots *roots, const root *in, const char *path)
+static int open_linked(const store_roots *roots, const root *in, const char *path, int flags)
 {
     char part[PATH_MAX];
     route w = {.in = in};
@@ -312,13 +317,13 @@ static int open_linked(const store_roots *roots, const root *in, const char *pat
     if (!prepend(&w, path)) return -1;
     while (next_part(&w, part))
         if (!take_part(roots, &w, part, &links)) return -1;
-    return store_open_walking(w.in->directory, *w.done ? w.done + 1 : ".");
+    return walk(w.in->directory, *w.done ? w.done + 1 : ".", flags);
 }
 
-static int open_below(const store_roots *roots, const root *r, const char *path)
+static int open_below(const store_roots *roots, const root *r, const char *path, int flags)
 {
-    int fd = open_beneath(r->directory, path);
-    return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path) : fd;
+    int fd = open_beneath(r->directory, path, flags);
+    return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path, flags) : fd;
 }
 
 /* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. */
@@ -349,7 +354,7 @@ static void set_outside(const store_roots *roots, const char *path, error *e)
                                      : "add its directory to the setting input_roots and restart hexad");
 }
 
-static int open_in_roots(const store_roots *roots, const char *path, error *e)
+static int open_in_roots(const store_roots *roots, const char *path, int flags, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
     bool sent = store_inputs_is_sent(path, name);
@@ -363,7 +368,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         const char *rest = inside(&roots->item[i], sent ? name : path, sent);
         if (!rest) continue;
         found_root = true;
-        int fd = open_below(roots, &roots->item[i], *rest ? rest : ".");
+        int fd = open_below(roots, &roots->item[i], *rest ? rest : ".", flags);
         if (fd >= 0) return fd;
         why = errno;
         if (why != ENOENT && why != ENOTDIR) break;
@@ -380,43 +385,51 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
     return -1;
 }
 
-int store_open_input(const store_roots *roots, const char *path, error *e)
+/* In a sandbox a directory can be gone through, and not be read. */
+static int open_place(const store_roots *roots, const char *path, int flags, error *e)
 {
+    if (roots) return open_in_roots(roots, path, flags, e);
+    const int fd = open(path, flags);
+    if (fd < 0) set_missing(path, "", errno, e);
+    return fd;
+}
+
+int store_open_place(const store_roots *roots, const char *path, bool *is_directory, error *e)
+{
+    struct stat info;
+    *is_directory = false;
     if (!*path) {
         error_set(e, ERROR_INPUT_MISSING, "the path is empty: give the path of a file");
         return -1;
     }
-    int fd;
-    if (roots) {
-        fd = open_in_roots(roots, path, e);
-        if (fd < 0) return -1;
-    } else {
-        fd = open(path, OPEN_FLAGS);
-        if (fd < 0) {
-            set_missing(path, "", errno, e);
-            return -1;
-        }
-    }
-    struct stat info;
-    const bool known = fstat(fd, &info) == 0;
-    if (!known || !S_ISREG(info.st_mode)) {
-        close(fd);
-        error_set(e, ERROR_INPUT_UNSUPPORTED,
-                  known && S_ISDIR(info.st_mode)
-                      ? "%s is a directory: give the path of a file (Fiji saves a Zarr volume as NRRD, "
-                        "`dcm2niix` converts a folder of DICOM files to NIfTI)"
-                      : "%s is not a regular file: give the path of a file",
-                  path);
-        return -1;
-    }
-    return fd;
+    int fd = open_place(roots, path, O_PATH | O_DIRECTORY | O_CLOEXEC, NULL);
+    *is_directory = fd >= 0;
+    if (fd < 0) fd = open_place(roots, path, OPEN_FLAGS, e);
+    if (fd < 0 || *is_directory || (fstat(fd, &info) == 0 && S_ISREG(info.st_mode))) return fd;
+    close(fd);
+    error_set(e, ERROR_INPUT_UNSUPPORTED, "%s is not a regular file: give the path of a file", path);
+    return -1;
+}
+
+int store_open_input(const store_roots *roots, const char *path, error *e)
+{
+    bool is_directory = false;
+    const int fd = store_open_place(roots, path, &is_directory, e);
+    if (fd < 0 || !is_directory) return fd;
+    close(fd);
+    error_set(
+        e, ERROR_INPUT_UNSUPPORTED,
+        "%s is a directory: give the path of a file, or name an OME-Zarr directory as /surface/volume/path or "
+        "/surface/labels/path (`dcm2niix` converts a folder of DICOM files to NIfTI)",
+        path);
+    return -1;
 }
 
 int store_open_directory(const store_roots *roots, const char *path, error *e)
 {
     struct stat info;
     char *inside_it = mem_printf("%s/", path); /* a root lies below itself */
-    int fd = open_in_roots(roots, inside_it, e);
+    int fd = open_in_roots(roots, inside_it, OPEN_FLAGS, e);
     free(inside_it);
     if (fd < 0 || (fstat(fd, &info) == 0 && S_ISDIR(info.st_mode))) return fd;
     close(fd);
@@ -426,7 +439,7 @@ int store_open_directory(const store_roots *roots, const char *path, error *e)
 
 bool store_find_input(const store_roots *roots, const char *path, struct stat *info)
 {
-    int fd = open_in_roots(roots, path, NULL);
+    int fd = open_in_roots(roots, path, OPEN_FLAGS, NULL);
     if (fd < 0) return false;
     bool found = fstat(fd, info) == 0 && (S_ISREG(info->st_mode) || S_ISDIR(info->st_mode));
     close(fd);

@@ -42,6 +42,9 @@ void store_roots_note_change(store_roots *roots, bool changed);
  * in order. With `roots` NULL (a worker without a daemon) the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);
 
+/* The same for what may be a file, or a directory below which files are opened (openat): it cannot be read itself. */
+int store_open_place(const store_roots *roots, const char *path, bool *is_directory, error *e);
+
 /* The same for a directory that can be read. Files that clients have sent are in none. */
 int store_open_directory(const store_roots *roots, const char *path, error *e);
 

@@ -403,6 +403,7 @@ class _SurfaceVolumeNeeded(TypedDict):
 
 class _SurfaceVolumeRest(TypedDict, total=False):
     index: int
+    level: int
     slices: str
     voxel_size: Sequence[float]
     reconstruction: Literal["interpolating", "smoothing"]
@@ -415,9 +416,11 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
 
     path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2,
         MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of
-        the slice number. It and the files that it names must lie below one of the service's input roots.
+        the slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names
+        must lie below one of the service's input roots.
     index: Which volume of a file with more than three axes, counted from 0. Required if there are several.
         For channel c at time t of a TIFF file with C channels it is c + C t.
+    level: Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0.
     slices: The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its
         slices: see /surface/exr/slices.
     voxel_size: The distance between samples along each axis of the data, in place of the one in the file. The
@@ -434,6 +437,7 @@ class _SurfaceLabelsNeeded(TypedDict):
 
 class _SurfaceLabelsRest(TypedDict, total=False):
     index: int
+    level: int
     slices: str
     part: str
     channel: str
@@ -455,9 +459,11 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     Points have the properties label_a and label_b; normals point from the former, the lower one, to the
     latter.
 
-    path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, or OpenVDB; with slices the images, as in
-        /surface/exr/path. It and the files that it names must lie below one of the service's input roots.
+    path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
+        image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
+        one of the service's input roots.
     index: See /surface/volume/index.
+    level: See /surface/volume/level.
     slices: The labels are a stack of OpenEXR or TIFF images, and these are its slices: see /surface/exr. The
         same holds for part, channel, voxel_size and origin; TIFF has no part and no channel.
     part: The name of the part. Requires slices.
@@ -1126,6 +1132,7 @@ class _LimitsRest(TypedDict, total=False):
     memory_mb: int
     timeout_s: float
     stall_s: float
+    max_chunks: int
     max_attempts: int
 
 
@@ -1141,6 +1148,8 @@ class Limits(_LimitsRest):
         the service itself stopped, as for a restart, do not count. (s) Default: 0.
     stall_s: An attempt without progress for this long is stopped, and tried again up to max_attempts. (s)
         Default: 0.
+    max_chunks: The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser
+        level, needs fewer. (chunks) Default: 100000.
     max_attempts: The maximum number of attempts if the worker crashes. (attempts) Default: 0.
     """
 
