@@ -94,18 +94,11 @@ static bool has_flag(const measures_input *in, size_t copy, uint8_t flag)
 /* The normals of each point, one after the other. */
 static void gather_sides(const measures_input *in, point_table *t)
 {
-    for (size_t k = 0; k < in->copy_count; k++) t->side[point_of(in, k) + 1]++;
-    for (size_t i = 0; i < t->count; i++) t->side[i + 1] += t->side[i];
-    for (size_t k = in->copy_count;
-         k-- > 0;) { /* fills each from its end, and leaves side[i + 1] at its begin */
-        const uint32_t i = point_of(in, k), at = --t->side[i + 1];
-        t->patch[at] = in->copy_patch ? in->copy_patch[k] : 0;
-        if (in->copy_normal) t->normal[at] = in->copy_normal[k];
-        t->one_sided[at] = has_flag(in, k, PACKING_ONE_SIDED);
-        t->at_wedge[i] |= has_flag(in, k, PACKING_AT_WEDGE);
-    }
-    memmove(t->side, t->side + 1, t->count * sizeof *t->side);
-    t->side[t->count] = (uint32_t)in->copy_count;
+    const sites_copies copies = {in->copy_count, in->copy_normal, in->copy_point, in->copy_patch,
+                                 in->copy_flags};
+    sites_gather(&copies, t->count, t->side, t->normal, t->one_sided, t->patch);
+    for (size_t k = 0; k < in->copy_count; k++)
+        t->at_wedge[point_of(in, k)] |= has_flag(in, k, PACKING_AT_WEDGE);
 }
 
 typedef struct corner_job {
@@ -454,6 +447,8 @@ static bool take(const measures_input *in, const facets *f, const near_points *n
     if (!build_diagram(in, f, near, pool, t, v, e)) return false;
     count_degrees(v, t);
     for (size_t i = 0; i < in->count; i++) local[i] = local_spacing(v, t, i);
+    if (in->out_piece) memcpy(in->out_piece, t->piece, in->count * sizeof *t->piece);
+    if (in->out_spacing) memcpy(in->out_spacing, t->spacing, in->count * sizeof *t->spacing);
     for (size_t i = 0; degree && i < in->count; i++) degree[i] = t->degree[i];
     out->coverage = 0;
     for (size_t p = 0; p < in->surface.patch_count; p++) {

@@ -32,6 +32,9 @@ typedef struct measures_input {
     const uint32_t *copy_patch;        /* NULL: one patch */
     const uint8_t *copy_flags;         /* of packing.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
+    /* Receive for each point, or NULL: its piece of the surface, and the spacing by which its distances are divided. */
+    uint32_t *out_piece;
+    double *out_spacing;
 } measures_input;
 
 /* All are NAN if no point or pair has a value. */

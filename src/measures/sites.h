@@ -33,6 +33,20 @@ typedef struct sites {
     const near_points *near; /* of `position` */
 } sites;
 
+/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in their order. */
+typedef struct sites_copies {
+    size_t count;          /* of copies */
+    const vec3 *normal;    /* NULL: not known */
+    const uint32_t *point; /* NULL: copy i is point i */
+    const uint32_t *patch; /* NULL: one patch */
+    const uint8_t *flags;  /* of packing.h; NULL: none */
+} sites_copies;
+
+/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for each copy), and
+ * normal if normals are known. */
+void sites_gather(const sites_copies *copies, size_t points, uint32_t *side, vec3 *normal, bool *one_sided,
+                  uint32_t *patch);
+
 /* How the cosine of normals of two patches is to be read: 1 as it is, -1 reversed, 0: the patches are never opposite. Interfaces that share
  * a label are compared by the normals that point out of it. */
 static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)

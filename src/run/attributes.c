@@ -127,8 +127,10 @@ static size_t place_count(const source *from)
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
 {
     const char *name = a->entries[index].name;
-    bool moves = s->coherent && strcmp(name, "velocity") == 0; /* the points of a sequence have a velocity */
-    if (columns_is_own(name) || moves || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
+    /* the points have these of their own */
+    bool moves = s->coherent && strcmp(name, "velocity") == 0;
+    bool has_row = s->coherent && s->has_order && strcmp(name, "row") == 0;
+    if (columns_is_own(name) || moves || has_row || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
         return error_set(e, ERROR_SPEC_INVALID,
                          "the attribute name \"%.80s\" is reserved or empty: give another one as `as`", name);
     for (size_t k = 0; k < index; k++)
@@ -374,6 +376,21 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
     }
     attribute_forget(&last);
     return ok && derive(a, set, e);
+}
+
+bool attributes_permute(attributes *a, const uint32_t *order, points *set, error *e)
+{
+    for (size_t k = 0; k < a->count; k++) {
+        const size_t width = (size_t)a->values[k].components;
+        const double *from = a->values[k].values;
+        double *to = mem_array(set->count, width * sizeof *to, "an attribute", e);
+        if (!to) return false;
+        for (size_t i = 0; i < set->count; i++)
+            memcpy(to + width * i, from + width * order[i], width * sizeof *to);
+        free((double *)from);
+        a->values[k].values = to;
+    }
+    return derive(a, set, e);
 }
 
 /* ---- report ---- */

@@ -33,6 +33,9 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 bool attributes_read(attributes *a, const source *from, const solver_points *solved, size_t memory_limit,
                      points *set, error *e);
 
+/* Puts the values in another order: point k gets those of point order[k]. Sets the attributes of the set again. Error: limit_memory. */
+bool attributes_permute(attributes *a, const uint32_t *order, points *set, error *e);
+
 /* Adds the member `attributes` to the report, and warnings. */
 void attributes_describe(const attributes *a, json *report, json *warnings);
 

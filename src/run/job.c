@@ -33,6 +33,7 @@ void job_free_solution(solution *s)
     free(s->degree);
     free(s->corner);
     free(s->farthest);
+    point_order_free_known(&s->order_known);
     *s = (solution){0};
 }
 
@@ -508,7 +509,7 @@ bool job_measure(job *j, solution *s, error *e)
         s->farthest = mem_array(on.facets.patch_count, sizeof *s->farthest, "the result", e);
         if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE)
             s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
-        ok = s->spacing_local && s->farthest &&
+        ok = s->spacing_local && s->farthest && point_order_prepare(j->spec, p->count, &s->order_known, e) &&
              (s->degree || !j->spec->has_preview || j->spec->preview_color != SPEC_COLOR_DEGREE);
     }
     const measures_input in = {.surface = on.facets,
@@ -527,7 +528,9 @@ bool job_measure(job *j, solution *s, error *e)
                                .copy_point = stands->point,
                                .copy_patch = stands->patch,
                                .copy_flags = stands->flags,
-                               .patch_labels = (const uint32_t(*)[2])on.patch_labels};
+                               .patch_labels = (const uint32_t(*)[2])on.patch_labels,
+                               .out_piece = s->order_known.piece,
+                               .out_spacing = s->order_known.spacing};
     ok = ok && measures_take(&in, j->pool, s->spacing_local, s->degree, s->farthest, &s->measures, e);
     measured_surface_close(&on);
     return ok;
@@ -579,6 +582,9 @@ bool job_write_points(job *j, error *e)
                         .frame = j->options->frame};
     mesh_projection l;
     vec3 *turned = NULL;
+    point_order order = {0};
+    const label_surface *labels = j->source.whole.labels;
+    if (labels && j->source.field != label_surface_field(labels)) labels = NULL;
     if (mesh_projection_find_distance(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
@@ -587,10 +593,13 @@ bool job_write_points(job *j, error *e)
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
-    bool ok =
-        attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
-        job_may_continue(j, e) &&
-        results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
+    bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
+              point_order_find(j->spec, &set, p, &s->order_known, labels, j->pool, &order, e) &&
+              point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
+    in.place = order.place;
+    ok = ok && results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"),
+                             &j->results, e);
+    point_order_free(&order);
     free(turned);
     return ok;
 }

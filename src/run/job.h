@@ -6,6 +6,7 @@
 
 #include "measures/measures.h"
 #include "run/attributes.h"
+#include "run/point_order.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/run_options.h"
@@ -25,6 +26,7 @@ typedef struct solution {
     size_t triangles;
     measures measures;
     double *farthest; /* coverage of each patch, see coverage_measure */
+    point_order_known order_known;
     /* largest distance by which a point was projected onto a mesh, world units; 0 without a mesh */
     double landed;
 } solution;

@@ -335,6 +335,18 @@ static bool triangulate(const results_input *in, const triangulation_input *site
     return false;
 }
 
+/* Corners that are points in the order of the solver become points in the order of the outputs. The least comes first, as
+ * triangulation.h has it. */
+static void renumber(triangulation *made, const uint32_t *place)
+{
+    for (size_t k = 0; k < made->facts.triangles; k++) {
+        uint32_t *c = made->corner[k];
+        const uint32_t to[3] = {place[c[0]], place[c[1]], place[c[2]]};
+        const int first = to[0] < to[1] ? (to[0] < to[2] ? 0 : 2) : to[1] < to[2] ? 1 : 2;
+        for (int corner = 0; corner < 3; corner++) c[corner] = to[(first + corner) % 3];
+    }
+}
+
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
                        json *outputs, results_facts *out, error *e)
 {
@@ -361,6 +373,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     int64_t(*labels)[2] = NULL;
     points vertices = *set;
     bool ok = triangulate(in, &sites, pool, &made, e);
+    if (ok && in->place) renumber(&made, in->place);
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
     if (ok && in->labels) {
@@ -386,11 +399,14 @@ static bool has_attribute(const points *set, const char *name)
     return found;
 }
 
+/* Largest number of values in points.vdb besides the attributes. */
+enum { MORE_VDB_VALUES = 2 };
+
 /* Renames attributes for readers of VDB points: v is the velocity (an attribute of a file takes precedence over the
  * velocity between frames), Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
-    vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values);
+    vdb_point_values *values = mem_alloc((set->attribute_count + MORE_VDB_VALUES) * sizeof *values);
     bool has_color = has_attribute(set, "Cd");
     *has_velocity = has_attribute(set, "v");
     for (size_t k = 0; k < set->attribute_count; k++) {
@@ -408,12 +424,25 @@ static vdb_point_values *name_values(const points *set, bool *has_velocity)
     return values;
 }
 
+/* The row of each point in the other outputs: a points grid is ordered by voxels, and the ids of a sequence are not rows. The caller
+ * frees the array. */
+static double *rows_of(const points *set, error *e)
+{
+    double *rows = mem_array(set->count, sizeof *rows, "points.vdb", e);
+    for (size_t i = 0; rows && i < set->count; i++) rows[i] = (double)i;
+    return rows;
+}
+
 /* A voxel contains about ten points where the spacing is uniform. */
 static bool write_points_vdb(const char *directory, const results_input *in, json *outputs, error *e)
 {
     const points *set = in->set;
     bool has_velocity;
     vdb_point_values *values = name_values(set, &has_velocity);
+    size_t value_count = set->attribute_count;
+    double *rows = NULL;
+    const bool needs_rows = in->spec->has_order && set->id;
+    if (needs_rows && (rows = rows_of(set, e))) values[value_count++] = (vdb_point_values){"row", 1, true, rows};
     const vdb_points grid = {.count = set->count,
                              .position = &set->position[0].x,
                              .normal = &set->normal[0].x,
@@ -421,16 +450,17 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
                              .voxel_size = POINTS_VOXEL * in->h,
                              .id = set->id,
                              .velocity = set->velocity && !has_velocity ? &set->velocity[0].x : NULL,
-                             .value_count = set->attribute_count,
+                             .value_count = value_count,
                              .values = values};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
+    bool ok = (rows || !needs_rows) && store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
     if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
         ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
     ok = ok && results_commit(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
+    free(rows);
     free(path);
     return ok;
 }

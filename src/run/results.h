@@ -38,6 +38,7 @@ typedef struct results_input {
     const mesh *triangles;       /* on which the points lie; or NULL */
     const uint32_t (*corner)[3]; /* triangles between the points, if known; otherwise NULL */
     size_t corners;
+    const uint32_t *place; /* index in the set of each point of `solved`; NULL: the order is the same */
     int frame;                  /* number of the frame in a sequence */
     bool y_up;                  /* y, not z, points up in pictures and scenes */
     bool unresolved;            /* many points lie on walls thinner than the spacing */

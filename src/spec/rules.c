@@ -296,6 +296,12 @@ static void check_whole(reading *r, const json_at *at)
             r, &surface,
             "is unbounded, because it contains a halfspace: give a region, or intersect it with "
             "a bounded shape");
+    json_at output = json_member(at, "output"), order = json_member(&output, "order");
+    if (s->has_order && s->order == SPEC_ORDER_ID && !s->coherent)
+        reading_add_fault(
+            r, &order,
+            "\"id\" requires queue.coherent, because only points of coherent sequences have ids: "
+            "use \"progressive\" or \"spatial\", or remove it");
 }
 
 static void check_bspline(reading *r, const json_at *at)

@@ -249,6 +249,8 @@ typedef struct spec {
 
     spec_requirement require[SPEC_REQUIRE_COUNT]; /* outcome.require */
 
+    bool has_order;   /* otherwise the points have the order of the solver */
+    spec_order order; /* of the points in all outputs */
     spec_ply_format ply_format;
     spec_precision ply_precision;
     char **ply_properties; /* names of properties or applications; NULL: all */

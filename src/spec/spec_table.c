@@ -1360,6 +1360,16 @@ const spec_row spec_rows[] = {
          "numbers are always those of the nearest sample."},
 
     GROUP("/output", 0, "The files to write."),
+    {.pointer = "/output/order",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_ORDER),
+     AT_HAS(order, has_order),
+     .prose =
+         "The order of the points in all outputs. progressive: the first n points are spread evenly over the "
+         "surface, for any n, so a program that reads the beginning of a file has a coarser sampling. "
+         "spatial: along Morton's curve, so points that are close in the file are close in space. id: "
+         "ascending ids; requires queue.coherent. Default: the order of the solver, which may differ from "
+         "version to version."},
     GROUP("/output/ply", 0, "Options of points.ply."),
     {.pointer = "/output/ply/format",
      .type = SPEC_TYPE_WORD,

@@ -128,6 +128,14 @@ typedef enum spec_precision {
     SPEC_PRECISION_LIST(WORDS_ENUMERATOR, SPEC_PRECISION) SPEC_PRECISION_COUNT
 } spec_precision;
 
+/* /output/order: of the points in all outputs */
+#define SPEC_ORDER_LIST(ENTRY, prefix)        \
+    ENTRY(prefix, PROGRESSIVE, "progressive") \
+    ENTRY(prefix, SPATIAL, "spatial")         \
+    ENTRY(prefix, ID, "id")
+
+typedef enum spec_order { SPEC_ORDER_LIST(WORDS_ENUMERATOR, SPEC_ORDER) SPEC_ORDER_COUNT } spec_order;
+
 /* /output/preview/color */
 #define SPEC_COLOR_LIST(ENTRY, prefix)    \
     ENTRY(prefix, ALPHA, "alpha")         \

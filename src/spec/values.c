@@ -187,6 +187,7 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
         const char *word = row->words[i];
         if (strcmp(word, text) == 0) {
             if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
+            if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
             if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
             json_put_string(normal, spec_row_key(row), word);
             return;

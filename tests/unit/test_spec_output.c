@@ -88,12 +88,31 @@ static void outputs_are_asked_for(void **state)
     refuse("\"mesh\":1", "/output/mesh", "must be true or false (given 1)");
 }
 
+static void the_order_of_the_points_is_a_word(void **state)
+{
+    (void)state;
+    spec *s = accept("");
+    assert_false(s->has_order);
+    spec_free(s);
+    s = accept("\"order\":\"progressive\"");
+    assert_true(s->has_order && s->order == SPEC_ORDER_PROGRESSIVE);
+    spec_free(s);
+    s = accept("\"order\":\"spatial\"");
+    assert_true(s->has_order && s->order == SPEC_ORDER_SPATIAL);
+    spec_free(s);
+    refuse("\"order\":\"random\"", "/output/order",
+           "must be one of \"progressive\", \"spatial\", \"id\" (given \"random\")");
+    refuse("\"order\":true", "/output/order", "must be one of");
+    refuse("\"order\":\"id\"", "/output/order", "\"id\" requires queue.coherent");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cameras_are_read),
         cmocka_unit_test(cameras_that_see_nothing_are_refused),
         cmocka_unit_test(outputs_are_asked_for),
+        cmocka_unit_test(the_order_of_the_points_is_a_word),
     };
     return cmocka_run_group_tests_name("spec_output", tests, NULL, NULL);
 }

@@ -1081,6 +1081,7 @@ class OutputPreview(_OutputPreviewRest):
 
 
 class _OutputRest(TypedDict, total=False):
+    order: Literal["progressive", "spatial", "id"]
     ply: OutputPly
     preview: Union[bool, OutputPreview]
     preview_exr: bool
@@ -1098,6 +1099,10 @@ class _OutputRest(TypedDict, total=False):
 class Output(_OutputRest):
     """The files to write.
 
+    order: The order of the points in all outputs. progressive: the first n points are spread evenly over the
+        surface, for any n, so a program that reads the beginning of a file has a coarser sampling. spatial:
+        along Morton's curve, so points that are close in the file are close in space. id: ascending ids;
+        requires queue.coherent. Default: the order of the solver, which may differ from version to version.
     ply: Options of points.ply.
     preview: preview.png and preview.exr. false: they are not written. true or an object: they are,
         preview.exr unless preview_exr is false; the object has the members below.

@@ -1,0 +1,40 @@
+/* point_order: the order of the points in all outputs (output.order).
+ */
+#ifndef HEXAD_RUN_POINT_ORDER_H
+#define HEXAD_RUN_POINT_ORDER_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "formats/points.h"
+#include "labels/label_surface.h"
+#include "run/attributes.h"
+#include "solver/solver.h"
+#include "spec/spec.h"
+
+/* What the measures know of each point; NULL unless the order is progressive. */
+typedef struct point_order_known {
+    uint32_t *piece; /* of the surface */
+    double *spacing; /* by which distances are divided */
+} point_order_known;
+
+/* Allocates the arrays that an order needs, for measures_take to fill in. Error: limit_memory. */
+bool point_order_prepare(const spec *s, size_t count, point_order_known *out, error *e);
+void point_order_free_known(point_order_known *known);
+
+typedef struct point_order {
+    uint32_t *order; /* order[k]: the point that becomes the k-th; NULL: points stay where they are */
+    uint32_t *place; /* place[i]: where point i goes */
+    void *storage;   /* of the arrays of a set */
+} point_order;
+
+/* `solved` are the points of `set` in the space of the solver, `labels` the interfaces on which they lie or NULL. Free also after failure.
+ * Errors: limit_memory, cancelled. */
+bool point_order_find(const spec *s, const points *set, const solver_points *solved,
+                      const point_order_known *known, const label_surface *labels, const threads *pool,
+                      point_order *out, error *e);
+
+/* Puts a set and its attributes in order. The arrays of the set are then those of the order. Error: limit_memory. */
+bool point_order_apply(point_order *order, points *set, attributes *a, error *e);
+void point_order_free(point_order *order);
+
+#endif
