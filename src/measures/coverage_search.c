@@ -43,11 +43,11 @@ static double search_farthest(const facets *f, const sites *s, const vec3 c[3], 
 {
     double radius, distance;
     const vec3 middle = middle_of(c, &radius);
-    uint32_t nearest = near_points_nearest(s->near, middle, 0, &distance);
+    uint32_t nearest = cell_list_nearest(s->near, middle, 0, &distance);
     double high = farthest_corner(c, s->position[nearest]) / s->spacing[nearest];
     if (high <= known) return known;
     const vec3 place = facets_onto(f, of, middle);
-    if (vec3_norm2(vec3_sub(place, middle)) > 0) nearest = near_points_nearest(s->near, place, 0, &distance);
+    if (vec3_norm2(vec3_sub(place, middle)) > 0) nearest = cell_list_nearest(s->near, place, 0, &distance);
     const double h = s->spacing[nearest], low = distance / h;
     high = fmin(farthest_corner(c, s->position[nearest]) / h, low + STRETCH * radius / h);
     if (high <= known) return known;
@@ -98,13 +98,12 @@ static double search_missing(const facets *f, const sites *s, const vec3 c[3], c
     const vec3 middle = middle_of(c, &radius);
     n.middle = facets_onto(f, of, middle);
     n.radius = fmin(radius + vec3_norm(vec3_sub(n.middle, middle)), STRETCH * radius);
-    near_points_within(s->near, n.middle, COVERAGE_MISSING * s->largest_spacing + n.radius, look_at_point,
-                       &n);
+    cell_list_within(s->near, n.middle, COVERAGE_MISSING * s->largest_spacing + n.radius, look_at_point, &n);
     const double area = 0.5 * vec3_norm(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
     if (n.all) return 0;
     if (!n.some) return area;
     double distance;
-    const double h = s->spacing[near_points_nearest(s->near, n.middle, 0, &distance)];
+    const double h = s->spacing[cell_list_nearest(s->near, n.middle, 0, &distance)];
     if (radius <= LEAST_RADIUS * h || depth == DEEPEST) return n.centre ? 0 : area;
     double sum = 0;
     for (int part = 0; part < 4; part++) {

@@ -408,7 +408,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     return ok;
 }
 
-static sites sites_of(const measures_input *in, const point_table *t, const near_points *near)
+static sites sites_of(const measures_input *in, const point_table *t, const cell_list *near)
 {
     sites s = {.count = t->count,
                .position = in->position,
@@ -425,7 +425,7 @@ static sites sites_of(const measures_input *in, const point_table *t, const near
 }
 
 /* Without a request the diagram is built twice: its cells give the spacing by which its distances are then divided. */
-static bool build_diagram(const measures_input *in, const facets *f, const near_points *near, threads *pool,
+static bool build_diagram(const measures_input *in, const facets *f, const cell_list *near, threads *pool,
                           point_table *t, restricted_voronoi *v, error *e)
 {
     sites s = sites_of(in, t, near);
@@ -437,7 +437,7 @@ static bool build_diagram(const measures_input *in, const facets *f, const near_
     return restricted_voronoi_build(f, &s, pool, v, e);
 }
 
-static bool take(const measures_input *in, const facets *f, const near_points *near, threads *pool,
+static bool take(const measures_input *in, const facets *f, const cell_list *near, threads *pool,
                  point_table *t, restricted_voronoi *v, double *local, double *degree, double *farthest,
                  measures *out, error *e)
 {
@@ -457,7 +457,7 @@ static bool take(const measures_input *in, const facets *f, const near_points *n
     }
     for (size_t k = 0; k < in->lost_places; k++) {
         double distance;
-        const uint32_t nearest = near_points_nearest(near, in->lost_place[k], 0, &distance);
+        const uint32_t nearest = cell_list_nearest(near, in->lost_place[k], 0, &distance);
         out->coverage = fmax(out->coverage, distance / t->spacing[nearest]);
     }
     out->missing_share = v->missing / f->area;
@@ -474,13 +474,13 @@ bool measures_take(const measures_input *in, threads *pool, double *local, doubl
     point_table t = {0};
     restricted_voronoi v = {0};
     measures made = {0};
-    near_points *near = near_points_new(in->position, in->count, pool, e);
+    cell_list *near = cell_list_new(in->position, in->count, pool, e);
     const bool ok = near && facets_build(&in->surface, pool, &f, e) && allocate_table(in, &t, e) &&
                     take(in, &f, near, pool, &t, &v, local, degree, farthest, &made, e);
     restricted_voronoi_free(&v);
     free_table(&t);
     facets_free(&f);
-    near_points_free(near);
+    cell_list_free(near);
     if (ok) *out = made;
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }

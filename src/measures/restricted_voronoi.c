@@ -286,7 +286,7 @@ static void whole_part(const descent *d, const part *t, vec3 origin, polygon *p)
 static double distance_at(const sites *s, vec3 x)
 {
     double distance;
-    const uint32_t nearest = near_points_nearest(s->near, x, 0, &distance);
+    const uint32_t nearest = cell_list_nearest(s->near, x, 0, &distance);
     return distance / s->spacing[nearest];
 }
 
@@ -547,7 +547,7 @@ static void collect(void *context, uint32_t i)
 static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
 {
     collection c = {d, of, true};
-    near_points_within(d->s->near, x, reach, collect, &c);
+    cell_list_within(d->s->near, x, reach, collect, &c);
     return c.ok;
 }
 
@@ -579,7 +579,7 @@ typedef struct surroundings {
 static surroundings surroundings_at(const descent *d, vec3 centre, double radius)
 {
     surroundings out = {.radius = radius};
-    out.spacing = d->s->spacing[near_points_nearest(d->s->near, centre, 0, &out.nearest)];
+    out.spacing = d->s->spacing[cell_list_nearest(d->s->near, centre, 0, &out.nearest)];
     return out;
 }
 

@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "geometry/near_points.h"
+#include "geometry/cell_list.h"
 #include "geometry/vec3.h"
 #include "voronoi/resolution.h"
 
@@ -30,7 +30,7 @@ typedef struct sites {
     const uint32_t (*patch_labels)
         [2]; /* NULL, or of each patch the labels that it separates; normals point from the first to the second */
     double largest_spacing;
-    const near_points *near; /* of `position` */
+    const cell_list *near; /* of `position` */
 } sites;
 
 /* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in their order. */

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "geometry/point_bins.h"
+#include "geometry/cell_list.h"
 #include "solver/particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
@@ -139,9 +139,9 @@ static void points_far_away_change_nothing(void **state)
     for (int heap = 0; heap < 2; heap++) {
         const size_t count = heap ? ALL : COUNT;
         relocation_input in = {x, size, count, 1, place, PLACES, near, 0, NULL, 0};
-        point_bins *bins = point_bins_new(x, count, NULL, &e);
-        assert_true(point_bins_are_dense(bins) == heap);
-        point_bins_free(bins);
+        cell_list *cells = cell_list_new(x, count, NULL, &e);
+        assert_true(cell_list_is_crowded(cells) == heap);
+        cell_list_free(cells);
         assert_true(relocation_choose(&in, NULL, &chosen[heap], &moves[heap], &e));
     }
     assert_true(moves[0] > 10);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "geometry/near_points.h"
+#include "geometry/cell_list.h"
 #include "packing/packing.h"
 #include "solver/particles/population.h"
 
@@ -153,19 +153,19 @@ static bool assign_small_patches(const quota_input *in, const curve_samples *sam
     small_patch *list = list_small_patches(in, samples, cells, &found, e);
     vec3 *point = mem_array(samples->count + found, sizeof *point, WHAT, e);
     near_search search = {.first = samples->count, .list = list, .rule = rule};
-    near_points *near = NULL;
+    cell_list *near = NULL;
     *served = 0;
     memset(rule, PROPORTIONAL, in->field->patches->count);
     if (list && point && found > 0) {
         for (size_t k = 0; k < samples->count; k++) point[k] = samples->position[k];
         for (size_t k = 0; k < found; k++) point[samples->count + k] = position_on(in, list[k].patch);
-        near = near_points_new(point, samples->count + found, NULL, e);
+        near = cell_list_new(point, samples->count + found, NULL, e);
     }
     const bool ok = list && point && (found == 0 || near);
     for (size_t k = 0; ok && k < found; k++) {
         const vec3 x = point[samples->count + k];
         search.has_point = false;
-        near_points_within(near, x, COVERED_DISTANCE * boundary_spacing(&request, x), visit_point, &search);
+        cell_list_within(near, x, COVERED_DISTANCE * boundary_spacing(&request, x), visit_point, &search);
         rule[list[k].patch] = search.has_point ? NO_POINT : ONE_POINT;
         *served += !search.has_point;
     }
@@ -173,7 +173,7 @@ static bool assign_small_patches(const quota_input *in, const curve_samples *sam
         memset(rule, PROPORTIONAL, in->field->patches->count);
         *served = 0;
     }
-    near_points_free(near);
+    cell_list_free(near);
     free(point);
     free(list);
     return ok;

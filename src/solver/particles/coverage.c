@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "field/patches.h"
 #include "field/projection.h"
-#include "geometry/near_points.h"
+#include "geometry/cell_list.h"
 
 /* "Cell" in this file: a grid cell of the surface. */
 
@@ -44,7 +44,7 @@ typedef struct spacings {
 
 typedef struct coverage_job {
     const surface *scan;
-    near_points *points;
+    cell_list *points;
     const vec3 *position;
     const double *spacing;
     spacings least;
@@ -148,7 +148,7 @@ static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t n
     for (int k = 0; k < RECENT_POINTS; k++)
         if (vec3_norm2(vec3_sub(job->position[near[k]], x)) <= within * within) return true;
     double distance;
-    const uint32_t found = near_points_nearest(job->points, x, within, &distance);
+    const uint32_t found = cell_list_nearest(job->points, x, within, &distance);
     memmove(near + 1, near, (RECENT_POINTS - 1) * sizeof *near);
     near[0] = found;
     return distance <= within;
@@ -197,7 +197,7 @@ static double farthest_place(const coverage_job *job, const cell_test *test, dou
             !project_place(job->scan, test->cell, test->size, &x))
             continue;
         uint32_t point =
-            near_points_nearest(job->points, x, covering_distance(&job->least, x, 0, farthest), &distance);
+            cell_list_nearest(job->points, x, covering_distance(&job->least, x, 0, farthest), &distance);
         farthest = fmax(farthest, distance / job->spacing[point]);
     }
     return farthest;
@@ -280,7 +280,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 {
     coverage_job job = {.scan = scan, .position = position, .spacing = spacing};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    if (!(job.points = near_points_new(position, count, pool, e))) {
+    if (!(job.points = cell_list_new(position, count, pool, e))) {
         free(job.least.near);
         return false;
     }
@@ -289,7 +289,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
         farthest[k] =
             measure_part(&job, first_of_part(scan, k), first_of_part(scan, k + 1), farthest[k], pool);
     threads_narrow(pool, narrow);
-    near_points_free(job.points);
+    cell_list_free(job.points);
     free(job.least.near);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
@@ -319,7 +319,7 @@ static bool add_places(const coverage_job *job, const cell_test *test, uint32_t 
         if (f->open && !bbox_contains(f->domain, x)) continue;
         if (has_point(job, x, covering_distance(&job->least, x, 0, limit), near)) continue;
         if (!f->patches && !project_place(job->scan, test->cell, test->size, &x)) continue;
-        const uint32_t point = near_points_nearest(job->points, x, 0, &distance);
+        const uint32_t point = cell_list_nearest(job->points, x, 0, &distance);
         if (distance > limit * job->spacing[point] && !add_place(out, x, patch, e)) return false;
     }
     return true;
@@ -332,7 +332,7 @@ bool coverage_find_gaps(const surface *scan, const vec3 *position, const double 
     uint32_t near[RECENT_POINTS] = {0};
     *out = (coverage_gaps){0};
     if (!find_spacings(position, spacing, count, &job.least, e)) return false;
-    bool ok = (job.points = near_points_new(position, count, NULL, e)) != NULL;
+    bool ok = (job.points = cell_list_new(position, count, NULL, e)) != NULL;
     for (uint32_t patch = 0; ok && patch < coverage_parts(scan); patch++)
         for (size_t k = first_of_part(scan, patch); ok && k < first_of_part(scan, patch + 1); k++) {
             if (!(surface_cell_area(scan, k) > 0)) continue;
@@ -340,7 +340,7 @@ bool coverage_find_gaps(const surface *scan, const vec3 *position, const double 
             test_cell(&job, k, limit, near, &test);
             if (!test.is_done) ok = add_places(&job, &test, patch, limit, near, out, e);
         }
-    near_points_free(job.points);
+    cell_list_free(job.points);
     free(job.least.near);
     return ok;
 }

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "geometry/near_points.h"
+#include "geometry/cell_list.h"
 
 /* The object that messages about memory name. */
 static const char *const WHAT = "the relocation of points";
@@ -61,18 +61,18 @@ static bool thin_out(const relocation_input *in, ranked *r, double within, size_
         x[k] = r[k].at;
         largest = fmax(largest, r[k].size);
     }
-    near_points *near = x && removed && kept ? near_points_new(x, *count, pool, e) : NULL;
+    cell_list *near = x && removed && kept ? cell_list_new(x, *count, pool, e) : NULL;
     size_t kept_count = 0;
     for (uint32_t k = 0; near && k < *count && kept_count < wanted; k++) {
         if (removed[k]) continue;
         thinning t = {r, removed, within * in->h, k};
-        near_points_within(near, x[k], 0.5 * t.within * (r[k].size + largest), visit_entry, &t);
+        cell_list_within(near, x[k], 0.5 * t.within * (r[k].size + largest), visit_entry, &t);
         kept[kept_count++] = k;
     }
     for (size_t k = 0; k < kept_count; k++) r[k] = r[kept[k]];
     const bool ok = near != NULL;
     if (ok) *count = kept_count;
-    near_points_free(near);
+    cell_list_free(near);
     free(x);
     free(removed);
     free(kept);
@@ -82,7 +82,7 @@ static bool thin_out(const relocation_input *in, ranked *r, double within, size_
 /* Computes the distance of the nearest other point of each point. */
 typedef struct density_job {
     const relocation_input *in;
-    const near_points *near;
+    const cell_list *near;
     double largest; /* the largest size */
     double *least;  /* per point, in spacings */
 } density_job;
@@ -111,7 +111,7 @@ static void density_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         density_visit own = {in, (uint32_t)i, INFINITY};
         const double reach = 0.5 * dense_limit(in) * in->h * (in->size[i] + job->largest);
-        near_points_within(job->near, in->point[i], reach, visit_neighbour, &own);
+        cell_list_within(job->near, in->point[i], reach, visit_neighbour, &own);
         job->least[i] = own.least;
     }
 }
@@ -123,7 +123,7 @@ static bool is_dense(const density_job *job, size_t i)
 }
 
 /* The over-dense points, densest first. Only the first of several points near each other is kept. */
-static bool find_dense(const relocation_input *in, const near_points *near, threads *pool, ranked **out,
+static bool find_dense(const relocation_input *in, const cell_list *near, threads *pool, ranked **out,
                        size_t *found, error *e)
 {
     density_job job = {in, near, 0, mem_array(in->count, sizeof *job.least, WHAT, e)};
@@ -143,7 +143,7 @@ static bool find_dense(const relocation_input *in, const near_points *near, thre
 
 typedef struct gap_job {
     const relocation_input *in;
-    const near_points *near;
+    const cell_list *near;
     double reach;     /* a place with a point within this distance is not a gap for any size; world units */
     double *distance; /* per place: of its nearest point, in spacings of that point */
 } gap_job;
@@ -168,7 +168,7 @@ static void gap_chunk(void *context, int worker, size_t begin, size_t end)
         if (!is_within_reach(job, k, i, &distance)) {
             i = before; /* consecutive places are often near each other */
             if (!is_within_reach(job, k, i, &distance))
-                i = near_points_nearest(job->near, in->place[k], job->reach, &distance);
+                i = cell_list_nearest(job->near, in->place[k], job->reach, &distance);
         }
         in->near[k] = before = i;
         job->distance[k] = distance / (in->h * in->size[i]);
@@ -181,7 +181,7 @@ static double gap_limit(const relocation_input *in)
 }
 
 /* The first `wanted` gaps, largest first. Only the first of several gaps near each other is kept. */
-static bool find_gaps(const relocation_input *in, const near_points *near, size_t wanted, threads *pool,
+static bool find_gaps(const relocation_input *in, const cell_list *near, size_t wanted, threads *pool,
                       ranked **out, size_t *found, error *e)
 {
     const double limit = gap_limit(in);
@@ -204,7 +204,7 @@ static bool find_gaps(const relocation_input *in, const near_points *near, size_
 
 bool relocation_choose(const relocation_input *in, threads *pool, relocation **out, size_t *moves, error *e)
 {
-    near_points *near = near_points_new(in->point, in->count, pool, e);
+    cell_list *near = cell_list_new(in->point, in->count, pool, e);
     ranked *dense = NULL, *gaps = NULL;
     relocation *chosen = NULL;
     size_t points = 0, places = 0, count = 0;
@@ -215,7 +215,7 @@ bool relocation_choose(const relocation_input *in, threads *pool, relocation **o
         chosen[count] = (relocation){dense[count].index, gaps[count].index};
         count++;
     }
-    near_points_free(near);
+    cell_list_free(near);
     free(dense);
     free(gaps);
     if (ok) {

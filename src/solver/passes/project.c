@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 #include "field/projection.h"
-#include "geometry/moving_points.h"
+#include "geometry/cell_list.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
 
@@ -151,7 +151,7 @@ static double worst_residual(const solver *s, size_t begin, size_t end)
 
 /* Relocates particle i to a random place of the surface, or of its patch. It tries several places and takes the one farthest
  * from its nearest particle. False: none is farther than `least` (world units; < 0: no minimum). */
-static bool replace(solver *s, const moving_points *all, uint32_t i, double least, rng *r)
+static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
     const field *f = particles_field(s->state.p, s->setup.field, i);
@@ -164,7 +164,7 @@ static bool replace(solver *s, const moving_points *all, uint32_t i, double leas
         if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q) ||
             !solver_project_point(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
             continue;
-        const double nearest2 = moving_points_nearest2(all, q, i);
+        const double nearest2 = moving_cell_list_nearest2(all, q, i);
         if (nearest2 <= best) continue;
         best = nearest2;
         found = true;
@@ -214,8 +214,8 @@ static bool replace_lost(solver *s, error *e)
     size_t count = 0;
     for (uint32_t i = 0; moving && i < p->count; i++)
         if (s->scratch.lost[i] || (!may_stay && is_among_curve_samples(s, i))) moving[count++] = i;
-    moving_points *all =
-        count > 0 ? moving_points_new(p->position, p->count, moving, count, s->setup.pool, e) : NULL;
+    moving_cell_list *all =
+        count > 0 ? moving_cell_list_new(p->position, p->count, moving, count, s->setup.pool, e) : NULL;
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
     for (size_t k = 0; all && k < count && !threads_stopped(s->setup.pool); k++) {
         const uint32_t i = moving[k];
@@ -224,7 +224,7 @@ static bool replace_lost(solver *s, error *e)
             move_off_curve(s, i);
     }
     const bool ok = moving && (count == 0 || all);
-    moving_points_free(all);
+    moving_cell_list_free(all);
     free(moving);
     return ok;
 }

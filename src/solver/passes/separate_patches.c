@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 #include "base/sets.h"
-#include "geometry/near_points.h"
+#include "geometry/cell_list.h"
 #include "solver/passes/passes.h"
 #include "voronoi/resolution.h"
 
@@ -26,9 +26,9 @@ static const char *const WHAT = "the separation of particles";
 
 typedef struct separation {
     solver *s;
-    const near_points *near; /* of the positions before the pass */
-    uint32_t *joined;        /* per patch: the least patch of its connected component */
-    bool *is_close;          /* per particle */
+    const cell_list *near; /* of the positions before the pass */
+    uint32_t *joined;      /* per patch: the least patch of its connected component */
+    bool *is_close;        /* per particle */
 } separation;
 
 /* The search for the nearest particle that particle i would repel at x if patches did not matter. */
@@ -65,7 +65,7 @@ static double distance_of_nearest(const separation *job, size_t i, vec3 x, doubl
 {
     const double h = own_spacing(job, i);
     nearest_search search = {job, i, x, own_patch * h * own_patch * h, INFINITY};
-    near_points_within(job->near, x, (2 * DISPLACEMENT + CLOSE_DISTANCE) * h, visit_particle, &search);
+    cell_list_within(job->near, x, (2 * DISPLACEMENT + CLOSE_DISTANCE) * h, visit_particle, &search);
     return sqrt(search.least2) / h;
 }
 
@@ -134,11 +134,11 @@ bool solver_separate_patches(solver *s, bool *changed, error *e)
     separation job = {.s = s,
                       .joined = mem_array(p->patches->count, sizeof *job.joined, WHAT, e),
                       .is_close = mem_array(p->count, sizeof *job.is_close, WHAT, e)};
-    near_points *near = NULL;
+    cell_list *near = NULL;
     if (before && job.joined && job.is_close) {
         memcpy(before, p->position, p->count * sizeof *before);
         join_patches(p->patches, job.joined);
-        near = near_points_new(before, p->count, s->setup.pool, e);
+        near = cell_list_new(before, p->count, s->setup.pool, e);
     }
     if (near) {
         job.near = near;
@@ -147,7 +147,7 @@ bool solver_separate_patches(solver *s, bool *changed, error *e)
             if (job.is_close[i] && is_too_close(&job, i)) *changed |= move_away(&job, i);
     }
     const bool ok = near != NULL;
-    near_points_free(near);
+    cell_list_free(near);
     free(before);
     free(job.joined);
     free(job.is_close);

@@ -1,4 +1,4 @@
-/* Who is near a place, by bins and by a tree, against looking at all. */
+/* Searches of a cell list return the same as a comparison with all points. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,10 +9,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "geometry/moving_points.h"
-#include "geometry/near_points.h"
-#include "geometry/point_bins.h"
-#include "geometry/point_tree.h"
+#include "geometry/cell_list.h"
 
 static void the_nearest_is_found(void **state)
 {
@@ -29,33 +26,24 @@ static void the_nearest_is_found(void **state)
             if (c % 3 == 2) x[k] = (vec3){(double)k, 0, 0};                         /* sorted */
         }
         error e = {0};
-        point_tree *n = point_tree_new(x, count, &e);
-        point_bins *bins = point_bins_new(x, count, NULL, &e);
+        cell_list *n = cell_list_new(x, count, NULL, &e);
         for (int p = 0; p < PLACES; p++) {
-            vec3 place = vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), 4);
+            const vec3 place =
+                vec3_scale(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}), p % 2 ? 1 : 4);
             double least = INFINITY, found, enough = 3 * rng_uniform(&r);
             for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
-            uint32_t point = point_tree_nearest(n, place, 0, &found);
+            uint32_t point = cell_list_nearest(n, place, 0, &found);
             assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
-            point = point_tree_nearest(n, place, enough, &found);
-            assert_true(found == least || found <= enough);
-            assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
-            if (p % 2) place = vec3_scale(place, 0.25);
-            least = INFINITY;
-            for (size_t k = 0; k < count; k++) least = fmin(least, vec3_norm(vec3_sub(x[k], place)));
-            point = point_bins_nearest(bins, place, 0, &found);
-            assert_true(found == least && vec3_norm(vec3_sub(x[point], place)) == found);
-            point = point_bins_nearest(bins, place, enough, &found);
+            point = cell_list_nearest(n, place, enough, &found);
             assert_true(found == least || found <= enough);
             assert_true(vec3_norm(vec3_sub(x[point], place)) == found);
         }
-        point_tree_free(n);
-        point_bins_free(bins);
+        cell_list_free(n);
     }
     free(x);
 }
 
-/* Some move about, or all; the nearest is told among those where they are. */
+/* Some of the points, or all, move; a search uses their present positions. */
 static void the_nearest_is_found_while_some_move(void **state)
 {
     (void)state;
@@ -70,27 +58,27 @@ static void the_nearest_is_found_while_some_move(void **state)
             x[i] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
             if (i % every == every / 2) moving[some++] = i;
         }
-        moving_points *m = moving_points_new(x, COUNT, moving, some, NULL, &e);
+        moving_cell_list *m = moving_cell_list_new(x, COUNT, moving, some, NULL, &e);
         for (int p = 0; p < PLACES; p++) {
             const uint32_t except = moving[(size_t)p % some];
             const vec3 place = random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2});
             double least2 = INFINITY;
-            x[moving[(size_t)(p / 2) % some]] = place; /* at times the one that does not count */
+            x[moving[(size_t)(p / 2) % some]] = place; /* sometimes the excepted point */
             for (uint32_t i = 0; i < COUNT; i++)
                 if (i != except) least2 = fmin(least2, vec3_norm2(vec3_sub(x[i], place)));
-            assert_true(moving_points_nearest2(m, place, except) == least2);
+            assert_true(moving_cell_list_nearest2(m, place, except) == least2);
         }
-        moving_points_free(m);
+        moving_cell_list_free(m);
     }
     const vec3 alone = {0, 0, 0};
     const uint32_t first = 0;
     error e = {0};
-    moving_points *m = moving_points_new(&alone, 1, &first, 1, NULL, &e);
-    assert_true(moving_points_nearest2(m, alone, 0) == INFINITY);
-    moving_points_free(m);
+    moving_cell_list *m = moving_cell_list_new(&alone, 1, &first, 1, NULL, &e);
+    assert_true(moving_cell_list_nearest2(m, alone, 0) == INFINITY);
+    moving_cell_list_free(m);
 }
 
-/* Counts each point, and those that are farther than they may be. */
+/* Counts the visits of each point; fails for a point beyond the reach. */
 typedef struct visits {
     const vec3 *x;
     vec3 place;
@@ -117,53 +105,47 @@ static void all_within_reach_are_visited_once(void **state)
         x[k] = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
         if (k % 3 == 0) x[k] = (vec3){floor(5 * x[k].x) / 5, floor(5 * x[k].y) / 5, 0};
     }
-    point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
-    point_tree *tree = point_tree_new(x, POINTS, &e);
-    near_points *either = near_points_new(x, POINTS, NULL, &e);
+    cell_list *n = cell_list_new(x, POINTS, NULL, &e);
     for (size_t p = 0; p < PLACES; p++) {
         visits v = {x, random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2}), 1, seen};
-        if (p % 2) v.place = x[p]; /* and some of the others are just as far away as they may be */
+        if (p % 2) v.place = x[p]; /* some points lie exactly at the reach */
         v.reach = p % 4 == 3 ? vec3_norm(vec3_sub(x[p], x[p + 1])) : rng_uniform(&r);
-        for (int way = 0; way < 3; way++) {
-            memset(seen, 0, POINTS * sizeof *seen);
-            if (way == 0) point_bins_within(bins, v.place, v.reach, count_visit, &v);
-            if (way == 1) point_tree_within(tree, v.place, v.reach, count_visit, &v);
-            if (way == 2) near_points_within(either, v.place, v.reach, count_visit, &v);
-            for (size_t k = 0; k < POINTS; k++)
-                assert_int_equal(seen[k], vec3_norm2(vec3_sub(x[k], v.place)) <= v.reach * v.reach);
-        }
+        memset(seen, 0, POINTS * sizeof *seen);
+        cell_list_within(n, v.place, v.reach, count_visit, &v);
+        for (size_t k = 0; k < POINTS; k++)
+            assert_int_equal(seen[k], vec3_norm2(vec3_sub(x[k], v.place)) <= v.reach * v.reach);
     }
-    point_bins_free(bins);
-    point_tree_free(tree);
-    near_points_free(either);
+    cell_list_free(n);
     free(x);
     free(seen);
 }
 
-/* Points in two heaps far from each other share bins, those of a plane do not. Either way the nearest is
- * found. */
-static void crowds_are_told(void **state)
+/* Points of two distant clusters share cells, points of a plane do not. The nearest point is found in both cases. */
+static void crowded_points_are_detected(void **state)
 {
     (void)state;
     enum { SIDE = 64, POINTS = SIDE * SIDE };
     vec3 *x = malloc(POINTS * sizeof *x);
     error e = {0};
-    for (int heaps = 0; heaps < 2; heaps++) {
+    for (int clusters = 0; clusters < 2; clusters++) {
         for (size_t k = 0; k < POINTS; k++) {
             x[k] = (vec3){k % SIDE, (double)(k / SIDE), 0};
-            if (heaps) x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 10000 : 0));
+            if (clusters) x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 10000 : 0));
         }
-        point_bins *bins = point_bins_new(x, POINTS, NULL, &e);
-        assert_true(point_bins_are_dense(bins) == heaps);
-        point_bins_free(bins);
-        near_points *near = near_points_new(x, POINTS, NULL, &e);
+        cell_list *n = cell_list_new(x, POINTS, NULL, &e);
+        assert_true(cell_list_is_crowded(n) == clusters);
         for (size_t k = 0; k < POINTS; k += 7) {
             double distance;
             const vec3 place = vec3_add(x[k], (vec3){0.25, -0.25, 0.5});
-            assert_int_equal(near_points_nearest(near, place, 0, &distance), k);
+            assert_int_equal(cell_list_nearest(n, place, 0, &distance), k);
             assert_true(distance == vec3_norm(vec3_sub(x[k], place)));
+            int seen[POINTS] = {0};
+            visits v = {x, x[k], 1, seen};
+            cell_list_within(n, x[k], 1, count_visit, &v);
+            for (size_t i = 0; i < POINTS; i++)
+                assert_int_equal(seen[i], vec3_norm2(vec3_sub(x[i], x[k])) <= 1);
         }
-        near_points_free(near);
+        cell_list_free(n);
     }
     free(x);
 }
@@ -174,7 +156,7 @@ int main(void)
         cmocka_unit_test(the_nearest_is_found),
         cmocka_unit_test(the_nearest_is_found_while_some_move),
         cmocka_unit_test(all_within_reach_are_visited_once),
-        cmocka_unit_test(crowds_are_told),
+        cmocka_unit_test(crowded_points_are_detected),
     };
-    return cmocka_run_group_tests_name("near_points", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("cell_list", tests, NULL, NULL);
 }
