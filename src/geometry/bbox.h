@@ -54,6 +54,13 @@ static inline bool bbox_overlap(bbox a, bbox b)
     return c.min.x < c.max.x && c.min.y < c.max.y && c.min.z < c.max.z;
 }
 
+/* Whether they have a common point; also a point of their faces. */
+static inline bool bbox_meet(const bbox *a, const bbox *b)
+{
+    return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&
+           a->min.z <= b->max.z && b->min.z <= a->max.z;
+}
+
 static inline bool bbox_contains(bbox b, vec3 p)
 {
     return p.x >= b.min.x && p.x <= b.max.x && p.y >= b.min.y && p.y <= b.max.y && p.z >= b.min.z &&

@@ -1,94 +1,75 @@
 #include "geometry/box_tree.h"
 
-#include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "geometry/morton.h"
+#include "geometry/point_tree.h"
 
-static const char WHAT[] = "a tree of boxes";
-
-struct box_tree {
-    size_t leaves; /* a power of two */
-    bbox
-        *node; /* 1: the root; of n: 2 n and 2 n + 1; the last `leaves` of them: the boxes, then empty ones */
-    uint32_t *box;  /* of each leaf */
-    uint32_t *leaf; /* of each box */
-    uint32_t *found;
-};
-
-static bool fill(box_tree *t, const bbox *box, size_t count, error *e)
+/* Number of nodes of a tree with `count` items. */
+static size_t nodes_for(size_t count)
 {
-    vec3 *middle = mem_array(count, sizeof *middle, WHAT, e);
-    bool ok = middle;
-    for (size_t k = 0; ok && k < count; k++) middle[k] = vec3_scale(vec3_add(box[k].min, box[k].max), 0.5);
-    ok = ok && (count == 0 || morton_order(middle, count, NULL, t->box, e));
-    free(middle);
-    for (size_t k = 0; ok && k < t->leaves; k++)
-        t->node[t->leaves + k] = k < count ? box[t->box[k]] : bbox_empty();
-    for (size_t k = t->leaves - 1; ok && k > 0; k--)
-        t->node[k] = bbox_unite(t->node[2 * k], t->node[2 * k + 1]);
-    for (size_t k = 0; ok && k < count; k++) t->leaf[t->box[k]] = (uint32_t)k;
-    return ok;
+    size_t nodes = 1;
+    for (; count > BOX_TREE_LEAF; count -= count / 2) nodes = 2 * nodes + 1;
+    return nodes;
 }
 
-box_tree *box_tree_new(const bbox *box, size_t count, error *e)
+size_t box_tree_bytes(size_t count)
 {
-    box_tree *t = mem_alloc(sizeof *t);
-    for (t->leaves = 1; t->leaves < count;) t->leaves *= 2;
-    t->node = mem_array(2 * t->leaves, sizeof *t->node, WHAT, e);
-    t->box = mem_array(count, sizeof *t->box, WHAT, e);
-    t->leaf = mem_array(count, sizeof *t->leaf, WHAT, e);
-    t->found = mem_array(count, sizeof *t->found, WHAT, e);
-    if (t->node && t->box && t->leaf && t->found && fill(t, box, count, e)) return t;
-    box_tree_free(t);
-    return NULL;
+    return count * sizeof(uint32_t) + nodes_for(count) * sizeof(bbox);
+}
+
+/* The items of a tree that is built. */
+typedef struct items {
+    const vec3 *centre;
+    box_tree_box *box_of;
+    const void *context;
+} items;
+
+/* Builds a node of the items order[first] .. order[first + count - 1]. */
+static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t count)
+{
+    bbox box = bbox_empty();
+    if (count <= BOX_TREE_LEAF) {
+        for (size_t k = first; k < first + count; k++)
+            box = bbox_unite(box, i->box_of(i->context, t->order[k]));
+    } else {
+        const size_t half = count / 2;
+        point_tree_halve(i->centre, t->order + first, count);
+        box = bbox_unite(build(t, i, 2 * node + 1, first, half),
+                         build(t, i, 2 * node + 2, first + half, count - half));
+    }
+    return t->box[node] = box;
+}
+
+bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
+                   const char *what, box_tree *out, error *e)
+{
+    box_tree t = {count, mem_array(count, sizeof *t.order, what, e),
+                  mem_array(nodes_for(count), sizeof *t.box, what, e)};
+    if (!t.order || !t.box) {
+        box_tree_free(&t);
+        return false;
+    }
+    for (size_t k = 0; k < count; k++) t.order[k] = (uint32_t)k;
+    build(&t, &(items){centre, box_of, context}, 0, 0, count);
+    *out = t;
+    return true;
 }
 
 void box_tree_free(box_tree *t)
 {
-    if (!t) return;
-    free(t->node);
+    free(t->order);
     free(t->box);
-    free(t->leaf);
-    free(t->found);
-    free(t);
+    *t = (box_tree){0};
 }
 
-void box_tree_extend(box_tree *t, uint32_t box, vec3 x)
+void box_tree_extend(box_tree *t, size_t at, vec3 x)
 {
-    for (size_t k = t->leaves + t->leaf[box]; k > 0 && !bbox_contains(t->node[k], x); k /= 2)
-        t->node[k] = bbox_include(t->node[k], x);
-}
-
-static bool do_meet(const bbox *a, const bbox *b)
-{
-    return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&
-           a->min.z <= b->max.z && b->min.z <= a->max.z;
-}
-
-static void look(box_tree *t, size_t node, const bbox *where, size_t *count)
-{
-    if (!do_meet(&t->node[node], where)) return;
-    if (node >= t->leaves) {
-        t->found[(*count)++] = t->box[node - t->leaves];
-        return;
+    box_tree_node n = {0, 0, t->count, 0}, left, right;
+    for (;;) {
+        t->box[n.node] = bbox_include(t->box[n.node], x);
+        if (n.count <= BOX_TREE_LEAF) return;
+        box_tree_halves(&n, &left, &right);
+        n = at < right.first ? left : right;
     }
-    look(t, 2 * node, where, count);
-    look(t, 2 * node + 1, where, count);
-}
-
-static int compare(const void *left, const void *right)
-{
-    const uint32_t *a = left, *b = right;
-    return (*a > *b) - (*a < *b);
-}
-
-const uint32_t *box_tree_find(box_tree *t, vec3 x, double reach, size_t *count)
-{
-    const bbox where = bbox_grow((bbox){x, x}, reach);
-    *count = 0;
-    look(t, 1, &where, count);
-    if (*count > 1) qsort(t->found, *count, sizeof *t->found, compare);
-    return t->found;
 }

@@ -1,82 +1,152 @@
-/* A tree of boxes finds what looking at each box does, whatever their sizes. */
+/* Walks over a tree of boxes find the same boxes as tests of all of them, whatever their sizes. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <cmocka.h>
 
 #include "geometry/box_tree.h"
 #include "shapes.h"
 
-enum { COUNT = 4000, LOOKS = 2000 };
+enum { COUNT = 4000, PLACES = 500 };
 
-static double between(double a, double b)
+static bbox box[COUNT];
+static size_t counts[] = {0, 1, 2, 4, 5, 9, 1024, COUNT};
+enum { COUNTS = sizeof counts / sizeof *counts };
+
+static vec3 random_place(rng *r)
 {
-    return a + (b - a) * rand() / RAND_MAX;
+    return random_between(r, (vec3){-3, -2, 0}, (vec3){3, 2, 1});
 }
 
-/* Sizes over four powers of ten. */
-static vec3 some_size(void)
+/* From 1e-4 to 1. */
+static double random_length(rng *r)
 {
-    const double size = pow(10, between(-4, 0));
-    return (vec3){size * between(0, 1), size * between(0, 1), size * between(0, 1)};
+    return pow(10, 4 * (rng_uniform(r) - 1));
 }
 
-static vec3 some_place(void)
+static bbox box_at(const void *context, uint32_t item)
 {
-    return (vec3){between(-3, 3), between(-2, 2), between(0, 1)};
+    return ((const bbox *)context)[item];
 }
 
-static void check(box_tree *t, const bbox *box, size_t boxes)
+static box_tree random_tree(rng *r, size_t count)
 {
-    for (int k = 0; k < LOOKS; k++) {
-        const vec3 x = some_place();
-        const double reach = pow(10, between(-4, 0));
-        size_t count, seen = 0;
-        const uint32_t *found = box_tree_find(t, x, reach, &count);
-        for (uint32_t i = 0; i < boxes; i++) {
-            if (!bbox_contains(bbox_grow(box[i], reach), x)) continue;
-            assert_true(seen < count);
-            assert_int_equal(found[seen++], i);
-        }
-        assert_int_equal(seen, count);
+    static vec3 centre[COUNT];
+    box_tree t;
+    error e = {0};
+    for (size_t k = 0; k < count; k++) {
+        box[k].min = random_place(r);
+        box[k].max = vec3_add(
+            box[k].min, vec3_scale(random_between(r, (vec3){0, 0, 0}, (vec3){1, 1, 1}), random_length(r)));
+        centre[k] = vec3_scale(vec3_add(box[k].min, box[k].max), 0.5);
+    }
+    assert_true(box_tree_make(count, centre, box_at, box, "test", &t, &e));
+    assert_int_equal(t.count, count);
+    return t;
+}
+
+/* Marks the items of the present leaf. Each item is found once. */
+static void mark(const box_tree *t, const box_tree_walk *w, bool *found)
+{
+    assert_true(w->end <= t->count);
+    for (size_t k = w->first; k < w->end; k++) {
+        assert_false(found[t->order[k]]);
+        found[t->order[k]] = true;
     }
 }
 
-static void boxes_of_any_size_are_found(void **state)
+static void check_meeting(const box_tree *t, rng *r)
+{
+    for (int p = 0; p < PLACES; p++) {
+        static bool found[COUNT];
+        const vec3 x = random_place(r);
+        const bbox where = bbox_grow((bbox){x, x}, random_length(r));
+        box_tree_walk w;
+        memset(found, 0, sizeof found);
+        box_tree_begin(t, &w);
+        while (box_tree_next_meeting(t, &w, &where)) mark(t, &w, found);
+        for (size_t k = 0; k < t->count; k++) assert_true(found[k] || !bbox_meet(&box[k], &where));
+    }
+}
+
+static void boxes_that_meet_a_box_are_found(void **state)
 {
     (void)state;
-    static bbox box[COUNT];
-    static const size_t counts[] = {0, 1, 2, 3, 1024, COUNT};
-    const unsigned seed = 20050;
-    error e = {0};
-    printf("seed %u\n", seed);
-    srand(seed);
-    for (size_t n = 0; n < sizeof counts / sizeof *counts; n++) {
-        for (size_t k = 0; k < counts[n]; k++) {
-            box[k].min = some_place();
-            box[k].max = vec3_add(box[k].min, some_size());
+    rng r = rng_seed(test_seed(), 0);
+    for (size_t n = 0; n < COUNTS; n++) {
+        box_tree t = random_tree(&r, counts[n]);
+        check_meeting(&t, &r);
+        for (size_t k = 0; k < t.count; k += 7) { /* half of the places are far away, half in the box */
+            const uint32_t item = t.order[k];
+            const vec3 x = k % 2 ? random_place(&r) : box[item].max;
+            box_tree_extend(&t, k, x);
+            box[item] = bbox_include(box[item], x);
         }
-        box_tree *t = box_tree_new(box, counts[n], &e);
-        assert_non_null(t);
-        check(t, box, counts[n]);
-        for (uint32_t k = 0; k < counts[n]; k += 7) { /* some far, some where they are */
-            const vec3 x = k % 2 ? some_place() : box[k].max;
-            box_tree_extend(t, k, x);
-            box[k] = bbox_include(box[k], x);
+        check_meeting(&t, &r);
+        box_tree_free(&t);
+    }
+}
+
+static void the_nearest_box_is_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    for (size_t n = 0; n < COUNTS; n++) {
+        box_tree t = random_tree(&r, counts[n]);
+        size_t visited = 0;
+        for (int p = 0; p < PLACES; p++) {
+            const vec3 x = vec3_scale(random_place(&r), p % 2 ? 1 : 3);
+            double least = INFINITY, found = INFINITY;
+            box_tree_walk w;
+            for (size_t k = 0; k < t.count; k++) least = fmin(least, box_tree_distance2(&box[k], x));
+            box_tree_begin_near(&t, &w, x);
+            while (box_tree_next_near(&t, &w, x, found))
+                for (size_t k = w.first; k < w.end; k++, visited++)
+                    found = fmin(found, box_tree_distance2(&box[t.order[k]], x));
+            assert_true(found == least);
         }
-        check(t, box, counts[n]);
-        box_tree_free(t);
+        assert_true(t.count < COUNT || visited < PLACES * t.count / 10); /* few boxes are visited */
+        box_tree_free(&t);
+    }
+}
+
+static void boxes_that_a_line_crosses_are_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    static bool found[COUNT];
+    for (size_t n = 0; n < COUNTS; n++) {
+        box_tree t = random_tree(&r, counts[n]);
+        for (int p = 0; p < PLACES; p++) {
+            const vec3 x = random_place(&r), to = random_place(&r),
+                       d = p % 3 ? vec3_sub(to, x) : (vec3){p % 2, (p + 1) % 2, 0};
+            box_tree_walk w;
+            memset(found, 0, sizeof found);
+            box_tree_begin(&t, &w);
+            while (box_tree_next_crossed(&t, &w, x, d)) mark(&t, &w, found);
+            for (size_t k = 0; k < t.count; k++) {
+                const vec3 in = {fmin(fmax(to.x, box[k].min.x), box[k].max.x),
+                                 fmin(fmax(to.y, box[k].min.y), box[k].max.y),
+                                 fmin(fmax(to.z, box[k].min.z), box[k].max.z)};
+                assert_true(
+                    box_tree_is_crossed(&box[k], x, vec3_sub(in, x))); /* a line to one of its points */
+                assert_true(found[k] || !box_tree_is_crossed(&box[k], x, d));
+            }
+        }
+        box_tree_free(&t);
     }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(boxes_of_any_size_are_found),
+        cmocka_unit_test(boxes_that_meet_a_box_are_found),
+        cmocka_unit_test(the_nearest_box_is_found),
+        cmocka_unit_test(boxes_that_a_line_crosses_are_found),
     };
     return cmocka_run_group_tests_name("box_tree", tests, NULL, NULL);
 }

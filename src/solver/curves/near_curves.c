@@ -38,7 +38,10 @@ typedef struct merging {
     size_t segment_count;
     /* per sample of a curve: the segment that starts and the segment that ends there, or NONE */
     uint32_t (*segments_of)[2];
-    box_tree *tree;     /* of the segments */
+    box_tree tree;      /* of the segments */
+    bbox *box;          /* per segment */
+    uint32_t *at;       /* per segment: its place in the order of the tree */
+    uint32_t *found;    /* the segments that the last search found */
     size_t *first_copy; /* per sample and one more: its first copy */
     uint32_t *target;   /* per sample: the sample it is merged into; itself if it remains */
     uint32_t *ends;     /* per corner: number of curve ends */
@@ -86,28 +89,58 @@ static void list_segments(merging *m)
 /* Extends the box of a segment to the sample that one of its ends is merged into. */
 static void extend_segment(merging *m, uint32_t which, uint32_t end)
 {
-    if (which != NONE) box_tree_extend(m->tree, which, m->samples->position[m->target[end]]);
+    const vec3 x = m->samples->position[m->target[end]];
+    if (which == NONE || bbox_contains(m->box[which], x)) return;
+    m->box[which] = bbox_include(m->box[which], x);
+    box_tree_extend(&m->tree, m->at[which], x);
+}
+
+static bbox box_of_segment(const void *context, uint32_t segment)
+{
+    const merging *m = context;
+    return m->box[segment];
 }
 
 static bool build_tree(merging *m, error *e)
 {
-    bbox *box = mem_array(m->segment_count, sizeof *box, what, e);
+    vec3 *centre = mem_array(m->segment_count, sizeof *centre, what, e);
+    m->box = mem_array(m->segment_count, sizeof *m->box, what, e);
+    m->at = mem_array(m->segment_count, sizeof *m->at, what, e);
+    m->found = mem_array(m->segment_count, sizeof *m->found, what, e);
+    bool ok = centre && m->box && m->at && m->found;
     for (size_t k = 0; k < m->samples->count; k++) m->segments_of[k][0] = m->segments_of[k][1] = NONE;
-    for (uint32_t k = 0; box && k < m->segment_count; k++) {
+    for (uint32_t k = 0; ok && k < m->segment_count; k++) {
         const segment *s = &m->segments[k];
-        const vec3 from = m->samples->position[s->from];
-        box[k] = bbox_include((bbox){from, from}, m->samples->position[s->to]);
+        const vec3 from = m->samples->position[s->from], to = m->samples->position[s->to];
+        m->box[k] = bbox_include((bbox){from, from}, to);
+        centre[k] = vec3_scale(vec3_add(from, to), 0.5);
         m->segments_of[s->from][0] = m->segments_of[s->to][1] = k;
     }
-    m->tree = box ? box_tree_new(box, m->segment_count, e) : NULL;
-    free(box);
-    return m->tree;
+    ok = ok && box_tree_make(m->segment_count, centre, box_of_segment, m, what, &m->tree, e);
+    for (uint32_t k = 0; ok && k < m->segment_count; k++) m->at[m->tree.order[k]] = k;
+    free(centre);
+    return ok;
+}
+
+static int compare_segments(const void *left, const void *right)
+{
+    const uint32_t *a = left, *b = right;
+    return (*a > *b) - (*a < *b);
 }
 
 /* Segments whose boxes lie within `reach` of a sample, ascending. */
 static const uint32_t *find_segments(merging *m, uint32_t place, double reach, size_t *count)
 {
-    return box_tree_find(m->tree, m->samples->position[place], reach * (1 + 1e-9), count);
+    const vec3 x = m->samples->position[place];
+    const bbox where = bbox_grow((bbox){x, x}, reach * (1 + 1e-9));
+    box_tree_walk w;
+    *count = 0;
+    box_tree_begin(&m->tree, &w);
+    while (box_tree_next_meeting(&m->tree, &w, &where))
+        for (size_t k = w.first; k < w.end; k++)
+            if (bbox_meet(&m->box[m->tree.order[k]], &where)) m->found[(*count)++] = m->tree.order[k];
+    if (*count > 1) qsort(m->found, *count, sizeof *m->found, compare_segments);
+    return m->found;
 }
 
 /* ---- merge targets ---- */
@@ -375,7 +408,10 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
     }
     free(m.segments);
     free(m.segments_of);
-    box_tree_free(m.tree);
+    box_tree_free(&m.tree);
+    free(m.box);
+    free(m.at);
+    free(m.found);
     free(m.target);
     free(m.ends);
     free(m.first_copy);
