@@ -9,7 +9,7 @@
 #include "base/memory.h"
 #include "geometry/affine.h"
 #include "meshfile/mesh_file.h"
-#include "mesh/nearest_triangle.h"
+#include "mesh/triangle_tree.h"
 
 static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {
     [MESH_VALUES_NUMBER] = POINT_ATTRIBUTE_FLOAT,  [MESH_VALUES_WHOLE] = POINT_ATTRIBUTE_INT,
@@ -33,7 +33,7 @@ struct attribute_mesh {
     char *path;
     mesh m;
     mesh_values values;
-    nearest_triangle *tree; /* once it is needed */
+    triangle_tree *tree; /* once it is needed */
 };
 
 void corners_forget(attribute_mesh **last)
@@ -41,7 +41,7 @@ void corners_forget(attribute_mesh **last)
     attribute_mesh *kept = *last;
     *last = NULL;
     if (!kept) return;
-    nearest_triangle_free(kept->tree);
+    triangle_tree_free(kept->tree);
     mesh_values_free(&kept->values);
     mesh_free(&kept->m);
     free(kept->path);
@@ -95,14 +95,14 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
     size_t which;
     double to_file[3][4];
     if (!find_mesh(request, &kept, &which, e)) return false;
-    if (!kept->tree && !(kept->tree = nearest_triangle_new(&kept->m, e))) return false;
+    if (!kept->tree && !(kept->tree = triangle_tree_new(&kept->m, e))) return false;
     const mesh_reader_values *head = &kept->values.head[which];
     const int components = (int)head->components;
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; i < count; i++) {
         double weight[3], *out = values + (size_t)components * i;
         vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
-        const uint32_t *corner = kept->m.triangle[nearest_triangle_find(kept->tree, x, weight)];
+        const uint32_t *corner = kept->m.triangle[triangle_tree_find(kept->tree, x, weight)];
         bool finite = true;
         mix(kept->values.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
         for (int c = 0; c < components; c++) finite &= isfinite(out[c]);

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "mesh/line_tree.h"
-#include "mesh/nearest_triangle.h"
+#include "mesh/triangle_tree.h"
 
 /* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it cuts off. */
 static const double farthest = 2;
@@ -28,7 +28,7 @@ struct mesh_faces {
     vec3 origin;
     size_t count; /* of groups */
     mesh *group;  /* ranges of m */
-    nearest_triangle **tree;
+    triangle_tree **tree;
     triangle_forest *trees;
     line_tree *lines; /* NULL: nothing is hidden */
 };
@@ -109,7 +109,7 @@ static void box_groups(void *context, int worker, size_t begin, size_t end)
     const mesh_faces *f = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        if (f->group[k].triangle_count <= UNGROUPED) f->tree[k] = nearest_triangle_new_lazy(&f->group[k]);
+        if (f->group[k].triangle_count <= UNGROUPED) f->tree[k] = triangle_tree_new_lazy(&f->group[k]);
 }
 
 static bool make_trees(mesh_faces *f, threads *pool, error *e)
@@ -119,8 +119,8 @@ static bool make_trees(mesh_faces *f, threads *pool, error *e)
     if (!f->tree) return false;
     threads_run(pool, f->count, 16, box_groups, f);
     for (size_t k = 0; k < f->count; k++)
-        if (!f->tree[k] && !(f->tree[k] = nearest_triangle_new(&f->group[k], e))) return false;
-    f->trees = triangle_forest_new((const nearest_triangle *const *)f->tree, f->count, e);
+        if (!f->tree[k] && !(f->tree[k] = triangle_tree_new(&f->group[k], e))) return false;
+    f->trees = triangle_forest_new((const triangle_tree *const *)f->tree, f->count, e);
     return f->trees;
 }
 
@@ -140,7 +140,7 @@ void mesh_faces_free(mesh_faces *f)
 {
     if (!f) return;
     triangle_forest_free(f->trees);
-    for (size_t k = 0; f->tree && k < f->count; k++) nearest_triangle_free(f->tree[k]);
+    for (size_t k = 0; f->tree && k < f->count; k++) triangle_tree_free(f->tree[k]);
     free(f->tree);
     free(f->group);
     line_tree_free(f->lines);
@@ -151,7 +151,7 @@ void mesh_faces_free(mesh_faces *f)
 size_t mesh_faces_bytes(const mesh_faces *f)
 {
     size_t trees = triangle_forest_bytes(f->trees);
-    for (size_t k = 0; k < f->count; k++) trees += nearest_triangle_bytes(f->tree[k]);
+    for (size_t k = 0; k < f->count; k++) trees += triangle_tree_bytes(f->tree[k]);
     return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle + trees +
            line_tree_bytes(f->lines);
 }

@@ -8,7 +8,7 @@
 #include "base/memory.h"
 #include "geometry/smooth_triangle.h"
 #include "triangles/mesh_edges.h"
-#include "mesh/nearest_triangle.h"
+#include "mesh/triangle_tree.h"
 #include "mesh/mesh_refinement.h"
 #include "geometry/triangle.h"
 
@@ -56,7 +56,7 @@ typedef struct patch_field {
     const mesh_surface *whole;
     mesh triangles; /* of the patch: a range of the arrays of `whole` */
     size_t first;
-    nearest_triangle *tree;
+    triangle_tree *tree;
 } patch_field;
 
 struct mesh_surface {
@@ -359,8 +359,8 @@ static bool is_of_patch(const patch_field *p, uint32_t hint)
 /* The closest triangle of the patch, and the barycentric weights of the closest point. Faster if *near is a triangle nearby. */
 static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, double weight[3])
 {
-    const size_t n = is_of_patch(p, *near) ? nearest_triangle_find_from(p->tree, x, *near - p->first, weight)
-                                           : nearest_triangle_find(p->tree, x, weight);
+    const size_t n = is_of_patch(p, *near) ? triangle_tree_find_from(p->tree, x, *near - p->first, weight)
+                                           : triangle_tree_find(p->tree, x, weight);
     return *near = (uint32_t)(p->first + n);
 }
 
@@ -683,7 +683,7 @@ static const field_ops patch_ops = {
 
 static bool make_tree_of_trees(mesh_surface *s, error *e)
 {
-    const nearest_triangle **tree = mem_array(s->mesh.count, sizeof *tree, what, e);
+    const triangle_tree **tree = mem_array(s->mesh.count, sizeof *tree, what, e);
     for (size_t k = 0; tree && k < s->mesh.count; k++) tree[k] = s->patch[k].tree;
     if (tree) s->trees = triangle_forest_new(tree, s->mesh.count, e);
     free(tree);
@@ -711,7 +711,7 @@ static bool make_patches(mesh_surface *s, error *e)
         *p = (patch_field){.base = s->base, .whole = s, .first = first};
         p->base.ops = &patch_ops;
         p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first, false};
-        if (!(p->tree = nearest_triangle_new(&p->triangles, e))) return false;
+        if (!(p->tree = triangle_tree_new(&p->triangles, e))) return false;
         const double area = mesh_area(&p->triangles);
         s->patches.patch[k] = (field_patch){&p->base, m->one_sided[k], fmax(area, DBL_MIN)};
         all += area;
@@ -757,7 +757,7 @@ void mesh_surface_free(mesh_surface *s)
 {
     if (!s) return;
     triangle_forest_free(s->trees);
-    for (size_t k = 0; s->patch && k < s->mesh.count; k++) nearest_triangle_free(s->patch[k].tree);
+    for (size_t k = 0; s->patch && k < s->mesh.count; k++) triangle_tree_free(s->patch[k].tree);
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
     free(s->patch);
@@ -796,6 +796,6 @@ vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)
 size_t mesh_surface_bytes(const mesh_surface *s)
 {
     size_t trees = triangle_forest_bytes(s->trees);
-    for (size_t k = 0; k < s->mesh.count; k++) trees += nearest_triangle_bytes(s->patch[k].tree);
+    for (size_t k = 0; k < s->mesh.count; k++) trees += triangle_tree_bytes(s->patch[k].tree);
     return trees + triangle_bytes(s) + s->piece_count * sizeof(piece);
 }

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "mesh/nearest_triangle.h"
+#include "mesh/triangle_tree.h"
 
 static const char what[] = "the cells of the points";
 
@@ -108,15 +108,15 @@ static bool look_around(growth *g, uint32_t v, error *e)
 static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
 {
     const mesh *m = &g->f->m;
-    nearest_triangle *tree = nearest_triangle_new(m, e);
+    triangle_tree *tree = triangle_tree_new(m, e);
     bool ok = tree != NULL;
     for (size_t i = 0; ok && i < count; i++) {
         double weight[3];
-        const uint32_t *t = m->triangle[nearest_triangle_find(tree, position[i], weight)];
+        const uint32_t *t = m->triangle[triangle_tree_find(tree, position[i], weight)];
         for (int k = 0; ok && k < 3; k++)
             ok = offer(g, (reach){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
     }
-    nearest_triangle_free(tree);
+    triangle_tree_free(tree);
     return ok;
 }
 

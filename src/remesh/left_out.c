@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "mesh/nearest_triangle.h"
+#include "mesh/triangle_tree.h"
 #include "remesh/fine_mesh.h"
 
 static const char what[] = "places that triangles leave out";
@@ -23,7 +23,7 @@ typedef struct search {
     const left_out_input *in;
     double share;
     const mesh *pieces, *made;
-    const nearest_triangle *of_mesh, *of_made;
+    const triangle_tree *of_mesh, *of_made;
     far_place *found; /* of each place that is looked at; share 0: it is near */
 } search;
 
@@ -53,7 +53,7 @@ static void look_from_mesh(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         const vec3 x = s->pieces->vertex[k];
         double weight[3];
-        const size_t n = nearest_triangle_find(s->of_made, x, weight);
+        const size_t n = triangle_tree_find(s->of_made, x, weight);
         const double spacing = spacing_at(s, n, weight),
                      share = vec3_norm(vec3_sub(weighted(s->made, n, weight), x)) / spacing;
         s->found[k] = (far_place){x, share > s->share ? share : 0, spacing};
@@ -70,7 +70,7 @@ static void look_from_triangles(void *context, int worker, size_t begin, size_t 
         const double *w = weight[k % OF_TRIANGLE];
         const vec3 x = weighted(s->made, k / OF_TRIANGLE, w);
         double there[3];
-        const size_t n = nearest_triangle_find(s->of_mesh, x, there);
+        const size_t n = triangle_tree_find(s->of_mesh, x, there);
         const vec3 at = weighted(s->in->on, n, there);
         const double spacing = spacing_at(s, k / OF_TRIANGLE, w),
                      share = vec3_norm(vec3_sub(at, x)) / spacing;
@@ -121,15 +121,15 @@ bool left_out_find(const left_out_input *in, double share, size_t most, threads 
 {
     const mesh made = {in->count, in->triangles, (vec3 *)in->position, (uint32_t(*)[3])in->triangle, false};
     fine_mesh fine = {0};
-    nearest_triangle *of_mesh = NULL, *of_made = NULL;
+    triangle_tree *of_mesh = NULL, *of_made = NULL;
     *place = NULL;
     *count = 0;
     bool ok = fine_mesh_make(in->on, in->count, in->position, in->spacing, PIECES, &fine, e) &&
-              (of_mesh = nearest_triangle_new(in->on, e)) && (of_made = nearest_triangle_new(&made, e));
+              (of_mesh = triangle_tree_new(in->on, e)) && (of_made = triangle_tree_new(&made, e));
     search s = {in, share, &fine.m, &made, of_mesh, of_made, NULL};
     ok = ok && look(&s, most, pool, place, count, e);
-    nearest_triangle_free(of_mesh);
-    nearest_triangle_free(of_made);
+    triangle_tree_free(of_mesh);
+    triangle_tree_free(of_made);
     fine_mesh_free(&fine);
     return ok;
 }
