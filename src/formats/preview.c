@@ -743,11 +743,3 @@ ISA_CLONES void preview_depths(const image *m, const preview_span *s, int x, int
     else
         for (int k = 0; k < along.end - x; k++) depth[k] = (float)place_at(&c, false, &along, x + k, y).z;
 }
-
-preview_sample preview_at(const image *m, int x, int y)
-{
-    preview_span s = preview_span_at(m, x, y);
-    if (s.id == 0) return (preview_sample){.depth = PREVIEW_FAR};
-    vec3 p = preview_place(m, &s, x, y);
-    return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
-}

@@ -4,7 +4,7 @@
  * ("bodies") close the gaps, so that the far side does not show through and the packing is visible. Discs seen from
  * behind, inside an open surface, are dark. Discs of few pixels merge, so that a million points look like a surface.
  *
- * The picture is computed from 3 x 3 samples per pixel. The data of a pixel (preview_sample) are those of its centre
+ * The picture is computed from 3 x 3 samples per pixel. The data of a pixel (preview_span) are those of its centre
  * sample and are never averaged. The same points and options give the same bytes, for any number of threads. Any number
  * of threads may read a finished image.
  */
@@ -51,15 +51,6 @@ typedef struct image {
     colormap_scale scale; /* of the colours */
 } image;
 
-/* The data at the centre of a pixel. */
-typedef struct preview_sample {
-    uint32_t id;   /* index of the point plus 1; 0: empty, depth is PREVIEW_FAR and other members are 0 */
-    float depth;   /* along the camera's axis, world units */
-    vec3 position; /* on the disc, world space */
-    vec3 normal;   /* of the disc */
-    double kappa, spacing; /* of the point; spacing: achieved */
-} preview_sample;
-
 /* Draws the set. The caller frees *out with preview_free. Errors: internal (an empty set, values that are not finite or
  * exceed 1e25; the solver never returns such), limit_memory, cancelled. */
 bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
@@ -71,13 +62,10 @@ bool preview_render_from(const points *set, const preview_options *options, cons
 
 void preview_free(image *picture); /* accepts NULL */
 
-/* The centre sample of pixel (x, y), from the top left. */
-preview_sample preview_at(const image *picture, int x, int y);
-
 /* A run of pixels of a row whose centres show the same point, or nothing. */
 typedef struct preview_span {
     int end;     /* last pixel plus 1 */
-    uint32_t id; /* this and the next members: see preview_sample */
+    uint32_t id; /* index of the point plus 1; 0: empty, and the other members are 0 */
     vec3 normal;
     double kappa, spacing;
     vec3 center, plane; /* the disc in camera space; plane: its normal */

@@ -62,11 +62,6 @@ const char *address_print(const address *a, char text[ADDRESS_TEXT_SIZE])
     return text;
 }
 
-bool address_is_same(const address *a, const address *b)
-{
-    return memcmp(a, b, sizeof *a) == 0;
-}
-
 static bool read_range(const char *text, address_range *r)
 {
     char base[ADDRESS_TEXT_SIZE], *end = NULL;

@@ -25,8 +25,6 @@ bool address_parse(const char *text, address *a);
 /* Writes into `text` and returns it; "-" for none. */
 const char *address_print(const address *a, char text[ADDRESS_TEXT_SIZE]);
 
-bool address_is_same(const address *a, const address *b);
-
 typedef struct address_range {
     address base;
     unsigned bits; /* length of the prefix */

@@ -360,7 +360,7 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
                       vec3 *origin, mesh_notes *notes, error *e)
 {
     const volume_mesh_request *v = &request->as_volume;
-    const mesh_file file = {v->fd, v->path, v->reader, v->resolution.memory_limit};
+    const mesh_file file = {request->fd, v->path, NULL, v->resolution.memory_limit};
     welded w = {0};
     mesh_notes read = {0};
     mesh_source_request moved = *request;

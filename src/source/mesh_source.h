@@ -19,11 +19,12 @@ typedef struct mesh_source_request {
     const double (*to_world)[4]; /* places it, where it is one of patches; or NULL */
     const bbox *region;          /* cuts it, likewise */
     bool may_move; /* a mesh far from the origin is opened relative to a place near its middle */
+    int fd;        /* the file */
     volume_mesh_request as_volume;
 } mesh_source_request;
 
 /* Opens either patches or a volume; doc/volumes.md has the table. Patches are placed and cut, a volume is not. *notes
- * are about the patches. Errors: those of volume_open_mesh and mesh_surface_new, prefixed with the path; outputs are
+ * are about the patches. Errors: those of volume_of_mesh and mesh_surface_new, prefixed with the path; outputs are
  * untouched then. *origin: what was subtracted from all coordinates, exactly; 0 unless the mesh may move and is far from
  * the origin. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,

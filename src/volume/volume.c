@@ -9,8 +9,6 @@
 #include "base/memory.h"
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
-#include "meshfile/mesh_file.h"
-#include "triangles/flat_triangles.h"
 #include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
 #include "volume/brick.h"
@@ -604,24 +602,6 @@ static void warn_of_mesh(volume_info *info)
              "the spacing of %.3g is less than a voxel, %.3g, so sharp edges are rounded over "
              "several points: set voxel_size to at most %.3g",
              r->spacing, r->voxel_size, r->spacing);
-}
-
-volume *volume_open_mesh(const volume_mesh_request *request, error *e)
-{
-    mesh whole = {0};
-    mesh_notes notes = {0};
-    const mesh_file file = {request->fd, request->path, request->reader, request->resolution.memory_limit};
-    if (!mesh_file_read(&file, &whole, &notes, e)) {
-        error_prefix(e, "%s", request->path);
-        return NULL;
-    }
-    volume *v = NULL;
-    if (flat_triangles_remove(&whole, request->pool, &notes, e))
-        v = volume_of_mesh(request, &whole, &notes, e);
-    else
-        error_prefix(e, "%s", request->path);
-    mesh_free(&whole);
-    return v;
 }
 
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,

@@ -47,9 +47,7 @@ typedef struct volume_request {
 } volume_request;
 
 typedef struct volume_mesh_request {
-    int fd;                        /* as above */
-    const char *path;              /* for messages; its extension determines the format */
-    const char *reader;            /* program that reads meshes; NULL: this one (see mesh_reader.h) */
+    const char *path;              /* for messages */
     resolution_request resolution; /* memory_limit includes the reader process */
     int band_vox;                  /* half-width of the band of distances, voxels */
     double weld;                   /* as in levelset_params */
@@ -98,12 +96,9 @@ typedef struct volume_info {
  * isovalue_required, no_surface, limit_memory, cancelled. */
 volume *volume_open(const volume_request *request, error *e);
 
-/* Opens a closed triangle mesh, which is converted to a level set (see levelset.h). Defects of the mesh become
- * warnings. Errors, with file and reason: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels
- * that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
-volume *volume_open_mesh(const volume_mesh_request *request, error *e);
-
-/* volume_open_mesh for a mesh that was read before, with its notes; `fd` and `reader` are not used. */
+/* Converts a closed triangle mesh to a level set (see levelset.h). `whole` and `notes`: the mesh and the notes of its
+ * reader. Defects of the mesh become warnings. Errors, with file and reason: input_unsupported (open meshes), spec_invalid
+ * (voxels that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
 

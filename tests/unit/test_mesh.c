@@ -20,23 +20,41 @@
 #include "mesh/mesh_faces.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
+#include "meshfile/mesh_file.h"
 #include "meshfile/mesh_reader.h"
+#include "triangles/flat_triangles.h"
 #include "volume_fixture.h"
 
 enum { SEED = 20260721, FAKES = 14 };
+
+/* As a job opens a closed mesh that it samples through a level set. */
+static volume *open_file(const volume_mesh_request *request, int fd, const char *reader, error *e)
+{
+    mesh whole = {0};
+    mesh_notes notes = {0};
+    volume *v = NULL;
+    const mesh_file file = {fd, request->path, reader, request->resolution.memory_limit};
+    if (!mesh_file_read(&file, &whole, &notes, e)) {
+        error_prefix(e, "%s", request->path);
+        return NULL;
+    }
+    if (flat_triangles_remove(&whole, request->pool, &notes, e))
+        v = volume_of_mesh(request, &whole, &notes, e);
+    mesh_free(&whole);
+    return v;
+}
 
 static volume *open_bytes(const void *bytes, size_t count, const char *path, int voxels, size_t memory,
                           error *e)
 {
     int fd = fixture_bytes(bytes, count);
     const volume_mesh_request request = {
-        .fd = fd,
         .path = path,
         .resolution = {.resolution = voxels, .max_resolution = 8191, .memory_limit = memory},
         .band_vox = 4,
         .pool = mesh_fixture_pool(),
         .isa = isa_best()};
-    volume *v = volume_open_mesh(&request, e);
+    volume *v = open_file(&request, fd, NULL, e);
     close(fd);
     return v;
 }
@@ -380,14 +398,12 @@ static void answers_are_not_believed(void **state)
                                  : ERROR_INPUT_DAMAGED,
                      words[kind]);
     }
-    const volume_mesh_request request = {.fd = fixture_bytes("x", 1),
-                                         .path = "a.obj",
-                                         .reader = "/nowhere/at/all",
-                                         .resolution = {.resolution = 32, .memory_limit = FIXTURE_MEMORY},
-                                         .band_vox = 4};
-    assert_null(volume_open_mesh(&request, &e));
+    const int fd = fixture_bytes("x", 1);
+    const volume_mesh_request request = {
+        .path = "a.obj", .resolution = {.resolution = 32, .memory_limit = FIXTURE_MEMORY}, .band_vox = 4};
+    assert_null(open_file(&request, fd, "/nowhere/at/all", &e));
     assert_int_equal(e.code, ERROR_INTERNAL);
-    close(request.fd);
+    close(fd);
 }
 
 static void assert_same_mesh(const mesh *a, const mesh *b)

@@ -19,6 +19,31 @@
 #include "formats/picture_png.h"
 #include "point_set.h"
 
+/* What stands at the centre of a pixel. */
+typedef struct preview_sample {
+    uint32_t id;   /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
+    float depth;   /* along the camera's axis, world units */
+    vec3 position; /* on the disc, world space */
+    vec3 normal;   /* of the disc */
+    double kappa, spacing; /* kappa and achieved spacing of the point */
+} preview_sample;
+
+static preview_sample preview_at(const image *m, int x, int y)
+{
+    preview_span s = preview_span_at(m, x, y);
+    if (s.id == 0) return (preview_sample){.depth = PREVIEW_FAR};
+    vec3 p = preview_place(m, &s, x, y);
+    return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
+}
+static float half_to_float(uint16_t half)
+{
+    int exponent = half >> 10 & 0x1F, mantissa = half & 0x3FF;
+    float value = exponent == 0    ? ldexpf((float)mantissa, -24)
+                  : exponent == 31 ? (mantissa ? NAN : INFINITY)
+                                   : ldexpf((float)(mantissa + 1024), exponent - 25);
+    return half & 0x8000 ? -value : value;
+}
+
 static image *render_options(const points *set, const preview_options *options, int workers)
 {
     error e = {0};
