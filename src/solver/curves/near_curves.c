@@ -95,10 +95,10 @@ static void extend_segment(merging *m, uint32_t which, uint32_t end)
     box_tree_extend(&m->tree, m->at[which], x);
 }
 
-static bbox box_of_segment(const void *context, uint32_t segment)
+static bbox box_of_segment(const void *context, uint32_t which)
 {
     const merging *m = context;
-    return m->box[segment];
+    return m->box[which];
 }
 
 static bool build_tree(merging *m, error *e)
