@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
-"""Samples six surfaces with output.order "progressive", measures prefixes of the points beside farthest-point orders of the same points,
-and writes a table (doc/measured/order.md).
+"""Samples six surfaces with output.order "progressive", measures prefixes of the points beside farthest-point orders of
+the same points, and writes a table (doc/measured/order.md).
 
     HEXAD_SHARED=... tools/order.py --worker build/hexad-worker --output doc/measured/order.md
 
-Of N points with spacing h, the first n have coverage and least distance in units of h_n = h sqrt(N / n), at 24 values of n from 32 to
-N / 2. Coverage: the largest distance of a place of the surface from its nearest point of the prefix, over the spacing requested at the
-place; places are the N points and the centres of the triangles between neighbours. Least distance: of two points of the prefix that belong to
-one piece and not to opposite walls (normals with a cosine up to -0.4), over the mean of their spacings.
+Of N points with spacing h, the first n have coverage and least distance in units of h_n = h sqrt(N / n), at 24 values
+of n from 32 to N / 2. Coverage: the largest distance of a place of the surface from its nearest point of the prefix, over
+the spacing requested at the place; places are the N points and the centres of the triangles between neighbours. Least
+distance: of two points of the prefix that belong to one piece and not to opposite walls (normals with a cosine up to
+-0.4), over the mean of their spacings.
 
-Two farthest-point orders begin with the same point: one by distances in space alone, and one by the distances that count for the least
-distance. Both are computed here with a heap and a k-d tree of SciPy, without code of hexad. CPU times are of whole jobs without previews.
+Two farthest-point orders begin with the same point: one by distances in space alone, and one by the distances that count
+for the least distance. Both are computed here with a heap and a k-d tree of SciPy, without code of hexad. CPU times are
+of whole jobs without previews.
 
-Ends with 1 if a coverage is above 1.15, a least distance below 0.45, or either more than 5 % worse than the worse
-of both orders, as means over the prefixes; or if a job takes more than 1.4 times the CPU
-time of the job without an order.
+Ends with 1 if a coverage is above 1.15, a least distance below 0.45, or either more than 5 % worse than the worse of
+both orders, as means over the prefixes; or if a job takes more than 1.4 times the CPU time of the job without an order.
 """
 import argparse
 import heapq
@@ -34,7 +35,8 @@ OPPOSITE = -0.4
 FIRST, PREFIXES = 32, 24
 SURFACES = {
     "sphere": ({"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}}, {}),
-    "ellipsoid, ratio 3": ({"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.3, 0.3]}}, {"curvature": {"ratio": 3}}),
+    "ellipsoid, ratio 3": ({"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.3, 0.3]}},
+                           {"curvature": {"ratio": 3}}),
     "thin plate": ({"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.02]}}, {}),
     "bunny": ({"mesh": {"path": "stanford-bunny.obj"}}, {}),
     "fandisk": ({"mesh": {"path": "fandisk.off"}}, {}),
@@ -66,7 +68,8 @@ class Points:
         first, second = numpy.triu_indices(6, 1)
         j, k = near[:, 1:][:, first].ravel(), near[:, 1:][:, second].ravel()
         h = (self.h[i] + self.h[j] + self.h[k]) / 3
-        good = (i < j) & (i < k) & self.facing(i, j) & self.facing(i, k) & (numpy.linalg.norm(self.x[j] - self.x[k], axis=1) < 1.5 * h)
+        close = numpy.linalg.norm(self.x[j] - self.x[k], axis=1) < 1.5 * h
+        good = (i < j) & (i < k) & self.facing(i, j) & self.facing(i, k) & close
         centre = (self.x[i] + self.x[j] + self.x[k])[good] / 3
         return numpy.concatenate([self.x, centre]), numpy.concatenate([self.h, h[good]])
 
@@ -83,7 +86,8 @@ def farthest_order(points, count, within_walls):
         taken[i] = True
         order.append(i)
         radius = -reach * 0.5 * (h[i] + largest)
-        near = numpy.arange(points.count) if radius > 1e9 else numpy.array(tree.query_ball_point(x[i], radius * (1 + 1e-9)))
+        near = (numpy.arange(points.count) if radius > 1e9 else
+                numpy.array(tree.query_ball_point(x[i], radius * (1 + 1e-9))))
         near = near[~taken[near]]
         distance = numpy.linalg.norm(x[near] - x[i], axis=1) / (0.5 * (h[near] + h[i]))
         if within_walls:
@@ -140,9 +144,14 @@ def examine(worker, shared, name, count, where):
 
 
 def text(name, count, plain_s, order_s, own, space, walls):
-    numbers = [own[0].max(), own[0].mean(), space[0].mean(), walls[0].mean(), numpy.nanmin(own[1]), numpy.nanmean(own[1]), numpy.nanmean(space[1]), numpy.nanmean(walls[1])]
-    return (f"| {name} | {count} | " + " | ".join(f"{v:.2f}" for v in numbers) +
-            f" | {plain_s:.1f} | {order_s:.1f} |")
+    coverage, least = ([f"{v:.2f}" for v in (*extreme, *(numpy.nanmean(m[k]) for m in (own, space, walls)))]
+                       for k, extreme in enumerate(([own[0].max()], [numpy.nanmin(own[1])])))
+    return f"| {name} | {count} | " + " | ".join(coverage + least) + f" | {plain_s:.1f} | {order_s:.1f} |"
+
+
+def is_worse(own, space, walls):
+    means = [[numpy.nanmean(m[k]) for m in (own, space, walls)] for k in range(2)]
+    return means[0][0] > WORSE * max(means[0][1:]) or WORSE * means[1][0] < min(means[1][1:])
 
 
 def main():
@@ -166,12 +175,14 @@ def main():
             lines.append(text(name, count, plain_s, order_s, own, space, walls))
             print(lines[-1], flush=True)
             if own[0].max() > COVERAGE or numpy.nanmin(own[1]) < LEAST:
-                faults.append(f"{name}, {count}: coverage {own[0].max():.3f}, least distance {numpy.nanmin(own[1]):.3f}")
-            if own[0].mean() > WORSE * max(space[0].mean(), walls[0].mean()) or WORSE * numpy.nanmean(own[1]) < min(numpy.nanmean(space[1]), numpy.nanmean(walls[1])):
+                faults.append(f"{name}, {count}: coverage {own[0].max():.3f}, "
+                              f"least distance {numpy.nanmin(own[1]):.3f}")
+            if is_worse(own, space, walls):
                 faults.append(f"{name}, {count}: worse than the farthest-point orders")
     if given.cost:
         with tempfile.TemporaryDirectory() as where:
-            cost = [run(given.worker, None, *SURFACES["sphere"], given.cost, order, f"{where}/{order}") for order in (None, "progressive")]
+            cost = [run(given.worker, None, *SURFACES["sphere"], given.cost, order, f"{where}/{order}")
+                    for order in (None, "progressive")]
         lines.append(f"| sphere | {given.cost} |" + " |" * 8 + f" {cost[0]:.1f} | {cost[1]:.1f} |")
         print(lines[-1], flush=True)
         if cost[1] > COST * cost[0]:

@@ -41,6 +41,11 @@ typedef struct own_column {
         name, COLUMN_REAL, offsetof(points, uv), axis, 2, 1, ALWAYS \
     }
 
+#define TURN(name, component)                                                \
+    {                                                                        \
+        name, COLUMN_REAL, offsetof(points, orient), component, 4, 1, ALWAYS \
+    }
+
 static const own_column own[] = {
     AXIS("x", position, 0),
     AXIS("y", position, 1),
@@ -64,6 +69,10 @@ static const own_column own[] = {
     SCALED("radius", spacing_local, 0.5),
     SCALED("pscale", spacing_local, 0.5),
     SCALED("quality", kappa, 1),
+    TURN("orient_x", 0),
+    TURN("orient_y", 1),
+    TURN("orient_z", 2),
+    TURN("orient_w", 3),
     {"id", COLUMN_UINT, offsetof(points, id), 0, 1, 1, ALWAYS},
     AXIS("velocity_x", velocity, 0),
     AXIS("velocity_y", velocity, 1),
@@ -174,8 +183,8 @@ static int add_named(const points *s, const char *name, columns *list, error *e)
     column made;
     if (strcmp(name, "attributes") == 0) return add_attributes(s, NULL, list, e) < 0 ? -1 : 1;
     for (int k = 0; k < OWN; k++)
-        if (strcmp(name, own[k].name) == 0)
-            return !fill_own(s, &own[k], &made) ? 0 : add(list, &made, e) ? 1 : -1;
+        if (strcmp(name, own[k].name) == 0 && fill_own(s, &own[k], &made))
+            return add(list, &made, e) ? 1 : -1;
     return add_attributes(s, name, list, e);
 }
 
@@ -253,10 +262,17 @@ bool columns_is_own(const char *name)
     /* names of property_list that consist of several columns, names of VDB points, and the word for all attributes */
     static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
     for (int k = 0; k < OWN; k++)
-        if (strcmp(name, own[k].name) == 0) return true;
+        if (strcmp(name, own[k].name) == 0 && own[k].array != offsetof(points, orient)) return true;
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (strcmp(name, others[k]) == 0) return true;
     return find_application(name) != NULL;
+}
+
+bool columns_is_of_orient(const char *name)
+{
+    for (int k = 0; k < OWN; k++)
+        if (own[k].array == offsetof(points, orient) && strcmp(name, own[k].name) == 0) return true;
+    return strcmp(name, "orient") == 0;
 }
 
 bool columns_suits(const char *name, column_type type)

@@ -55,6 +55,9 @@ bool columns_suits(const char *name, column_type type);
 /* Whether the name is reserved: the points have a property of that name in one of the formats. */
 bool columns_is_own(const char *name);
 
+/* columns_is_own for points with orientations. */
+bool columns_is_of_orient(const char *name);
+
 /* Allocates the arrays of a set of set->count points that the columns fill, zeroed, and sets the pointers in both. A
  * column has no values if it belongs to no array, or if other columns of its array are missing. The caller frees
  * `storage`. False: out of memory. */

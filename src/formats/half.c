@@ -1,5 +1,6 @@
 #include "formats/half.h"
 
+#include <math.h>
 #include <string.h>
 
 uint16_t half_from_float(float value)
@@ -18,4 +19,13 @@ uint16_t half_from_float(float value)
     }
     magnitude += 0xFFF + (magnitude >> 13 & 1);
     return (uint16_t)(sign | ((magnitude - 0x38000000) >> 13));
+}
+
+float half_to_float(uint16_t half)
+{
+    int exponent = half >> 10 & 0x1F, mantissa = half & 0x3FF;
+    float value = exponent == 0    ? ldexpf((float)mantissa, -24)
+                  : exponent == 31 ? (mantissa ? NAN : INFINITY)
+                                   : ldexpf((float)(mantissa + 1024), exponent - 25);
+    return half & 0x8000 ? -value : value;
 }

@@ -5,5 +5,6 @@
 #include <stdint.h>
 
 uint16_t half_from_float(float value); /* rounded to nearest even */
+float half_to_float(uint16_t half);
 
 #endif

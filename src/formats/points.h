@@ -45,6 +45,7 @@ typedef struct points {
     const vec3 *velocity;        /* world units per frame */
     size_t attribute_count;
     const point_attribute *attributes;
+    const double *orient;  /* unit quaternions x y z w, see orientation.h; or NULL */
     const vec3 *color;     /* sRGB, 0 to 1; or NULL */
     const double *uv;      /* texture coordinates, two per point; or NULL */
     size_t triangle_count; /* of the mesh whose vertices are the points; 0: no mesh */

@@ -43,6 +43,7 @@ size_t property_list(const points *s, property *list)
     add(list, &n, "spacing", PROPERTY_OTHER, 1, s->spacing, 1);
     add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
     add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
+    add(list, &n, "orient", PROPERTY_ORIENT, 4, s->orient, 1);
     list[n++] = (property){"id", PROPERTY_ID, true, 0, 1, NULL, 1, s->id};
     add(list, &n, "velocity", velocity ? PROPERTY_OTHER : PROPERTY_MOTION, 3, s->velocity, 1);
     for (size_t k = 0; k < s->attribute_count; k++) {

@@ -18,8 +18,14 @@ typedef enum property_role {
     PROPERTY_UV,
     PROPERTY_RADIUS,
     PROPERTY_ID,
-    PROPERTY_MOTION,  /* motion of the points between frames, world units per frame */
-    PROPERTY_VELOCITY /* velocity from a file; takes precedence over the motion */
+    PROPERTY_MOTION,   /* motion of the points between frames, world units per frame */
+    PROPERTY_VELOCITY, /* velocity from a file; takes precedence over the motion */
+    PROPERTY_ORIENT,   /* quaternion x y z w */
+    /* of instances in USD */
+    PROPERTY_INSTANCE_ORIENT,
+    PROPERTY_INSTANCE_ORIENT_HALF, /* the same, for numbers of 16 bits */
+    PROPERTY_INSTANCE_SCALE,
+    PROPERTY_INSTANCE_PROTOTYPE /* number of the prototype */
 } property_role;
 
 typedef struct property {
@@ -34,7 +40,7 @@ typedef struct property {
 } property;
 
 /* Maximum number of properties that are not attributes. */
-enum { PROPERTIES_OWN = 16 };
+enum { PROPERTIES_OWN = 17 };
 
 /* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per attribute. Returns
  * the number of properties. */

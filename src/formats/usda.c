@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "base/precision.h"
 #include "formats/colormap.h"
+#include "formats/half.h"
 #include "formats/property.h"
 
 /* Digits with which a float, or a whole number, reads back exactly. */
@@ -22,21 +23,65 @@ enum { VALUES_WORDS = 480 };
 #define FACE_COUNTS "int[] faceVertexCounts"
 #define FACE_CORNERS "int[] faceVertexIndices"
 #define SUBDIVISION "    uniform token subdivisionScheme = \"none\"\n"
+#define PROTOTYPES "    rel prototypes = </points/prototypes/prototype>\n"
+
+/* What the prim is. */
+typedef enum prim_kind { PRIM_POINTS, PRIM_MESH, PRIM_INSTANCER } prim_kind;
+
+static prim_kind kind_of(const points *set, const scene *place)
+{
+    return set->triangle_count > 0 ? PRIM_MESH : place->instancer ? PRIM_INSTANCER : PRIM_POINTS;
+}
+
+static const char *name_of(prim_kind kind)
+{
+    return kind == PRIM_MESH ? "mesh" : "points";
+}
+
+static const char *schema_of(prim_kind kind)
+{
+    static const char *const names[] = {
+        [PRIM_POINTS] = "Points", [PRIM_MESH] = "Mesh", [PRIM_INSTANCER] = "PointInstancer"};
+    return names[kind];
+}
 
 static bool damaged(error *e, const char *what)
 {
     return error_set(e, ERROR_INPUT_DAMAGED, "USD file: %s", what);
 }
 
-/* Widths and ids exist for points only, so that they are primvars of a mesh. */
-static bool is_primvar(const property *p, bool of_mesh)
+/* Whether the property is a primvar: widths exist for points only, ids not for meshes, and normals not for instances. */
+static bool is_primvar(const property *p, prim_kind kind)
 {
-    return p->role == PROPERTY_OTHER || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV ||
-           (of_mesh && (p->role == PROPERTY_RADIUS || p->role == PROPERTY_ID));
+    switch (p->role) {
+    case PROPERTY_OTHER:
+    case PROPERTY_COLOR:
+    case PROPERTY_UV:
+    case PROPERTY_ORIENT:
+        return true;
+    case PROPERTY_ID:
+        return kind == PRIM_MESH;
+    case PROPERTY_RADIUS:
+        return kind != PRIM_POINTS;
+    case PROPERTY_NORMAL:
+        return kind == PRIM_INSTANCER;
+    default:
+        return false;
+    }
+}
+
+/* The type of a primvar that is no color and no texture coordinate. */
+static const char *primvar_type(const property *p)
+{
+    static const char *const types[] = {"float", "float2", "float3", "float4"};
+    if (p->role == PROPERTY_NORMAL) return "normal3f";
+    if (p->role == PROPERTY_ORIENT) return "quatf";
+    if (p->whole) return p->largest > INT32_MAX ? "int64" : "int";
+    return types[p->components - 1];
 }
 
 /* The declaration of a property: "color3f[] primvars:displayColor". */
-static void declare(const property *p, bool of_mesh, char out[160])
+static void declare(const property *p, prim_kind kind, char out[160])
 {
     static const char *const fixed[] = {[PROPERTY_POSITION] = "point3f[] points",
                                         [PROPERTY_NORMAL] = "normal3f[] normals",
@@ -45,24 +90,36 @@ static void declare(const property *p, bool of_mesh, char out[160])
                                         [PROPERTY_RADIUS] = "float[] widths",
                                         [PROPERTY_ID] = "int64[] ids",
                                         [PROPERTY_VELOCITY] = "vector3f[] velocities",
-                                        [PROPERTY_MOTION] = "vector3f[] velocities"};
-    static const char *const types[] = {"float", "float2", "float3", "float4"};
-    if (!is_primvar(p, of_mesh) || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV)
+                                        [PROPERTY_MOTION] = "vector3f[] velocities",
+                                        [PROPERTY_INSTANCE_ORIENT] = "quatf[] orientationsf",
+                                        [PROPERTY_INSTANCE_ORIENT_HALF] = "quath[] orientations",
+                                        [PROPERTY_INSTANCE_SCALE] = "float3[] scales",
+                                        [PROPERTY_INSTANCE_PROTOTYPE] = "int[] protoIndices"};
+    if (p->role == PROPERTY_POSITION && kind == PRIM_INSTANCER)
+        strcpy(out, "point3f[] positions");
+    else if (!is_primvar(p, kind) || p->role == PROPERTY_COLOR || p->role == PROPERTY_UV)
         strcpy(out, fixed[p->role]);
     else
-        snprintf(out, 160, "%s[] primvars:%s",
-                 p->whole ? (p->largest > INT32_MAX ? "int64" : "int") : types[p->components - 1], p->name);
+        snprintf(out, 160, "%s[] primvars:%s", primvar_type(p), p->name);
 }
 
-/* A number as stored: positions relative to the origin, widths are diameters, velocities per second, colors in linear
- * light. */
-static double number(const property *p, bool of_mesh, vec3 origin, size_t point, int c)
+static bool is_quaternion(const property *p)
 {
-    double value = property_value(p, point, c);
+    return p->role == PROPERTY_ORIENT || p->role == PROPERTY_INSTANCE_ORIENT ||
+           p->role == PROPERTY_INSTANCE_ORIENT_HALF;
+}
+
+/* A number as stored: positions relative to the origin, widths are diameters, velocities per second, colors in linear light, and the
+ * real part of a quaternion first. */
+static double number(const property *p, prim_kind kind, vec3 origin, size_t point, int c)
+{
+    double value = property_value(p, point, is_quaternion(p) ? (c + 3) % 4 : c);
     if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
-    if (p->role == PROPERTY_RADIUS && !of_mesh) value *= 2;
+    if (p->role == PROPERTY_RADIUS && kind == PRIM_POINTS) value *= 2;
     if (p->role == PROPERTY_MOTION) value *= FRAMES_PER_SECOND;
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
+    if (p->role == PROPERTY_INSTANCE_ORIENT_HALF)
+        value = (double)half_to_float(half_from_float((float)value));
     return value;
 }
 
@@ -81,17 +138,17 @@ static void enclose(const char *words, bool primvar, const scene *place, char be
     }
 }
 
-static bool write_property(FILE *file, const property *p, bool of_mesh, const scene *place, size_t rows)
+static bool write_property(FILE *file, const property *p, prim_kind kind, const scene *place, size_t rows)
 {
     char words[160], before[VALUES_WORDS];
     const char *behind;
-    declare(p, of_mesh, words);
-    enclose(words, is_primvar(p, of_mesh), place, before, &behind);
+    declare(p, kind, words);
+    enclose(words, is_primvar(p, kind), place, before, &behind);
     bool good = fputs(before, file) >= 0;
     for (size_t i = 0; good && i < rows; i++) {
         good = fputs(i ? ", " : "", file) >= 0 && (p->components == 1 || fputc('(', file) != EOF);
         for (int c = 0; good && c < p->components; c++) {
-            double value = number(p, of_mesh, place->origin, i, c);
+            double value = number(p, kind, place->origin, i, c);
             int digits = p->whole ? WHOLE_DIGITS : FLOAT_DIGITS;
             good =
                 fprintf(file, "%s%.*g", c ? ", " : "", digits, p->whole ? value : (double)(float)value) > 0;
@@ -118,10 +175,10 @@ static bool write_extent(FILE *file, const points *set, const scene *place)
                    high.y, high.z, behind) > 0;
 }
 
-/* Frames of a sequence always have one, so that all have the same properties. */
+/* Frames of a sequence always have one, so that all have the same properties, and so do instances. */
 static bool has_translation(const scene *place)
 {
-    return place->frame_count > 0 || vec3_norm(place->origin) > 0;
+    return place->frame_count > 0 || place->instancer || vec3_norm(place->origin) > 0;
 }
 
 /* The translation; in a frame, as a time sample. */
@@ -161,10 +218,44 @@ static bool write_triangles(FILE *file, const points *set, const scene *place)
     return good && fputs(behind, file) >= 0;
 }
 
-static size_t list_properties(const points *set, property **list)
+/* What the schema of instances has instead of orient. */
+enum { OF_INSTANCES = 4 };
+
+static size_t list_properties(const points *set, const scene *place, property **out)
 {
-    *list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof **list);
-    return property_list(set, *list);
+    property *list = mem_alloc((PROPERTIES_OWN + OF_INSTANCES + set->attribute_count) * sizeof *list);
+    size_t count = property_list(set, list), kept = 0;
+    *out = list;
+    if (kind_of(set, place) != PRIM_INSTANCER) return count;
+    for (size_t k = 0; k < count; k++)
+        if (list[k].role != PROPERTY_ORIENT) list[kept++] = list[k];
+    const scene_instancer *i = place->instancer;
+    const property more[OF_INSTANCES] = {
+        {"orientations", PROPERTY_INSTANCE_ORIENT_HALF, false, 0, 4, i->orient, 1, NULL},
+        {"orientationsf", PROPERTY_INSTANCE_ORIENT, false, 0, 4, i->orient, 1, NULL},
+        {"scales", PROPERTY_INSTANCE_SCALE, false, 0, 3, i->scale, 1, NULL},
+        {"protoIndices", PROPERTY_INSTANCE_PROTOTYPE, true, 0, 1, set->spacing_local, 0, NULL}};
+    memcpy(list + kept, more, sizeof more);
+    return kept + OF_INSTANCES;
+}
+
+/* The prototype of instances: a prim that refers to the asset. To be freed. */
+static char *prototype_text(const scene_instancer *i)
+{
+    const char *quote = strchr(i->prototype, '@') ? "@@@" : "@";
+    return mem_printf(PROTOTYPES
+                      "\n    def Scope \"prototypes\"\n    {\n        def \"prototype\" (\n"
+                      "            prepend references = %s%s%s\n        )\n        {\n        }\n    }\n",
+                      quote, i->prototype, quote);
+}
+
+static bool write_prototype(FILE *file, prim_kind kind, const scene *place)
+{
+    if (kind != PRIM_INSTANCER) return true;
+    char *text = prototype_text(place->instancer);
+    const bool good = fputs(text, file) >= 0;
+    free(text);
+    return good;
 }
 
 /* Writes the stage and the head of its prim, up to its name. */
@@ -190,15 +281,13 @@ static bool end_writing(FILE *file, bool good, error *e)
 bool usda_write(FILE *file, const points *set, const scene *place, error *e)
 {
     property *list;
-    const bool of_mesh = set->triangle_count > 0;
-    size_t count = list_properties(set, &list);
-    bool good = write_head(file, of_mesh ? "mesh" : "points", of_mesh ? "Mesh" : "Points", place,
-                           place->frame, place->frame) &&
-                fputs("\n{\n", file) >= 0 && write_extent(file, set, place) &&
-                (!of_mesh || write_triangles(file, set, place));
-    for (size_t k = 0; good && k < count; k++)
-        good = write_property(file, &list[k], of_mesh, place, set->count);
-    good = good && write_translation(file, place);
+    const prim_kind kind = kind_of(set, place);
+    size_t count = list_properties(set, place, &list);
+    bool good = write_head(file, name_of(kind), schema_of(kind), place, place->frame, place->frame) &&
+                fputs("\n{\n", file) >= 0 && (kind == PRIM_INSTANCER || write_extent(file, set, place)) &&
+                (kind != PRIM_MESH || write_triangles(file, set, place));
+    for (size_t k = 0; good && k < count; k++) good = write_property(file, &list[k], kind, place, set->count);
+    good = good && write_translation(file, place) && write_prototype(file, kind, place);
     good = good && fputs("}\n", file) >= 0;
     free(list);
     return end_writing(file, good, e);
@@ -232,21 +321,23 @@ static bool write_clips(FILE *file, const char *name, const scene *place)
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e)
 {
     property *list;
-    const bool of_mesh = set->triangle_count > 0;
-    size_t count = list_properties(set, &list);
-    const char *name = of_mesh ? "mesh" : "points";
-    bool good = write_head(file, name, of_mesh ? "Mesh" : "Points", place, place->frames[0],
+    const prim_kind kind = kind_of(set, place);
+    size_t count = list_properties(set, place, &list);
+    const char *name = name_of(kind);
+    bool good = write_head(file, name, schema_of(kind), place, place->frames[0],
                            place->frames[place->frame_count - 1]) &&
-                write_clips(file, name, place) && fputs("    " EXTENT "\n", file) >= 0;
-    if (of_mesh) good = good && fputs(SUBDIVISION "    " FACE_COUNTS "\n    " FACE_CORNERS "\n", file) >= 0;
+                write_clips(file, name, place) &&
+                (kind == PRIM_INSTANCER || fputs("    " EXTENT "\n", file) >= 0);
+    if (kind == PRIM_MESH)
+        good = good && fputs(SUBDIVISION "    " FACE_COUNTS "\n    " FACE_CORNERS "\n", file) >= 0;
     for (size_t k = 0; good && k < count; k++) {
         char words[160];
-        declare(&list[k], of_mesh, words);
-        good =
-            fprintf(file, "    %s%s\n", words,
-                    is_primvar(&list[k], of_mesh) ? " (\n        interpolation = \"vertex\"\n    )" : "") > 0;
+        declare(&list[k], kind, words);
+        good = fprintf(file, "    %s%s\n", words,
+                       is_primvar(&list[k], kind) ? " (\n        interpolation = \"vertex\"\n    )" : "") > 0;
     }
-    good = good && fputs("    " TRANSLATION "\n" TRANSFORMS "}\n", file) >= 0;
+    good = good && fputs("    " TRANSLATION "\n" TRANSFORMS, file) >= 0 &&
+           write_prototype(file, kind, place) && fputs("}\n", file) >= 0;
     free(list);
     return end_writing(file, good, e);
 }
@@ -285,19 +376,19 @@ static bool read_number(FILE *file, double *out)
     return fscanf(file, "%lf", out) == 1;
 }
 
-static bool verify_property(FILE *file, const property *p, bool of_mesh, const scene *place, size_t rows,
+static bool verify_property(FILE *file, const property *p, prim_kind kind, const scene *place, size_t rows,
                             error *e)
 {
     char words[160], before[VALUES_WORDS];
     const char *behind;
-    declare(p, of_mesh, words);
-    enclose(words, is_primvar(p, of_mesh), place, before, &behind);
+    declare(p, kind, words);
+    enclose(words, is_primvar(p, kind), place, before, &behind);
     if (!find_text(file, before)) return damaged(e, "a property is missing");
     for (size_t i = 0; i < rows; i++)
         for (int c = 0; c < p->components; c++) {
             double read;
             if (!read_number(file, &read)) return damaged(e, "it is truncated");
-            double meant = number(p, of_mesh, place->origin, i, c);
+            double meant = number(p, kind, place->origin, i, c);
             if (p->whole ? read != meant : precision_as_float(read) != precision_as_float(meant))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "USD file: the %s of point %zu differs from the written data", p->name, i);
@@ -322,18 +413,22 @@ static bool verify_triangles(FILE *file, const points *set, const scene *place, 
 bool usda_verify(FILE *file, const points *set, const scene *place, error *e)
 {
     property *list;
-    const bool of_mesh = set->triangle_count > 0;
-    size_t count = list_properties(set, &list);
+    const prim_kind kind = kind_of(set, place);
+    size_t count = list_properties(set, place, &list);
     rewind(file);
     bool good =
         find_text(file, place->y_up ? "upAxis = \"Y\"" : "upAxis = \"Z\"") || damaged(e, "it has no up axis");
-    if (good && of_mesh) good = verify_triangles(file, set, place, e);
+    if (good && kind == PRIM_MESH) good = verify_triangles(file, set, place, e);
     for (size_t k = 0; good && k < count; k++)
-        good = verify_property(file, &list[k], of_mesh, place, set->count, e);
+        good = verify_property(file, &list[k], kind, place, set->count, e);
     free(list);
     char words[VALUES_WORDS];
     print_translation(place, words);
     if (good && has_translation(place) && !find_text(file, words))
         good = damaged(e, "its translation differs from the written data");
+    char *prototype = kind == PRIM_INSTANCER ? prototype_text(place->instancer) : NULL;
+    if (good && prototype && !find_text(file, prototype))
+        good = damaged(e, "its prototype differs from the written data");
+    free(prototype);
     return good && (find_text(file, "}\n") || damaged(e, "it is truncated"));
 }

@@ -11,6 +11,7 @@
 #include "formats/column.h"
 #include "formats/property.h"
 #include "geometry/affine.h"
+#include "run/instances.h"
 
 struct attributes_entry {
     const spec_attribute *spec; /* NULL: a property of points on patches */
@@ -130,7 +131,9 @@ static bool check_name(const spec *s, const attributes *a, size_t index, error *
     /* the points have these of their own */
     bool moves = s->coherent && strcmp(name, "velocity") == 0;
     bool has_row = s->coherent && s->has_order && strcmp(name, "row") == 0;
-    if (columns_is_own(name) || moves || has_row || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
+    bool turns = s->has_orient && columns_is_of_orient(name);
+    if (columns_is_own(name) || moves || has_row || turns || strlen(name) > 63 ||
+        (*name >= '0' && *name <= '9'))
         return error_set(e, ERROR_SPEC_INVALID,
                          "the attribute name \"%.80s\" is reserved or empty: give another one as `as`", name);
     for (size_t k = 0; k < index; k++)
@@ -217,7 +220,9 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
     set.attributes = a->values;
     for (size_t k = 0; k < a->count; k++)
         if (a->values[k].kind == POINT_ATTRIBUTE_UV) set.uv = &number;
-    if (!check_preview(s, a, e)) return false;
+    static const double turn[4];
+    if (s->has_orient) set.orient = turn;
+    if (!check_preview(s, a, e) || !instances_check(s, &set, e)) return false;
     return columns_choose(&set, (const char *const *)s->ply_properties, s->ply_property_count, &unused, e) ||
            error_prefix(e, "/output/ply/properties");
 }

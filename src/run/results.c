@@ -17,6 +17,7 @@
 #include "formats/property.h"
 #include "formats/quantity.h"
 #include "remesh/surface_mesh.h"
+#include "run/instances.h"
 #include "run/label_meshes.h"
 #include "run/layout.h"
 #include "run/patch_meshes.h"
@@ -218,12 +219,18 @@ static bool write_formats(const char *directory, const results_input *in, const 
     layout frames = {0};
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
-    const scene place = {in->y_up, origin, frames.count, in->frame, frames.frames, frames.folders};
+    const scene place = {in->y_up, origin, NULL, frames.count, in->frame, frames.frames, frames.folders};
+    scene instanced = place; /* positions of instances always have an origin of their own */
+    if (in->instancer) {
+        instanced.instancer = in->instancer;
+        if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
+    }
     for (int k = 0; ok && k < FORMATS; k++) {
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
         if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
-        ok = write_format(directory, f, set, &place, outputs, e);
+        const bool of_points = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE;
+        ok = write_format(directory, f, set, of_points ? &instanced : &place, outputs, e);
     }
     layout_free(&frames);
     return ok;
@@ -442,19 +449,22 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     size_t value_count = set->attribute_count;
     double *rows = NULL;
     const bool needs_rows = in->spec->has_order && set->id;
-    if (needs_rows && (rows = rows_of(set, e))) values[value_count++] = (vdb_point_values){"row", 1, true, rows};
+    if (needs_rows && (rows = rows_of(set, e)))
+        values[value_count++] = (vdb_point_values){"row", 1, true, rows};
     const vdb_points grid = {.count = set->count,
                              .position = &set->position[0].x,
                              .normal = &set->normal[0].x,
                              .spacing = set->spacing_local,
                              .voxel_size = POINTS_VOXEL * in->h,
                              .id = set->id,
+                             .orient = set->orient,
                              .velocity = set->velocity && !has_velocity ? &set->velocity[0].x : NULL,
                              .value_count = value_count,
                              .values = values};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
-    bool ok = (rows || !needs_rows) && store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
+    bool ok = (rows || !needs_rows) && store_file_begin(path, &file, e) &&
+              vdb_write_points(fileno(file.stream), &grid, e);
     if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
         ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
     ok = ok && results_commit(&file, "points.vdb", outputs, e);
@@ -523,12 +533,20 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     ply_job job = {.name = "points.ply", .set = &colored};
     json *const told = add_output(outputs, "points.ply");
     vec3 *color = NULL;
+    instances turned = {0};
     with_color.set = &colored;
+    if (!instances_make(s, in->set, &turned, e)) {
+        instances_free(&turned);
+        return false;
+    }
+    if (s->has_orient) colored.orient = turned.orient;
+    if (s->has_instancer) with_color.instancer = &turned.scene;
     if (!colored.color && needs_color(s)) {
         colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
         const quantity_look look = look_of(s);
         if (!color || !quantity_colors(&colored, &look, color, e)) {
             free(color);
+            instances_free(&turned);
             return false;
         }
     }
@@ -541,6 +559,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     if (late) ok = late_commit_end(late, &ply, e) && ok && store_directory_sync(directory, e);
     if (job.pool != pool) threads_free(job.pool);
     free(color);
+    instances_free(&turned);
     if (ok) {
         put_facts(told, &ply);
         *out = facts;

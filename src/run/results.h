@@ -7,6 +7,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "formats/points.h"
+#include "formats/scene.h"
 #include "json/json.h"
 #include "labels/label_surface.h"
 #include "triangles/mesh.h"
@@ -39,11 +40,12 @@ typedef struct results_input {
     const uint32_t (*corner)[3]; /* triangles between the points, if known; otherwise NULL */
     size_t corners;
     const uint32_t *place; /* index in the set of each point of `solved`; NULL: the order is the same */
-    int frame;                  /* number of the frame in a sequence */
-    bool y_up;                  /* y, not z, points up in pictures and scenes */
-    bool unresolved;            /* many points lie on walls thinner than the spacing */
-    double h;                   /* spacing of the ideal packing, world units */
-    const solver_sweep *sweeps; /* at least one */
+    const scene_instancer *instancer; /* of points.usda; set by results_write */
+    int frame;                        /* number of the frame in a sequence */
+    bool y_up;                        /* y, not z, points up in pictures and scenes */
+    bool unresolved;                  /* many points lie on walls thinner than the spacing */
+    double h;                         /* spacing of the ideal packing, world units */
+    const solver_sweep *sweeps;       /* at least one */
     size_t sweep_count;
 } results_input;
 

@@ -24,6 +24,8 @@ static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
 static const double REPAIRED_MAX = 2.4e6;
 /* For points in another order than the solver's: a second copy of their arrays. */
 static const double BYTES_PER_ORDERED = 150;
+/* Orientations and scales of instances. */
+static const double BYTES_PER_INSTANCE = 56;
 /* For each pixel of the preview: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
 
@@ -55,6 +57,7 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
     if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
+    if (s->has_orient || s->has_instancer) more += BYTES_PER_INSTANCE;
     if (s->has_order) more += BYTES_PER_ORDERED;
     return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_WITKIN_HECKBERT_PARTICLE
                                                             : BYTES_PER_PARTICLE);

@@ -360,9 +360,29 @@ static void check_preview(reading *r, const json_at *at)
 static void check_output(reading *r, const json_at *at)
 {
     json_at usda = json_member(at, "mesh_usda"), parts = json_member(at, "label_meshes");
+    json_at usd = json_member(at, "usd"), instancer = json_member(&usd, "instancer");
+    if (r->s->has_instancer && !r->s->has_points_usda)
+        reading_add_fault(r, &instancer, "requires points_usda: true");
     if (r->s->has_mesh_usda && !r->s->has_mesh) reading_add_fault(r, &usda, "requires mesh: true");
     if (r->s->has_label_meshes && !(r->s->has_mesh && r->s->surface.kind == SPEC_SURFACE_LABELS))
         reading_add_fault(r, &parts, "requires mesh: true, and surface.labels");
+}
+
+static void check_orient(reading *r, const json_at *at)
+{
+    if (r->s->orient.twist && r->s->orient.has_seed)
+        reading_add_fault(r, at, "may have at most one of twist, seed (given both): remove one of them");
+}
+
+/* What a path between @ or @@@ cannot hold in a USD file of text. */
+static void check_instancer(reading *r, const json_at *at)
+{
+    const char *path = r->s->instancer.prototype;
+    json_at prototype = json_member(at, "prototype");
+    bool has_control = false;
+    for (const char *c = path; c && *c; c++) has_control |= (unsigned char)*c < ' ' || *c == 127;
+    if (has_control || (path && strstr(path, "@@@")))
+        reading_add_fault(r, &prototype, "must not contain control characters or \"@@@\": rename the file");
 }
 
 void rules_check_coherent(reading *r, const json_at *at)
@@ -479,6 +499,8 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
                  {"/sampling/control", check_control},
                  {"/solver", check_solver},
                  {"/output", check_output},
+                 {"/output/orient", check_orient},
+                 {"/output/usd/instancer", check_instancer},
                  {"/output/preview", check_preview},
                  {"/output/preview/camera", check_camera},
                  {"/queue", check_queue}};

@@ -178,6 +178,9 @@ void spec_free(spec *s)
     free(s->attributes);
     for (size_t i = 0; i < s->ply_property_count; i++) free(s->ply_properties[i]);
     free(s->ply_properties);
+    free(s->orient.twist);
+    free(s->instancer.prototype);
+    free(s->instancer.scale);
     free(s->preview_attribute);
     free(s->preview_range);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);

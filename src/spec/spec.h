@@ -195,6 +195,18 @@ typedef struct spec_attribute { /* of points, from a file or from the surface's 
     char *input_pointer; /* JSON Pointer of `from` */
 } spec_attribute;
 
+typedef struct spec_orient {
+    char *twist; /* attribute: an angle or a vector; NULL: none */
+    bool has_seed;
+    uint64_t seed; /* of random angles */
+} spec_orient;
+
+typedef struct spec_instancer {
+    char *prototype; /* path of an asset of USD */
+    char *scale;     /* attribute; NULL: the achieved spacing */
+    double size;     /* times that */
+} spec_instancer;
+
 typedef struct spec_camera {
     vec3 position, target, up; /* up is not a multiple of target - position, which is not zero */
     double fov;                /* along the picture's longer side, radians; 0: see orthographic */
@@ -251,6 +263,10 @@ typedef struct spec {
 
     bool has_order;   /* otherwise the points have the order of the solver */
     spec_order order; /* of the points in all outputs */
+    bool has_orient;
+    spec_orient orient;
+    bool has_instancer;
+    spec_instancer instancer;
     spec_ply_format ply_format;
     spec_precision ply_precision;
     char **ply_properties; /* names of properties or applications; NULL: all */

@@ -1370,6 +1370,31 @@ const spec_row spec_rows[] = {
          "spatial: along Morton's curve, so points that are close in the file are close in space. id: "
          "ascending ids; requires queue.coherent. Default: the order of the solver, which may differ from "
          "version to version."},
+    {.pointer = "/output/orient",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL | SPEC_SWITCH,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_orient),
+     .prose =
+         "Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x, "
+         "orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest "
+         "turn. An object with one of the members below: after a turn about +z, the twist."},
+    {.pointer = "/output/orient/twist",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 63,
+     AT(orient.twist),
+     .prose =
+         "The attribute, by its name in the outputs, that gives the twist: a number is an angle in radians; a "
+         "vector is the direction to which +x turns, as far as it is tangential."},
+    {.pointer = "/output/orient/seed",
+     .type = SPEC_TYPE_LARGE,
+     .low = 0,
+     .high = 9007199254740992,
+     AT_HAS(orient.seed, orient.has_seed),
+     .prose =
+         "The twist is a random angle, computed from this seed and the id of the point (its row, unless it is "
+         "a point of a coherent sequence)."},
     GROUP("/output/ply", 0, "Options of points.ply."),
     {.pointer = "/output/ply/format",
      .type = SPEC_TYPE_WORD,
@@ -1557,6 +1582,43 @@ const spec_row spec_rows[] = {
      AT(has_points_usda),
      .prose =
          "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
+    GROUP("/output/usd", SPEC_OPTIONAL, "Options of points.usda."),
+    {.pointer = "/output/usd/instancer",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_instancer),
+     .prose =
+         "points.usda has a UsdGeomPointInstancer instead of UsdGeomPoints: each point is an instance of a "
+         "prototype, with the orientation of output.orient (without it, the shortest turn of +z to the "
+         "normal). Requires points_usda."},
+    {.pointer = "/output/usd/instancer/prototype",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 1,
+     .high = 4096,
+     AT(instancer.prototype),
+     .prose =
+         "The path of the USD file whose default prim is the prototype, such as ./rock.usda. It is written as "
+         "given; programs that open points.usda resolve a relative path from its directory. hexad "
+         "does not open the file."},
+    {.pointer = "/output/usd/instancer/scale",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 63,
+     AT(instancer.scale),
+     .prose =
+         "The attribute, by its name in the outputs, that scales the prototype: a number, or a vector of three "
+         "components for its axes. Default: the achieved spacing at the point, so a prototype of size 1 is as "
+         "large as the spacing."},
+    {.pointer = "/output/usd/instancer/size",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = WORLD_MAX,
+     .otherwise = "1",
+     AT(instancer.size),
+     .prose = "A factor of all scales."},
     {.pointer = "/output/mesh",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",

@@ -158,6 +158,7 @@ typedef struct vdb_points {
     double voxel_size;      /* of the grid, world, > 0; no more than 2^31 of them span the points */
     const uint32_t *id;     /* of each, none twice; NULL: their places in the arrays, from 0 */
     const double *velocity; /* 3 a point; NULL: none */
+    const double *orient;   /* unit quaternions, x y z w of each point; NULL: none */
     size_t value_count;
     const vdb_point_values *values;
 } vdb_points;
@@ -165,7 +166,7 @@ typedef struct vdb_points {
 /* Writes a whole seekable file at the descriptor's offset: one grid "points" whose transform has its origin
  * at the corner of the points' box, with the attributes P (relative to its voxel's centre, so exact to 2^-24
  * voxels), N (vec3f), pscale (float, half the spacing), id (int64) and, when there are any, the velocities v
- * (vec3f), then the other values. The same points give the same bytes: the format's identifier, random as the library has it, is
+ * (vec3f) and the orientations orient (quaternions of floats), then the other values. The same points give the same bytes: the format's identifier, random as the library has it, is
  * made of the contents. Errors: limit_memory; internal when writing fails. */
 bool vdb_write_points(int fd, const vdb_points *points, error *e);
 

@@ -24,6 +24,7 @@ typedef vdb::points::PointDataGrid grid;
 typedef grid::TreeType::LeafNodeType leaf_node;
 typedef vdb::points::AttributeSet::Descriptor descriptor;
 typedef vdb::points::AttributeWriteHandle<vdb::Vec3f> vector_writer;
+typedef vdb::math::Quat<float> quaternion;
 
 const char grid_name[] = "points";
 
@@ -80,6 +81,12 @@ vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
     return vdb::Vec3f(float(at[0]), float(at[1]), v.components > 2 ? float(at[2]) : 0);
 }
 
+quaternion quaternion_at(const double *values, size_t i)
+{
+    const double *at = values + 4 * i;
+    return quaternion(float(at[0]), float(at[1]), float(at[2]), float(at[3]));
+}
+
 /* The attributes of a leaf as they are added: each entry has one more than the entry before it. */
 std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
 {
@@ -92,6 +99,7 @@ std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
     append("pscale", vdb::NamePair("float", "null"));
     append("id", vdb::NamePair("int64", "null"));
     if (p.velocity) append("v", vector);
+    if (p.orient) append("orient", vdb::NamePair(vdb::typeNameAsString<quaternion>(), "null"));
     for (size_t k = 0; k < p.value_count; k++)
         append(p.values[k].name,
                p.values[k].components > 1 ? vector : vdb::NamePair(scalar_type(p.values[k]), "null"));
@@ -126,6 +134,9 @@ void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const 
     };
     vectors("N", p.normal);
     if (p.velocity) vectors("v", p.velocity);
+    if (p.orient)
+        fill<vdb::points::AttributeWriteHandle<quaternion>>(
+            leaf, "orient", first, count, [&](const place &at) { return quaternion_at(p.orient, at.point); });
     fill<vdb::points::AttributeWriteHandle<float>>(
         leaf, "pscale", first, count, [&](const place &at) { return float(0.5 * p.spacing[at.point]); });
     fill<vdb::points::AttributeWriteHandle<int64_t>>(
@@ -259,6 +270,9 @@ void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, c
     vdb::points::AttributeHandle<vdb::Vec3f>::Ptr velocity;
     if (p.velocity)
         velocity = vdb::points::AttributeHandle<vdb::Vec3f>::create(leaf.constAttributeArray("v"));
+    vdb::points::AttributeHandle<quaternion>::Ptr orient;
+    if (p.orient)
+        orient = vdb::points::AttributeHandle<quaternion>::create(leaf.constAttributeArray("orient"));
     for (auto point = leaf.beginIndexOn(); point; ++point) {
         const size_t i = where.find(id.get(*point));
         if (i == p.count || seen[i]) throw fault(ERROR_INTERNAL, "an id is repeated, or was not written");
@@ -272,6 +286,7 @@ void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, c
             if (normal.get(*point)[k] != float(p.normal[at])) throw differs("normal", i);
             if (velocity && velocity->get(*point)[k] != float(p.velocity[at])) throw differs("velocity", i);
         }
+        if (orient && !(orient->get(*point) == quaternion_at(p.orient, i))) throw differs("orient", i);
         if (scale.get(*point) != float(0.5 * p.spacing[i])) throw differs("pscale", i);
     }
     for (size_t k = 0; k < p.value_count; k++) verify_values(leaf, p.values[k], where);

@@ -42,9 +42,11 @@ def test_all_outputs_have_the_rows_in_one_order(run, order):
     assert (at != stack(plain, *"xyz")).any()
     with numpy.load(where / "points.npz") as arrays:
         assert (arrays["position"] == at).all() and (arrays["kappa1"] == columns["kappa1"]).all()
-        assert (arrays["normal"] == stack(columns, "nx", "ny", "nz")).all() and (arrays["id"] == numpy.arange(400)).all()
+        assert (arrays["normal"] == stack(columns, "nx", "ny", "nz")).all()
+        assert (arrays["id"] == numpy.arange(400)).all()
     of_gltf, _ = read_glb((where / "points.glb").read_bytes())
-    assert (of_gltf["POSITION"] == at.astype("f4")).all() and (of_gltf["_ENERGY"] == columns["energy"].astype("f4")).all()
+    assert (of_gltf["POSITION"] == at.astype("f4")).all()
+    assert (of_gltf["_ENERGY"] == columns["energy"].astype("f4")).all()
     of_usd, _ = read_usda((where / "points.usda").read_text())
     assert (of_usd["point3f[] points"].astype("f4") == at.astype("f4")).all()
     assert (of_usd["float[] widths"].astype("f4") == columns["spacing_local"].astype("f4")).all()
@@ -54,7 +56,8 @@ def test_all_outputs_have_the_rows_in_one_order(run, order):
     of_mesh, _ = read_usda((where / "mesh.usda").read_text())
     assert (of_mesh["int[] faceVertexIndices"].reshape(-1, 3) == faces).all()
     assert (of_mesh["point3f[] points"].astype("f4") == at.astype("f4")).all()
-    assert json.loads((where / "report.json").read_text())["outputs"][1]["name"] == "points.vdb"  # whose ids the worker has read
+    # the worker has read points.vdb again, and compared the point of each id with that row
+    assert json.loads((where / "report.json").read_text())["outputs"][1]["name"] == "points.vdb"
 
 
 def test_each_prefix_is_spread(run):

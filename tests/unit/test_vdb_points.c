@@ -53,6 +53,25 @@ static void points_are_read_back(void **state)
         }
 }
 
+static void orientations_are_read_back(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(200, vec3_make(0, 0, 0), 1);
+    double orient[200][4];
+    for (int i = 0; i < 200; i++)
+        for (int k = 0; k < 4; k++) orient[i][k] = i == 7 ? (k == 3) : 0.25 * k - 0.001 * i;
+    vdb_points grid = points_of(&s, 0.3);
+    grid.orient = orient[0];
+    error e = {0};
+    int fd = write_points(&grid);
+    if (!vdb_verify_points(fd, &grid, &e)) fail_msg("%s", e.message);
+    orient[7][3] = 0.5;
+    assert_false(vdb_verify_points(fd, &grid, &e));
+    assert_non_null(strstr(e.message, "orient of point 7"));
+    close(fd);
+    point_set_free(&s);
+}
+
 static void what_differs_is_told(void **state)
 {
     (void)state;
@@ -167,6 +186,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(points_are_read_back),
+        cmocka_unit_test(orientations_are_read_back),
         cmocka_unit_test(what_differs_is_told),
         cmocka_unit_test(ids_and_velocities_are_read_back),
         cmocka_unit_test(other_values_are_read_back),

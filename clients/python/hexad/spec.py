@@ -18,9 +18,12 @@ __all__ = [
     "Outcome",
     "OutcomeRequire",
     "Output",
+    "OutputOrient",
     "OutputPly",
     "OutputPreview",
     "OutputPreviewCamera",
+    "OutputUsd",
+    "OutputUsdInstancer",
     "Quartic",
     "Queue",
     "QueueByFrameValue",
@@ -993,6 +996,21 @@ class AttributesItem(_AttributesItemRest):
     """
 
 
+class _OutputOrientRest(TypedDict, total=False):
+    twist: str
+    seed: int
+
+
+class OutputOrient(_OutputOrientRest):
+    """Members of a spec.
+
+    twist: The attribute, by its name in the outputs, that gives the twist: a number is an angle in radians; a
+        vector is the direction to which +x turns, as far as it is tangential.
+    seed: The twist is a random angle, computed from this seed and the id of the point (its row, unless it is
+        a point of a coherent sequence).
+    """
+
+
 class _OutputPlyRest(TypedDict, total=False):
     format: Literal["binary_little_endian", "ascii"]
     precision: Literal["float", "double"]
@@ -1080,8 +1098,46 @@ class OutputPreview(_OutputPreviewRest):
     """
 
 
+class _OutputUsdInstancerNeeded(TypedDict):
+    prototype: str
+
+
+class _OutputUsdInstancerRest(TypedDict, total=False):
+    scale: str
+    size: float
+
+
+class OutputUsdInstancer(_OutputUsdInstancerNeeded, _OutputUsdInstancerRest):
+    """points.usda has a UsdGeomPointInstancer instead of UsdGeomPoints: each point is an instance of a
+    prototype, with the orientation of output.orient (without it, the shortest turn of +z to the normal).
+    Requires points_usda.
+
+    prototype: The path of the USD file whose default prim is the prototype, such as ./rock.usda. It is
+        written as given; programs that open points.usda resolve a relative path from its directory. hexad
+        does not open the file.
+    scale: The attribute, by its name in the outputs, that scales the prototype: a number, or a vector of
+        three components for its axes. Default: the achieved spacing at the point, so a prototype of size 1 is
+        as large as the spacing.
+    size: A factor of all scales. Default: 1.
+    """
+
+
+class _OutputUsdRest(TypedDict, total=False):
+    instancer: OutputUsdInstancer
+
+
+class OutputUsd(_OutputUsdRest):
+    """Options of points.usda.
+
+    instancer: points.usda has a UsdGeomPointInstancer instead of UsdGeomPoints: each point is an instance of
+        a prototype, with the orientation of output.orient (without it, the shortest turn of +z to the
+        normal). Requires points_usda.
+    """
+
+
 class _OutputRest(TypedDict, total=False):
     order: Literal["progressive", "spatial", "id"]
+    orient: Union[bool, OutputOrient]
     ply: OutputPly
     preview: Union[bool, OutputPreview]
     preview_exr: bool
@@ -1090,6 +1146,7 @@ class _OutputRest(TypedDict, total=False):
     points_npz: bool
     points_glb: bool
     points_usda: bool
+    usd: OutputUsd
     mesh: bool
     mesh_usda: bool
     label_meshes: bool
@@ -1103,6 +1160,9 @@ class Output(_OutputRest):
         surface, for any n, so a program that reads the beginning of a file has a coarser sampling. spatial:
         along Morton's curve, so points that are close in the file are close in space. id: ascending ids;
         requires queue.coherent. Default: the order of the solver, which may differ from version to version.
+    orient: Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x,
+        orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest turn. An
+        object with one of the members below: after a turn about +z, the twist.
     ply: Options of points.ply.
     preview: preview.png and preview.exr. false: they are not written. true or an object: they are,
         preview.exr unless preview_exr is false; the object has the members below.
@@ -1118,6 +1178,7 @@ class Output(_OutputRest):
         Default: False.
     points_usda: Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all
         attributes. Default: False.
+    usd: Options of points.usda.
     mesh: Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
         points.ply. The member mesh of the report states whether the triangles close the surface. Default:
         False.
