@@ -113,11 +113,10 @@ static label_surface *open_vdb(const label_source_request *r, error *e)
     return v.opened;
 }
 
-static label_surface *refuse_voxel_size(error *e)
+static label_surface *refuse_members(error *e)
 {
-    error_set(
-        e, ERROR_NOT_SUPPORTED,
-        "an OpenVDB file has the size of its voxels: remove voxel_size, or give the file another transform");
+    error_set(e, ERROR_NOT_SUPPORTED,
+              "an OpenVDB file has the size of its voxels and one resolution: remove voxel_size and level");
     return NULL;
 }
 
@@ -126,7 +125,7 @@ label_surface *label_source_open(const label_source_request *request, error *e)
     const spec_labels *l = request->how.spec;
     const char *ending = l->path ? strrchr(l->path, '.') : NULL;
     if (!request->stack && !request->directory && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
-        return request->voxel_size ? refuse_voxel_size(e) : open_vdb(request, e);
+        return request->voxel_size || l->has_level ? refuse_members(e) : open_vdb(request, e);
     const volume_file file = {.fd = request->fd,
                               .path = l->path,
                               .index = l->has_index ? l->index : -1,

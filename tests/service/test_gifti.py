@@ -118,6 +118,7 @@ def test_data_of_fewer_numbers(read, tmp_path, encoding):  # noqa: F811
     assert isinstance(answer, str) and "array 0 of the GIfTI file (NIFTI_INTENT_POINTSET)" in answer and "Save it again" in answer, answer
 
 
+@pytest.mark.extended
 def test_a_file_of_nibabel(read, tmp_path):  # noqa: F811
     nibabel = pytest.importorskip("nibabel", reason="python3-nibabel is not installed")
     of = nibabel.gifti.GiftiDataArray

@@ -309,15 +309,14 @@ def test_slices_that_are_missing_or_damaged(told, tmp_path):
 
 # ---- files of another writer
 
-@pytest.mark.parametrize("how", [{}, {"compression": "lzw"}, {"compression": "zlib", "predictor": True}, {"bigtiff": True, "byteorder": ">"},
+@pytest.mark.extended
+@pytest.mark.parametrize("how", [{}, {"bigtiff": True, "byteorder": ">"},
                                  {"imagej": True, "metadata": {"spacing": 0.75, "unit": "mm", "axes": "ZYX"}},
                                  {"ome": True, "metadata": {"axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeXUnit": "mm",
                                                             "PhysicalSizeY": 0.25, "PhysicalSizeYUnit": "mm",
                                                             "PhysicalSizeZ": 0.75, "PhysicalSizeZUnit": "mm"}}], ids=str)
 def test_files_of_tifffile(told, plain, tmp_path, how):
     tifffile = pytest.importorskip("tifffile", reason="python3-tifffile is not installed")
-    if how.get("compression") or how.get("predictor"):
-        pytest.importorskip("imagecodecs", reason="python3-imagecodecs is not installed")
     values = ball("u2").transpose(2, 1, 0)
     tifffile.imwrite(tmp_path / "v.tif", values, resolution=(2, 4), photometric="minisblack", **how)
     sized = how.get("imagej") or how.get("ome")

@@ -66,9 +66,10 @@ SCALE = VOXEL[::-1]
 # ---- ways of storing the same
 
 WAYS_2 = {"plain": {}, "zlib, fortran": {"compressor": "zlib", "order": "F", "separator": "/"},
-          "gzip, big-endian": {"compressor": "gzip", "endian": ">"}}
+          "gzip, big-endian": {"compressor": "gzip", "endian": ">"}, "zstd": {"compressor": "zstd"}}
 WAYS_3 = {"plain": {}, "gzip, big-endian, transposed": {"codecs": ["gzip"], "big": True, "transpose": (2, 0, 1)},
           "crc32c, v2 keys": {"codecs": ["gzip", "crc32c"], "key": "v2", "separator": "."},
+          "blosc": {"codecs": ["blosc"]},
           "shards": {"shards": (8, 10, 12), "codecs": ["gzip"]},
           "shards without checksum": {"shards": (4, 15, 18), "index_first": True, "index_checksum": False, "codecs": ["crc32c"]}}
 
@@ -298,6 +299,7 @@ def test_chunks_that_are_damaged(told, tmp_path):
 
 # ---- directories of another writer
 
+@pytest.mark.extended
 @pytest.mark.parametrize("codec", ["blosc-lz4", "blosc-zstd-bits", "zstd", "zlib"])
 def test_directories_of_zarr(told, plain, tmp_path, codec):
     zarr = pytest.importorskip("zarr", reason="python3-zarr is not installed")

@@ -24,7 +24,19 @@ def crc32c(data):
     return struct.pack("<I", crc ^ 0xffffffff)
 
 
-PACK = {None: bytes, "zlib": zlib.compress, "gzip": gzip.compress, "crc32c": lambda d: d + crc32c(d)}
+def stored_by_zstd(data):
+    """A frame with its size and blocks that are stored as they are, of at most 128 KiB."""
+    blocks = [data[k:k + (1 << 17)] for k in range(0, len(data), 1 << 17)] or [b""]
+    body = b"".join(struct.pack("<I", len(b) << 3 | (k == len(blocks) - 1))[:3] + b for k, b in enumerate(blocks))
+    return b"\x28\xb5\x2f\xfd" + bytes([0xa0]) + struct.pack("<I", len(data)) + body
+
+
+def stored_by_blosc(data):
+    """A container whose flag says that the bytes are as they are."""
+    return struct.pack("<4B3I", 2, 1, 2, 1, len(data), len(data), len(data) + 16) + data
+
+
+PACK = {"zstd": stored_by_zstd, "blosc": stored_by_blosc, None: bytes, "zlib": zlib.compress, "gzip": gzip.compress, "crc32c": lambda d: d + crc32c(d)}
 
 
 def _chunks(values, side):
