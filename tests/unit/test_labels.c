@@ -56,7 +56,7 @@ static label_surface *open_grids(int fd, char *grid, error *e)
 {
     char path[] = "labels.vdb";
     const spec_labels labels = {.path = path, .grid = grid};
-    const label_source_request request = {fd, {.spec = &labels, .memory_limit = 64 << 20}, NULL, NULL};
+    const label_source_request request = {.fd = fd, .how = {.spec = &labels, .memory_limit = 64 << 20}};
     label_surface *s = label_source_open(&request, e);
     close(fd);
     return s;
@@ -125,7 +125,7 @@ static void test_the_memory_of_a_majority(void **state)
     const char *const types[] = {"int32"};
     const spec_labels labels = {.path = path, .majority = 8};
     const int fd = write_grids(types, 1);
-    const label_source_request request = {fd, {.spec = &labels, .memory_limit = 2 << 20}, NULL, NULL};
+    const label_source_request request = {.fd = fd, .how = {.spec = &labels, .memory_limit = 2 << 20}};
     error e = {0};
     assert_null(label_source_open(&request, &e));
     close(fd);
