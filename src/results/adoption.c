@@ -12,7 +12,7 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* Jobs that one transaction puts into the queue. */
+/* Jobs that one transaction adds to the queue. */
 #define AT_ONCE 100
 
 typedef struct restored {
@@ -43,14 +43,14 @@ static char *copy_labels(json_at asked)
     return text;
 }
 
-/* Reads a whole number of a report. Reports are checked like any other input. */
+/* The whole part of a number in a report; `otherwise` if it is missing, not a number or outside of [least, most]. */
 static int64_t integer_of(json_at object, const char *key, int64_t least, int64_t most, int64_t otherwise)
 {
     double number = json_number(json_member(&object, key), (double)otherwise);
     return number >= (double)least && number <= (double)most ? (int64_t)number : otherwise;
 }
 
-/* Whether a file of the result is a hard link, so that another job has it, too. */
+/* Whether a file of the result has several hard links, so that another job may share it. */
 static bool is_shared(const char *directory, const result *r)
 {
     struct stat info;
@@ -64,7 +64,7 @@ static bool is_shared(const char *directory, const result *r)
     return shared;
 }
 
-/* Removes what may be another user's: the report does not tell which of the jobs that share the result it describes. */
+/* Removes members that may belong to another user: jobs share the result, and the report does not name its job. */
 static void remove_job_data(json *spec)
 {
     static const char *const private[][2] = {
@@ -75,7 +75,8 @@ static void remove_job_data(json *spec)
     }
 }
 
-/* Takes the job from the report of the directory. *finished_ms is the time the report was written. */
+/* Reads the job from the report of a directory, unless an earlier frame gave it. *finished_ms: when the report was
+ * written (wall clock). False if the report has no spec. */
 static bool take_report(const char *directory, json *report, bool shared, restored *j, int64_t *finished_ms)
 {
     struct stat info;
@@ -99,7 +100,7 @@ static bool take_report(const char *directory, json *report, bool shared, restor
     return ok;
 }
 
-/* Adds the result to the job if it is complete and a real directory, no symbolic link. */
+/* Adds the result to the job if it is complete and its directory is not a symbolic link. Otherwise logs a warning. */
 static bool add_task(const char *work_dir, const queue_directory *found, restored *j)
 {
     struct stat info;
@@ -142,8 +143,8 @@ static bool put(queue *q, restored *jobs, size_t *count, size_t *adopted, error 
     return ok;
 }
 
-/* A job is an array or not. When there is a result without a frame, results of frames with the same id do not belong to
- * it. */
+/* Whether a result belongs to the job of the first result with its id. If the first one has no frame, the job is not an
+ * array, and results of frames with the same id do not belong to it. */
 static bool belongs(const queue_directory *first, const queue_directory *d)
 {
     return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);
@@ -161,7 +162,7 @@ bool adoption_run(queue *q, const char *work_dir, const queue_directory *results
         bool unknown = true;
         for (next = i; next < count && strcmp(results[i].id, results[next].id) == 0; next++)
             unknown &= !results[next].known && !results[next].to_be_removed;
-        /* when the queue knows the job, unknown frames do not belong to it */
+        /* if the job is in the queue, its unknown frames are not adopted */
         for (size_t k = i; unknown && k < next; k++)
             if (belongs(&results[i], &results[k])) add_task(work_dir, &results[k], j);
         if (!j->is.task_count) {

@@ -9,7 +9,7 @@
 #include "results/inventory.h"
 #include "results/result.h"
 
-/* Jobs or tasks that are read at a time. */
+/* Jobs or tasks that one query reads. */
 #define PAGE 500
 
 typedef struct audit {

@@ -9,16 +9,16 @@
 
 typedef struct entry {
     fetches_result of;
-    bool *sent; /* for each file */
-    size_t count, left;
-    uint64_t used; /* when a file of it was sent last, by `clock` */
+    bool *sent;         /* for each file */
+    size_t count, left; /* files of the result; files that were not sent yet */
+    uint64_t used;      /* value of `clock` when a file of the result was last sent */
 } entry;
 
 struct fetches {
     pthread_mutex_t mutex;
     entry item[FETCHES_MOST];
     size_t count;
-    uint64_t clock;
+    uint64_t clock; /* number of calls of fetches_note */
 };
 
 fetches *fetches_new(void)
@@ -66,7 +66,7 @@ bool fetches_note(fetches *f, const fetches_result *of, size_t index, size_t cou
 {
     pthread_mutex_lock(&f->mutex);
     entry *x = find(f, of);
-    if (x && x->count != count) { /* somebody has changed the result on the disk */
+    if (x && x->count != count) { /* the result has been changed on the disk */
         drop(f, x);
         x = NULL;
     }

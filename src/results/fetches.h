@@ -1,8 +1,8 @@
-/* fetches: which files of results their owners have been sent, until a result is complete.
+/* fetches: records which files of a result were sent to its owner, until all were sent.
  *
- * A result counts as delivered when its owner has been sent each of its files. What was sent of incomplete results is kept
- * in memory only, and of so many results at most; the one that was sent to longest ago is forgotten first. So a client
- * that fetches some files before a restart of the daemon has to fetch them again. Any thread.
+ * A result counts as delivered when each of its files has been sent to its owner. The records are in memory only and cover
+ * at most FETCHES_MOST results; a further one replaces the least recently used. After a restart of the daemon, or after
+ * such a replacement, files that were already sent must be sent again. Any thread.
  */
 #ifndef HEXAD_RESULTS_FETCHES_H
 #define HEXAD_RESULTS_FETCHES_H
@@ -12,7 +12,7 @@
 
 #include "base/ulid.h"
 
-#define FETCHES_MOST 4096
+#define FETCHES_MOST 4096 /* partly sent results that are recorded */
 
 typedef struct fetches fetches;
 
@@ -24,7 +24,8 @@ typedef struct fetches_result {
 fetches *fetches_new(void);
 void fetches_free(fetches *f); /* accepts NULL */
 
-/* File `index` of the `count` files of a result was sent. True when that was the last one. */
+/* Records that file `index` < `count` of a result with `count` files was sent. True if all its files have been sent now;
+ * the record is then removed. A changed `count` starts a new record. */
 bool fetches_note(fetches *f, const fetches_result *of, size_t index, size_t count);
 
 #endif

@@ -14,7 +14,7 @@
 
 #define WAYS_OUT "restore a backup of " DATABASE_FILE_NAME ", or start once with --adopt"
 
-/* Reads the id of the directory; "": it has none. A file that contains no id is an error (spec_invalid). */
+/* Reads the id of the directory; "" if it has no file `instance`. A file without a valid id: spec_invalid. */
 static bool read_file(const char *work_dir, char id[ULID_SIZE], error *e)
 {
     error why = {0};
@@ -49,7 +49,7 @@ static bool write_file(const char *work_dir, const char *id, error *e)
     return ok;
 }
 
-/* Whether results/ contains anything. A directory that cannot be read counts as if it did. */
+/* Whether results/ contains an entry. A directory that exists but cannot be read counts as one with entries. */
 static bool holds_results(const char *work_dir)
 {
     char *path = mem_printf("%s/results", work_dir);
@@ -109,7 +109,7 @@ queue *instance_open_queue(const char *state_dir, const char *work_dir, bool ado
         if (e) *e = why;
         return NULL;
     }
-    /* check this before opening, which would create a new database and delete files left beside the lost one */
+    /* before queue_open, which creates a missing database and deletes files of the missing one (its log) beside it */
     bool lost = !header_exists(state_dir);
     if (lost && !adopt && holds_results(work_dir)) {
         refuse_new(state_dir, work_dir, e);

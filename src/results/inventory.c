@@ -18,10 +18,10 @@
 static const char *const parts[] = {"results", "attempts"};
 enum { RESULTS, ATTEMPTS };
 
-/* The entries of results/ or attempts/: first those named like a task's directory, then all others. */
+/* The entries of results/ or attempts/: first those whose names have the form of a task's directory, then all others. */
 typedef struct listing {
     char **name;
-    queue_directory *directory; /* of the first `named` entries, in the same order */
+    queue_directory *directory; /* parsed names of the first `named` entries, in the same order */
     size_t count, named;
     bool linked; /* results/ or attempts/ itself is a symbolic link */
 } listing;
@@ -33,7 +33,7 @@ static void listing_clear(listing *l)
     free(l->directory);
 }
 
-/* Reads ".NUMBER" as the service writes it, and advances the text. */
+/* Reads ".NUMBER" without leading zeros, and advances the text behind it. False if the text begins otherwise. */
 static bool read_number(const char **text, int *number)
 {
     char written[16], *end = NULL;
@@ -84,7 +84,7 @@ static int compare(const void *a, const void *b)
     return (x->attempt > y->attempt) - (x->attempt < y->attempt);
 }
 
-/* Sorted, because lookups of neighbouring ids are then faster. */
+/* Sorts by id, frame and attempt: the database finds neighbouring ids faster. */
 static void sort(listing *l)
 {
     named *list = mem_alloc((l->named + 1) * sizeof *list);
@@ -133,13 +133,13 @@ static bool list(const char *work_dir, int part, listing *l, error *e)
 }
 
 /* What happens to an entry. */
-typedef enum verdict {
+typedef enum decision {
     STAYS,
-    BELONGS_TO_NOBODY,
-    IS_IN_THE_WAY /* in the way of a task that will run: of its result, or of an attempt with the same number */
-} verdict;
+    HAS_NO_JOB,  /* move it; a failure is a warning */
+    BLOCKS_A_JOB /* move it; a failure is an error: a task will need the name for its result or an attempt */
+} decision;
 
-/* An earlier version may have given the job the report of another job. */
+/* Corrects the report of a job that is not an array: an earlier version may have linked it to another job's report. */
 static bool correct_report(queue *q, const char *directory, const queue_directory *d, error *e)
 {
     queue_job job = {0};
@@ -150,8 +150,8 @@ static bool correct_report(queue *q, const char *directory, const queue_director
     return ok;
 }
 
-/* The result of a waiting task: a complete one ends the task, any other is in its way. */
-static bool end_from_result(queue *q, const char *work_dir, const queue_directory *d, verdict *v,
+/* Examines the result of a waiting task: a complete one ends the task, any other blocks it. */
+static bool end_from_result(queue *q, const char *work_dir, const queue_directory *d, decision *v,
                             size_t *ended, error *e)
 {
     struct stat info;
@@ -165,37 +165,37 @@ static bool end_from_result(queue *q, const char *work_dir, const queue_director
     if (whole)
         ok = correct_report(q, directory, d, e) &&
              queue_end_found(q, d->id, d->frame, r.outcome, &accepted, e);
-    *v = whole ? STAYS : IS_IN_THE_WAY;
+    *v = whole ? STAYS : BLOCKS_A_JOB;
     *ended += accepted;
     result_clear(&r);
     free(directory);
     return ok;
 }
 
-/* Decides on a result. A result of a failed task comes from a retry that the (older) database does not know. The job
- * keeps its state, and the result would be in the way of the next retry. */
-static bool judge_result(queue *q, const char *work_dir, const queue_directory *d, verdict *v, size_t *ended,
-                         error *e)
+/* Decides on a result. If a failed task has one, the database is older than a retry of the task. The task keeps its
+ * state, and its result is moved, because it would block the next retry. */
+static bool decide_on_result(queue *q, const char *work_dir, const queue_directory *d, decision *v,
+                             size_t *ended, error *e)
 {
     *v = d->to_be_removed || (d->known && (d->state == QUEUE_SUCCEEDED || d->state == QUEUE_RUNNING))
              ? STAYS
-             : BELONGS_TO_NOBODY;
+             : HAS_NO_JOB;
     if (d->known && !queue_state_is_final(d->state) && d->state != QUEUE_RUNNING)
         return end_from_result(q, work_dir, d, v, ended, e);
     return true;
 }
 
-/* Decides on an attempt. The queue gives the number before the directory is created, so a higher number comes from a
- * newer database. */
-static verdict judge_attempt(const queue_directory *d)
+/* Decides on an attempt. The queue stores the number before the directory is created, so a directory with a higher number
+ * was made with a newer database. */
+static decision decide_on_attempt(const queue_directory *d)
 {
     if (d->to_be_removed || (d->known && d->attempt <= d->last_attempt)) return STAYS;
-    return d->known && !queue_state_is_final(d->state) ? IS_IN_THE_WAY : BELONGS_TO_NOBODY;
+    return d->known && !queue_state_is_final(d->state) ? BLOCKS_A_JOB : HAS_NO_JOB;
 }
 
 typedef struct tally {
     size_t moved, left, ended;
-    error why; /* the first that could not be moved */
+    error why; /* of the first entry that could not be moved */
 } tally;
 
 static void move(const char *work_dir, int part, const listing *l, size_t i, tally *t)
@@ -216,21 +216,22 @@ static bool settle_part(queue *q, const char *work_dir, int part, const listing 
 {
     size_t before = t->moved;
     for (size_t i = 0; i < l->count; i++) {
-        verdict v = BELONGS_TO_NOBODY;
-        if (i < l->named && part == ATTEMPTS) v = judge_attempt(&l->directory[i]);
-        if (i < l->named && part == RESULTS && !judge_result(q, work_dir, &l->directory[i], &v, &t->ended, e))
+        decision v = HAS_NO_JOB;
+        if (i < l->named && part == ATTEMPTS) v = decide_on_attempt(&l->directory[i]);
+        if (i < l->named && part == RESULTS &&
+            !decide_on_result(q, work_dir, &l->directory[i], &v, &t->ended, e))
             return false;
         if (v == STAYS) continue;
         size_t left = t->left;
         move(work_dir, part, l, i, t);
-        if (v == IS_IN_THE_WAY && t->left > left)
+        if (v == BLOCKS_A_JOB && t->left > left)
             return error_set(e, ERROR_INTERNAL, "cannot move %s/%s/%s, which blocks a job: %s", work_dir,
                              parts[part], l->name[i], t->why.message);
     }
     return t->moved == before || lost_found_flush(work_dir, parts[part], e);
 }
 
-static void tell(const char *work_dir, const tally *t, size_t adopted)
+static void log_tally(const char *work_dir, const tally *t, size_t adopted)
 {
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
     if (t->ended)
@@ -261,7 +262,7 @@ bool inventory_take(queue *q, const char *work_dir, bool adopt, error *e)
     ok = ok && queue_find_directories(q, attempts->directory, attempts->named, e) &&
          settle_part(q, work_dir, RESULTS, results, &t, e) &&
          settle_part(q, work_dir, ATTEMPTS, attempts, &t, e);
-    tell(work_dir, &t, adopted);
+    log_tally(work_dir, &t, adopted);
     listing_clear(results);
     listing_clear(attempts);
     return ok;

@@ -10,13 +10,13 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-/* The time between two rounds. A directory that cannot be reached may come back when its disk is mounted. */
+/* Time between two rounds, in milliseconds. An unreachable directory becomes reachable when its disk is mounted. */
 #define AGAIN_MS 60000
 
 struct output_cleanup {
     queue *q;
     const store_outputs *outputs;
-    queue_copy *copies; /* a name is NULL after its file was removed */
+    queue_copy *copies; /* the thread's; the name is NULL after the file was removed */
     size_t count;
     pthread_t thread;
     pthread_mutex_t mutex;

@@ -16,15 +16,15 @@
 #include "results/result.h"
 #include "store/turns.h"
 
-/* How long a submission waits for the file system. */
+/* How long a submission waits for the file system, in milliseconds. */
 #define LOOK_MS 2000
-/* Threads that wait for the file system of one root. While there are as many, it is not asked again: it does not answer. */
+/* Threads that may wait for the file system of one root. Further checks fail at once: the file system does not respond. */
 #define LOOKS_MOST 16
 
-/* The looks that go on below each root. The place and each look hold it; the last of them frees it. */
+/* The number of running checks below each root. The place and each check refer to it; the last one frees it. */
 typedef struct look_counts {
-    atomic_int holders;
-    atomic_int of_root[];
+    atomic_int holders;   /* references: the place and the checks */
+    atomic_int of_root[]; /* running checks below each root */
 } look_counts;
 
 struct output_place {
@@ -33,22 +33,22 @@ struct output_place {
     bool share;
     store_turns *turns;
     look_counts *looks;
-    _Atomic(const char *) unwritable;
-    atomic_bool changed; /* the setting, since the start */
+    _Atomic(const char *) unwritable; /* output_place_unwritable */
+    atomic_bool changed;              /* output_place_note_change */
 };
 
-/* A look at a directory, by a thread of its own. It outlives the submission that waits for it when the file system does not
- * answer, so it has copies of all texts. */
+/* A check of a directory, in a thread of its own. If the file system does not respond, it outlives the submission that
+ * waits for it; therefore it has copies of all texts. */
 typedef struct look {
     look_counts *looks; /* the place's */
     size_t root_index;
     pthread_mutex_t mutex;
     pthread_cond_t ended;
-    int users;
+    int users; /* references: the thread and the submission */
     bool done;
-    char *root, *path;
+    char *root, *path; /* path NULL: the root is checked */
     store_outputs outputs;
-    char *name; /* the directory, if there is a report in it */
+    char *name; /* name_with_report of the directory */
     error fault;
 } look;
 
@@ -82,7 +82,7 @@ const store_outputs *output_place_roots(const output_place *p)
     return p ? p->outputs : NULL;
 }
 
-/* The name of the directory if there is a report in it, to be freed; otherwise NULL. */
+/* The name of the directory (store_output_name, else its path) if it contains a report, to be freed; otherwise NULL. */
 static char *name_with_report(int directory, const char *path)
 {
     struct stat info;
@@ -91,7 +91,7 @@ static char *name_with_report(int directory, const char *path)
     return name ? name : mem_strdup(path);
 }
 
-/* An error when the report in this directory was delivered for another user. */
+/* Error output_taken if the report in this directory was delivered for another user. `name` NULL: there is no report. */
 static bool check_owner(const output_place *p, const char *user, const char *name, const char *path, error *e)
 {
     char *owner = NULL;
@@ -139,9 +139,9 @@ bool output_place_copy(output_place *p, const char *user, const char *from, cons
     return ok;
 }
 
-/* ---- looks at directories */
+/* ---- checks of directories */
 
-/* Frees the look after its last user has left. */
+/* Drops one reference to the check and frees it with the last one. */
 static void leave(look *l)
 {
     pthread_mutex_lock(&l->mutex);
@@ -180,7 +180,8 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Looks at a directory below the root of this number, or at the root (path NULL). *name is as in the struct, to be freed. */
+/* Checks a directory below root `index`, or the root itself (path NULL). *name: as in `look`, to be freed; unchanged if no
+ * check could be started. */
 static bool look_at(output_place *p, size_t index, const char *path, char **name, error *e)
 {
     const char *root = p->outputs->roots[index];
@@ -245,7 +246,7 @@ bool output_place_check(output_place *p, const char *user, const char *directory
     size_t root = store_output_root_of(p->outputs, directory);
     bool writable = look_at(p, root, directory, &name, e);
     if (writable && atomic_load(&p->unwritable) == p->outputs->roots[root])
-        output_place_check_roots(p); /* it can be written again */
+        output_place_check_roots(p); /* the root that was unwritable can be written again */
     bool ok = writable && check_owner(p, user, name, directory, e);
     free(name);
     return ok;

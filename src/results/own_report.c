@@ -12,12 +12,13 @@
 #include "json/json_copy.h"
 #include "store/file.h"
 
-/* Jobs that are listed at a time. */
+/* Jobs that one query lists. */
 #define AT_ONCE 100
-/* What the service manager grants the start for these: each takes milliseconds on a disk that works. */
+/* Seconds by which the start timeout of the service manager is extended for AT_ONCE jobs. Each takes milliseconds on a
+ * working disk. */
 static const double AT_ONCE_S = 60;
 
-/* The spec as a report prints it: a member of the outermost object. NULL: it is not JSON. */
+/* The spec in the format of a report: indented as a member of the outermost object. To be freed; NULL: it is not JSON. */
 static char *print_member(const char *spec, error *e)
 {
     static const char before[] = "{\n  \"spec\":", after[] = "\n}\n";
@@ -33,7 +34,7 @@ static char *print_member(const char *spec, error *e)
     return member;
 }
 
-/* Copies the report and replaces its spec. A report without a spec, of another worker than ours, stays without one. */
+/* Copies the report and replaces its spec. A report without a spec (of another worker than hexad-worker) gets none. */
 static bool copy_report(const char *from, const char *to, const char *spec, error *e)
 {
     int64_t bytes = 0;
@@ -63,7 +64,8 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     return ok;
 }
 
-/* Writes the summary of the copied report: only the length of the report differs. It is not flushed, as a worker's is not. */
+/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the summary that a
+ * worker writes: without a valid one the report is read. */
 static void write_summary(const char *to, json *summary)
 {
     int64_t bytes = 0;
@@ -99,7 +101,7 @@ static bool replace_report(const char *directory, const char *spec, error *e)
     return ok;
 }
 
-/* Whether the report has another spec. Equal specs are printed in the same way. */
+/* Whether the report has a spec that differs from this one. They are compared as printed text. */
 static bool has_other_spec(json *report, const char *spec)
 {
     json *own = json_parse(spec, strlen(spec), NULL), *there = json_find(report, "/spec");

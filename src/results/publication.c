@@ -22,7 +22,8 @@ struct publication {
 
 char *publication_temporary(const char *directory)
 {
-    const char *slash = strrchr(directory, '/'); /* the last part is unique: job, frame and attempt */
+    const char *slash =
+        strrchr(directory, '/'); /* the last part of the path is unique: job, frame and attempt */
     return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
 }
 
@@ -33,7 +34,7 @@ static void *run(void *argument)
     if (!p->ok) error_prefix(&p->fault, "output.directory");
     atomic_store(&p->ended, true);
     ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is enough */
+    (void)written; /* fails only if the counter is full, and then the eventfd is readable anyway */
     return NULL;
 }
 
@@ -48,7 +49,7 @@ publication *publication_start(output_place *outputs, const char *user, const ch
     p->path = mem_strdup(path);
     p->end_fd = end_fd;
     p->started = pthread_create(&p->thread, NULL, run, p) == 0;
-    if (!p->started) run(p); /* without a thread the supervisor copies itself, which delays the others */
+    if (!p->started) run(p); /* without a thread, this one copies, which delays other jobs */
     return p;
 }
 

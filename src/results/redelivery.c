@@ -11,9 +11,9 @@
 #include "base/memory.h"
 #include "results/result.h"
 
-/* After a database error. */
+/* Wait after a database error, in milliseconds. */
 #define RETRY_MS 1000
-/* Users whose results are copied at the same time. */
+/* Threads; each copies results of another user. */
 enum { THREADS = 4 };
 
 struct redelivery {
@@ -21,11 +21,11 @@ struct redelivery {
     output_place *outputs;
     char *work_dir;
     pthread_t thread[THREADS];
-    size_t count; /* of threads */
+    size_t count; /* number of started threads */
     pthread_mutex_t mutex;
     pthread_cond_t woken;
-    uint64_t wakes;      /* how often something may have become due */
-    char *user[THREADS]; /* whose results are copied now; NULL: nobody's */
+    uint64_t wakes;      /* number of wake-ups */
+    char *user[THREADS]; /* the users whose results are copied now; NULL: an unused place */
     bool stop;
 };
 
@@ -37,12 +37,13 @@ static bool is_stopping(redelivery *r)
     return stop;
 }
 
-/* Copies the result of one task and notes what became of that. */
+/* Copies the result of one task and stores success or failure in the queue. False: a database error. */
 static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task *task, error *e)
 {
     char unique[ULID_SIZE];
     error fault = {0};
-    ulid_make(clock_wall_ms(), unique); /* a file of this name that a crash left may be removed meanwhile */
+    ulid_make(clock_wall_ms(),
+              unique); /* unused before: output_cleanup may be removing files of earlier copies */
     char *from = result_directory(r->work_dir, job->id, task->frame),
          *name = mem_printf(".%s.hexad-tmp", unique);
     char *to =
@@ -58,7 +59,7 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     return ok;
 }
 
-/* Under the mutex. Where to note this user; NULL: a thread copies for him already. */
+/* Requires the mutex. An unused element of `user`; NULL: a thread copies results of this user already. */
 static char **find_place(redelivery *r, const char *user)
 {
     char **place = NULL;
@@ -69,8 +70,8 @@ static char **find_place(redelivery *r, const char *user)
     return place;
 }
 
-/* Takes the first job of a user for whom no thread copies. *place is where he is noted; NULL: there is no such job. False:
- * a database error. */
+/* Takes the first marked job of a user whose results no other thread copies. *place is the element of `user` that now holds
+ * the user's name; NULL: there is no such job. False: a database error. */
 static bool take(redelivery *r, queue_uncopied *job, char ***place)
 {
     bool ok = true, found = true;
@@ -98,7 +99,7 @@ static bool copy_job(redelivery *r, const queue_uncopied *job)
     return ok && (done < job->count || queue_end_copying(r->q, job->id, NULL));
 }
 
-/* Copies the results of one job. *any is false when there is none. False: a database error. */
+/* Takes one job and copies its results. *any is false if there is no job. False: a database error. */
 static bool work(redelivery *r, bool *any)
 {
     queue_uncopied job = {0};
@@ -115,7 +116,7 @@ static bool work(redelivery *r, bool *any)
     return ok;
 }
 
-/* Waits for a wake-up since *seen, after a failure for a while at most. False: the thread must end. */
+/* Waits for a wake-up after number *seen, after a failure for at most RETRY_MS. Sets *seen. False: the thread must end. */
 static bool wait(redelivery *r, bool failed, uint64_t *seen)
 {
     int64_t until_ms = clock_monotonic_ms() + RETRY_MS;
@@ -150,7 +151,7 @@ static void release(redelivery *r)
     free(r);
 }
 
-static void tell(redelivery *r, bool stop)
+static void wake_threads(redelivery *r, bool stop)
 {
     pthread_mutex_lock(&r->mutex);
     r->wakes++;
@@ -161,13 +162,13 @@ static void tell(redelivery *r, bool stop)
 
 void redelivery_wake(redelivery *r)
 {
-    tell(r, false);
+    wake_threads(r, false);
 }
 
 void redelivery_stop(redelivery *r)
 {
     if (!r) return;
-    tell(r, true);
+    wake_threads(r, true);
     for (size_t i = 0; i < r->count; i++) pthread_join(r->thread[i], NULL);
     release(r);
 }

@@ -1,7 +1,7 @@
-/* redelivery: copies results to output.directory again, after their jobs have ended.
+/* redelivery: copies results of ended jobs to output.directory again.
  *
- * Some threads work off the jobs that the queue has marked (QUEUE_DELIVER), also after a restart. The jobs of one user are
- * delivered one after the other, so a file system that hangs delays those of its users only.
+ * Several threads process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of one user
+ * are delivered one after another, so a file system that does not respond delays only jobs of users who write to it.
  */
 #ifndef HEXAD_RESULTS_REDELIVERY_H
 #define HEXAD_RESULTS_REDELIVERY_H
@@ -10,12 +10,13 @@
 
 typedef struct redelivery redelivery;
 
-/* The queue and the place must outlive it. */
+/* Starts the threads. The queue and the place must outlive it; the path is copied. NULL on failure. Errors: those of
+ * background_start. */
 redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e);
-/* Waits for the copies under way. Accepts NULL. */
+/* Waits for the copies in progress and frees. Accepts NULL. */
 void redelivery_stop(redelivery *r);
 
-/* The queue has marked a job. */
+/* Call it after a job was marked in the queue. Any thread. */
 void redelivery_wake(redelivery *r);
 
 #endif

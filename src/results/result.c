@@ -18,16 +18,17 @@
 #include "json/json_copy.h"
 #include "store/file.h"
 
-/* A report has a record per sweep, and a job may ask for a million sweeps. */
+/* Longest report that is read. A report has a record for each sweep, and a job may request a million sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)
-/* A report that is read while others wait. */
+/* Longest document that result_peek reads; its callers delay other requests. */
 #define SHORT_REPORT_BYTES (1u << 20)
-/* Notes that are longer are left in the report. */
+/* Longest notes. In longer ones, the lists are replaced by a reference to report.json. */
 #define NOTES_LIMIT_BYTES 16384
-#define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
-/* No output has this name, because no output name begins with a point. */
+/* Most outputs of a result. A turntable has up to 360 frames. */
+#define MAX_OUTPUTS 512
+/* Name of the stored list. An output cannot have it, because names of outputs do not begin with '.'. */
 #define LISTING_NAME ".listing.json"
-/* A temporary file of a listing that is older was left by a crash: a listing is written in milliseconds. */
+/* Age in seconds after which a temporary file of a list counts as left by a crash. A list is written in milliseconds. */
 #define LEFT_S 60
 
 char *result_directory(const char *work_dir, const char *id, int frame)
@@ -58,7 +59,7 @@ static bool is_plain_name(const char *name)
     return true;
 }
 
-/* Whether errno means that the file does not exist, rather than that it could not be examined. */
+/* Whether this errno of open means that the file does not exist (or is a symbolic link), not that reading failed. */
 static bool is_absence(int fault)
 {
     return fault == ENOENT || fault == ENOTDIR || fault == ELOOP;
@@ -108,7 +109,7 @@ static bool read_output(const char *directory, json_at at, result_output *output
     return true;
 }
 
-/* Puts the member of an object there, or null. */
+/* Copies a member of an object to another object; null if it is missing. */
 static void copy_member(json_at from, const char *key, json *to)
 {
     json_at member = json_member(&from, key);
@@ -118,7 +119,7 @@ static void copy_member(json_at from, const char *key, json *to)
         json_put_null(to, key);
 }
 
-/* Of a report, or of a listing, which has them as they were made. */
+/* Prints the notes of a report, or of a stored list, which contains them as a member. To be freed. */
 static char *read_notes(json_at report)
 {
     json_at kept = json_member(&report, "notes"), surface = json_member(&report, "surface"),
@@ -168,7 +169,7 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-/* The text of a report or summary without its sweeps, which are nearly all of a long report, to be freed; NULL on failure. */
+/* The text of a report or summary with null for its sweeps, which are most of a long report. To be freed; NULL on failure. */
 static char *read_text(const char *directory, const char *name, size_t limit, size_t *length, error *e)
 {
     int64_t bytes = 0;
@@ -194,7 +195,7 @@ static char *read_text(const char *directory, const char *name, size_t limit, si
     return NULL;
 }
 
-/* The parsed document without its sweeps, to be freed; NULL on failure. */
+/* Reads and checks a document; returns it with null for its sweeps, to be freed; NULL on failure. */
 static json *read_document(const char *directory, const char *name, size_t limit, result *r, error *e)
 {
     size_t length = 0;
@@ -229,7 +230,8 @@ static bool read_named(const char *directory, const char *name, size_t limit, re
     return report != NULL;
 }
 
-/* The summary has what is read of the report; results of earlier versions and of other workers have none. */
+/* Reads the summary, which contains all members that are read from a report. Results of earlier versions and of other
+ * workers have no summary: then reads the report. */
 static json *read_shortest(const char *directory, size_t limit, result *r, error *e)
 {
     int64_t bytes = 0;
@@ -238,7 +240,7 @@ static json *read_shortest(const char *directory, size_t limit, result *r, error
     close(report);
     json *summary = read_document(directory, WORKER_SUMMARY_NAME, limit, r, NULL);
     if (summary && r->report_bytes == bytes) return summary;
-    if (summary) { /* the report was damaged or replaced */
+    if (summary) { /* the report has another length: it was damaged or replaced */
         json_free(summary);
         result_clear(r);
     }
@@ -272,7 +274,7 @@ void result_forget_list(const char *directory)
     free(path);
 }
 
-/* Adds report.json to the outputs. */
+/* Adds report.json with its length and hash to the outputs. */
 static bool append_report(const char *directory, result *r, error *e)
 {
     result_output own = {0};
@@ -289,7 +291,7 @@ static bool append_report(const char *directory, result *r, error *e)
     return true;
 }
 
-/* A listing contains only those members of a report that result_read uses. */
+/* Prints the list for storing: the members of a report that read_report uses. To be freed. */
 static char *print_listing(const result *r)
 {
     json *document = json_new_object();
@@ -308,7 +310,7 @@ static char *print_listing(const result *r)
     return text;
 }
 
-/* Removes what writers of the listing left that died before its rename. A younger one may still be written. */
+/* Removes temporary files of lists that a crash left before their rename. A file younger than LEFT_S may still be in use. */
 static void remove_left_listings(const char *directory)
 {
     struct stat info;
@@ -335,7 +337,7 @@ bool result_list(const char *directory, result *r, error *e)
     }
     remove_left_listings(directory);
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
-    if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
+    if (!store_file_write(path, text, strlen(text), &why)) /* the next call tries again */
         log_write(LOG_LEVEL_WARNING, "cannot store the list of files of a result: %s", why.message);
     free(text);
     free(path);
@@ -352,9 +354,8 @@ void result_list_long(const char *directory)
     if (bytes > SHORT_REPORT_BYTES && result_list(directory, &r, NULL)) result_clear(&r);
 }
 
-/* Of a failed attempt only the log is kept. Deleting the rest is safe: the queue gave this attempt its number before
- * the directory was created, a start moves directories with unknown numbers to lost+found (results/inventory), and
- * the directory contains no result that was ever reported. */
+/* Deleting is safe: the queue stored the number of this attempt before the directory was created, a start moves directories
+ * with unknown numbers to lost+found (results/inventory), and the directory contains no result that was ever reported. */
 void result_remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);

@@ -13,18 +13,19 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* Removed at a time. In between the thread checks whether it must end. */
+/* Jobs or notes that are processed before the thread checks whether it must end. */
 #define AT_ONCE 100
-/* After a database error. */
+/* Wait after a database error, in milliseconds. */
 #define RETRY_MS 1000
-/* After something could not be removed. */
+/* Wait after a failed removal, in milliseconds. */
 #define REMOVE_AGAIN_MS 10000
-/* The longest time between two collections of uploaded files. It is shorter when they are kept for a short time. */
+/* Longest time between two collections of uploaded files, in milliseconds. */
 #define COLLECT_MOST_MS 3600000
+/* Collections in the time for which uploaded files are kept, if that is shorter than COLLECT_MOST_MS times this number. */
 #define COLLECTIONS_IN_KEEP 4
-/* The longest wait between two looks at the wall clock, which may be set. */
+/* Longest wait between two readings of the wall clock, in milliseconds, because the clock may be set. */
 #define LOOK_MS 60000
-/* How often the running time is stored. After a crash, as much of it may not count. */
+/* Interval of storing the running time, in milliseconds. After a crash, up to this much of it is lost. */
 #define STORE_MS 600000
 
 struct retention {
@@ -40,13 +41,13 @@ struct retention {
     atomic_uint_fast64_t evicted;
     pthread_mutex_t removing; /* held while directories are removed */
     bool wake, stop;
-    fetches_result *delivered; /* results that were sent completely, which the queue does not know yet */
+    fetches_result *delivered; /* results that were sent completely and are not yet marked in the queue */
     size_t delivered_count;
-    bool left; /* some noted directories are still there */
-    /* The thread's own, monotonic: when the removal is tried again, when uploaded files are collected next, and when the
-     * running time is stored next. */
+    bool left; /* some noted directories may still exist */
+    /* The following are used by the thread only. Monotonic times of the next attempt of a failed removal, of the next
+     * collection of uploaded files, and of the next storing of the running time: */
     int64_t again_ms, collect_ms, store_ms;
-    bool trouble; /* the thread's own: the log already says that they cannot be removed */
+    bool trouble; /* a failed removal has been logged */
 };
 
 static int64_t least(int64_t a, int64_t b)
@@ -54,8 +55,7 @@ static int64_t least(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
-/* Removes the directories of a deleted task durably: the removal is flushed before the note is deleted. Directories
- * that an earlier removal left, or none at all, are fine. */
+/* Removes the directories of a deleted task. A missing directory is not an error: an earlier removal may have removed it. */
 static bool remove_task(retention *r, const queue_removal *task, error *e)
 {
     char *path = result_directory(r->work_dir, task->id, task->frame);
@@ -69,7 +69,7 @@ static bool remove_task(retention *r, const queue_removal *task, error *e)
     return ok;
 }
 
-/* A removal just before a crash may not be flushed, although the directory is not found any more. */
+/* Flushes results/ and attempts/, so that all removals are durable, also those of an earlier run that crashed. */
 static bool flush_places(retention *r, error *e)
 {
     char *results = mem_printf("%s/results", r->work_dir), *attempts = mem_printf("%s/attempts", r->work_dir);
@@ -79,8 +79,8 @@ static bool flush_places(retention *r, error *e)
     return ok;
 }
 
-/* Removes the directories of these notes, then the notes. A directory that cannot be removed keeps its note, and the
- * others go on. */
+/* Removes the directories of these notes, flushes, then removes the notes. If a directory cannot be removed, its note stays,
+ * and the remaining ones are processed. */
 static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
 {
     size_t gone = 0;
@@ -99,7 +99,7 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
     return ok;
 }
 
-/* Works off the notes of one job or (NULL) all jobs. False when some are left. One thread at a time. */
+/* Processes the notes of one job or (NULL) of all jobs. False if some are left. Any thread; `removing` serialises. */
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
@@ -131,7 +131,7 @@ static void set_left(retention *r, bool left)
     pthread_mutex_unlock(&r->mutex);
 }
 
-/* Tries again to remove what is left, and logs a failure once. Returns when to try next, monotonic. */
+/* Processes the remaining notes if it is time, and logs a failure once. Returns the monotonic time of the next attempt. */
 static int64_t work_off_rest(retention *r)
 {
     error e = {0};
@@ -164,7 +164,7 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
         retention_wake(r);
     }
     ssize_t written = write(r->room_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is enough */
+    (void)written; /* fails only if the counter is full, and then the eventfd is readable anyway */
     return true;
 }
 
@@ -184,7 +184,7 @@ uint64_t retention_count_evicted(const retention *r)
     return atomic_load(&r->evicted);
 }
 
-/* Tells the queue of results that were sent. What it cannot store has to be fetched again to count. */
+/* Marks sent results as delivered in the queue. If that fails, the result must be fetched again to count as delivered. */
 static void note_delivered(retention *r)
 {
     error e = {0};
@@ -201,7 +201,7 @@ static void note_delivered(retention *r)
     free(delivered);
 }
 
-/* The space that all tasks of a job take. */
+/* The disk space of the results and attempts of all tasks of a job. */
 static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
 {
     queue_task *tasks = NULL;
@@ -219,7 +219,7 @@ static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
     return true;
 }
 
-/* Measures some jobs that an older version ran, or that were adopted. */
+/* Measures up to AT_ONCE jobs without a stored size: jobs of older versions and adopted ones. *more: others may remain. */
 static bool measure_some(retention *r, bool *more)
 {
     char id[ULID_SIZE];
@@ -233,7 +233,7 @@ static bool measure_some(retention *r, bool *more)
     return ok;
 }
 
-/* Deletes some jobs while a bound is met. */
+/* Deletes up to AT_ONCE jobs while results reach a bound. *more: others may have to be deleted. */
 static bool make_room(retention *r, bool *more)
 {
     char id[ULID_SIZE];
@@ -249,7 +249,7 @@ static bool make_room(retention *r, bool *more)
     return ok;
 }
 
-/* Deletes some jobs whose retention is over. *more: there may be others. */
+/* Deletes up to AT_ONCE jobs whose retention has expired. *more: others may remain. */
 static bool forget_some(retention *r, bool *more)
 {
     char(*ids)[ULID_SIZE] = NULL;
@@ -265,8 +265,9 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* When the next retention after `looked_ms` is over by the wall clock, as a monotonic time: that of a retention which ended since
- * forget_some looked is now. What is held back after a step of the wall clock is looked at every LOOK_MS. */
+/* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most LOOK_MS from now.
+ * It is in the past if the retention has expired since forget_some ran. Jobs whose expiry is held back after a step of the
+ * wall clock are examined every LOOK_MS. */
 static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
 {
     int64_t next;
@@ -275,7 +276,7 @@ static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
     return true;
 }
 
-/* Waits until this time (monotonic), but not longer than LOOK_MS, or a wake-up. False: the thread must end. */
+/* Waits until this monotonic time or a wake-up, at most LOOK_MS. False: the thread must end. */
 static bool wait_until(retention *r, int64_t at_ms)
 {
     bool waiting = true;
@@ -288,7 +289,7 @@ static bool wait_until(retention *r, int64_t at_ms)
     return go_on;
 }
 
-/* Whether the time of the file is over and no unfinished job reads it. When that is unknown, the file is kept. */
+/* Whether the file has been unused for keep_ms and no unfinished job reads it. On a database error, false. */
 static bool may_go(void *context, const char *name, int64_t used_ms)
 {
     retention *r = context;
@@ -297,7 +298,7 @@ static bool may_go(void *context, const char *name, int64_t used_ms)
            queue_wants_input(r->q, name, &wanted, NULL) && !wanted;
 }
 
-/* Removes unused uploaded files, if it is time. */
+/* Removes unused uploaded files, if the next collection is due. */
 static void collect_inputs(retention *r)
 {
     error e = {0};
@@ -310,7 +311,7 @@ static void collect_inputs(retention *r)
     r->collect_ms = now + least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS);
 }
 
-/* Stores how long the daemon has run, if it is time. */
+/* Stores the running time of the daemon, if it is due. */
 static void store_running(retention *r)
 {
     int64_t now = clock_monotonic_ms();
@@ -359,7 +360,7 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     r->q = q;
     r->room_fd = room_fd;
     r->fetches = fetches_new();
-    r->left = true; /* a crash may have left some */
+    r->left = true; /* a crash may have left noted directories */
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);
     r->work_dir = mem_strdup(work_dir);
@@ -371,7 +372,7 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     return NULL;
 }
 
-static void tell(retention *r, bool stop)
+static void wake_thread(retention *r, bool stop)
 {
     pthread_mutex_lock(&r->mutex);
     r->wake = true;
@@ -382,13 +383,13 @@ static void tell(retention *r, bool stop)
 
 void retention_wake(retention *r)
 {
-    tell(r, false);
+    wake_thread(r, false);
 }
 
 void retention_stop(retention *r)
 {
     if (!r) return;
-    tell(r, true);
+    wake_thread(r, true);
     pthread_join(r->thread, NULL);
     release(r);
 }
