@@ -589,6 +589,81 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
     }
 }
 
+/* Samples on circles of radius 1 around the z axis: circle c has copies for two patches. */
+typedef struct circles {
+    curve_samples rows;
+    near_curves_input in;
+    bool closed[3];
+    size_t first[4];
+    uint32_t end[3][2];
+    double spacing[30], half[60];
+} circles;
+
+static void make_circles(circles *c, size_t count, uint32_t places, const double *height,
+                         const uint32_t (*patch)[2], const vec3 *normal)
+{
+    const size_t samples = count * places;
+    *c = (circles){.rows = {.count = samples, .copies = 2 * samples}};
+    c->rows.position = calloc(samples, sizeof *c->rows.position);
+    c->rows.curve = calloc(samples, sizeof *c->rows.curve);
+    c->rows.place = calloc(2 * samples, sizeof *c->rows.place);
+    c->rows.patch = calloc(2 * samples, sizeof *c->rows.patch);
+    c->rows.normal = calloc(2 * samples, sizeof *c->rows.normal);
+    c->rows.border = calloc(4, sizeof *c->rows.border);
+    for (uint32_t k = 0; k < samples; k++) {
+        const double angle = 2 * M_PI * k / places;
+        const uint32_t curve = k / places;
+        c->rows.position[k] = (vec3){cos(angle), sin(angle), height[curve]};
+        c->rows.curve[k] = curve;
+        c->spacing[k] = 2 * M_PI / places;
+        for (int i = 0; i < 2; i++) {
+            c->rows.place[2 * k + i] = k;
+            c->rows.patch[2 * k + i] = patch[curve][i];
+            c->rows.normal[2 * k + i] = normal[patch[curve][i]];
+            c->rows.border[patch[curve][i]] += c->half[2 * k + i] = 0.5;
+        }
+    }
+    for (size_t k = 0; k < count; k++) {
+        c->closed[k] = true;
+        c->first[k + 1] = (k + 1) * places;
+    }
+    c->in = (near_curves_input){4, count, c->closed, c->end, c->first, c->spacing, c->half, false};
+}
+
+/* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls, but once the edge of the wedge
+ * is merged both have copies for both faces of the wedge. */
+static void rows_at_a_wedge_between_opposite_walls_are_one(void **state)
+{
+    (void)state;
+    enum { PLACES = 10 };
+    const double height[3] = {0.07, 0, -0.07};
+    const uint32_t patch[3][2] = {{0, 2}, {2, 3}, {3, 1}};
+    const vec3 normal[4] = {{0, 0, 1}, {0, 0, -1}, {0.47, 0, 0.88}, {0.47, 0, -0.88}};
+    static circles c;
+    error e = {0};
+    make_circles(&c, 3, PLACES, height, patch, normal);
+    assert_true(near_curves_merge(&c.in, &c.rows, &e));
+    assert_int_equal(c.rows.count, PLACES);
+    assert_int_equal(c.rows.copies, 4 * PLACES);
+    curve_samples_free(&c.rows);
+}
+
+/* A closed curve of one sample has no neighbours along it. */
+static void single_samples_of_two_closed_curves_are_one(void **state)
+{
+    (void)state;
+    const double height[2] = {0, 0.3};
+    const uint32_t patch[2][2] = {{0, 1}, {1, 2}};
+    const vec3 normal[4] = {{0, 0, -1}, {1, 0, 0}, {0, 0, 1}, {0, 0, 1}};
+    static circles c;
+    error e = {0};
+    make_circles(&c, 2, 1, height, patch, normal);
+    assert_true(near_curves_merge(&c.in, &c.rows, &e));
+    assert_int_equal(c.rows.count, 1);
+    assert_int_equal(c.rows.copies, 3);
+    curve_samples_free(&c.rows);
+}
+
 /* A closed curve of two straight parts close together: their rows are one, but for a place at each bend. */
 static void row_of_a_curve_that_folds_back_is_one(void **state)
 {
@@ -699,6 +774,8 @@ int main(void)
         cmocka_unit_test(bends_of_rough_curves_keep_apart),
         cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
         cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
+        cmocka_unit_test(rows_at_a_wedge_between_opposite_walls_are_one),
+        cmocka_unit_test(single_samples_of_two_closed_curves_are_one),
         cmocka_unit_test(row_of_a_curve_that_folds_back_is_one),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),

@@ -22,7 +22,7 @@ typedef struct segment {
     double low, high;             /* range along the longest axis */
 } segment;
 
-/* A copy that a remaining sample gets. */
+/* A copy that a remaining sample has. */
 typedef struct new_copy {
     uint32_t place, patch, source; /* place: the sample; source: the original copy */
     bool own;                      /* the original copy is one of the sample itself */
@@ -46,9 +46,10 @@ typedef struct merging {
     uint32_t *target;   /* per sample: the sample it is merged into; itself if it remains */
     uint32_t *ends;     /* per corner: number of curve ends */
     uint32_t *joined;   /* per patch: the least patch of its connected component */
-    new_copy *new_copies;
+    new_copy *new_copies; /* ascending by sample */
     size_t new_count, new_capacity;
-    int axis; /* the longest axis of the bounding box of the samples */
+    size_t *first_new; /* per sample and one more: its first new copy; a sample that was merged has none */
+    int axis;          /* the longest axis of the bounding box of the samples */
 } merging;
 
 /* ---- segments ---- */
@@ -75,7 +76,8 @@ static void list_segments(merging *m)
         const uint32_t first = (uint32_t)in->first[c], count = (uint32_t)(in->first[c + 1] - in->first[c]);
         for (uint32_t k = 1; k < count; k++) add_segment(m, first + k - 1, first + k, c, k);
         if (in->closed[c]) {
-            if (count > 2) add_segment(m, first + count - 1, first, c, count);
+            /* of a single sample: a segment without length, by which samples of other curves find it */
+            if (count > 2 || count == 1) add_segment(m, first + count - 1, first, c, count);
             continue;
         }
         m->ends[in->end[c][0]]++;
@@ -158,15 +160,29 @@ static double distance_between(const merging *m, uint32_t i, uint32_t j)
     return vec3_norm(vec3_sub(m->samples->position[i], m->samples->position[j]));
 }
 
-/* Whether two samples belong to connected patches and are not on opposite walls. */
-static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
+/* Whether two original copies belong to connected patches and are not on opposite walls. */
+static bool is_one_side(const merging *m, size_t a, size_t b)
 {
     const curve_samples *r = m->samples;
+    return m->joined[r->patch[a]] == m->joined[r->patch[b]] &&
+           vec3_dot(r->normal[a], r->normal[b]) > RESOLUTION_OPPOSITE;
+}
+
+/* Whether two samples with their original copies belong to connected patches and are not on opposite walls. */
+static bool were_on_one_side(const merging *m, uint32_t i, uint32_t j)
+{
     for (size_t a = m->first_copy[i]; a < m->first_copy[i + 1]; a++)
         for (size_t b = m->first_copy[j]; b < m->first_copy[j + 1]; b++)
-            if (m->joined[r->patch[a]] == m->joined[r->patch[b]] &&
-                vec3_dot(r->normal[a], r->normal[b]) > RESOLUTION_OPPOSITE)
-                return true;
+            if (is_one_side(m, a, b)) return true;
+    return false;
+}
+
+/* The same with the copies that they have got. Samples on opposite walls have copies on one side once a curve between them was merged. */
+static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
+{
+    for (size_t a = m->first_new[i]; a < m->first_new[i + 1]; a++)
+        for (size_t b = m->first_new[j]; b < m->first_new[j + 1]; b++)
+            if (is_one_side(m, m->new_copies[a].source, m->new_copies[b].source)) return true;
     return false;
 }
 
@@ -261,10 +277,11 @@ static void merge_loose_end(merging *m, uint32_t corner)
     }
 }
 
-static void find_targets(merging *m)
+/* One pass over all samples. Returns the number of samples that remain. */
+static size_t find_targets(merging *m)
 {
     const near_curves_input *in = m->in;
-    for (uint32_t k = 0; k < m->samples->count; k++) m->target[k] = k;
+    size_t remaining = 0;
     for (uint32_t k = 0; k < m->samples->corners; k++) merge_corner(m, k);
     for (uint32_t k = 0; k < m->segment_count; k++) {
         extend_segment(m, k, m->segments[k].from);
@@ -277,8 +294,11 @@ static void find_targets(merging *m)
         }
     for (uint32_t k = 0; in->of_scan && k < m->samples->corners; k++)
         if (m->ends[k] <= 2 && m->target[k] == k) merge_loose_end(m, k);
-    for (uint32_t k = 0; k < m->samples->count; k++) /* path compression: targets are remaining samples */
+    for (uint32_t k = 0; k < m->samples->count; k++) { /* path compression: targets are remaining samples */
         while (m->target[m->target[k]] != m->target[k]) m->target[k] = m->target[m->target[k]];
+        remaining += m->target[k] == k;
+    }
+    return remaining;
 }
 
 /* ---- copies ---- */
@@ -313,7 +333,7 @@ static bool add_facing_copies(merging *m, uint32_t place, error *e)
                                         m->samples->position[s->to]);
         for (int i = 0; i < 2 && away < reach; i++)
             if (m->target[end[i]] != end[i] && end[i] >= m->samples->corners &&
-                are_mergeable(m, place, end[i]) && !add_copies(m, place, end[i], e))
+                were_on_one_side(m, place, end[i]) && !add_copies(m, place, end[i], e))
                 return false;
     }
     return true;
@@ -330,10 +350,29 @@ static int compare_copies(const void *left, const void *right)
 static bool list_copies(merging *m, error *e)
 {
     bool ok = true;
+    m->new_count = 0;
     for (uint32_t k = 0; ok && k < m->samples->count; k++)
         ok = add_copies(m, m->target[k], k, e) && (m->target[k] != k || add_facing_copies(m, k, e));
-    if (ok && m->new_count) qsort(m->new_copies, m->new_count, sizeof *m->new_copies, compare_copies);
-    return ok;
+    if (!ok) return false;
+    if (m->new_count) qsort(m->new_copies, m->new_count, sizeof *m->new_copies, compare_copies);
+    for (size_t k = 0, at = 0; k <= m->samples->count; k++) {
+        while (at < m->new_count && m->new_copies[at].place < k) at++;
+        m->first_new[k] = at;
+    }
+    return true;
+}
+
+/* Merges until no two remaining samples can be merged with the copies that they have got. */
+static bool merge_all(merging *m, error *e)
+{
+    size_t remaining = m->samples->count, before;
+    for (uint32_t k = 0; k < m->samples->count; k++) m->target[k] = k;
+    do {
+        if (!list_copies(m, e)) return false;
+        before = remaining;
+        remaining = find_targets(m);
+    } while (remaining < before);
+    return true;
 }
 
 /* Rebuilds the arrays: each remaining sample once, with one copy per patch. Its own copy takes precedence. */
@@ -394,17 +433,16 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
     m.target = mem_array(samples->count, sizeof *m.target, what, e);
     m.ends = mem_array(samples->count, sizeof *m.ends, what, e);
     m.first_copy = mem_array(samples->count + 1, sizeof *m.first_copy, what, e);
+    m.first_new = mem_array(samples->count + 1, sizeof *m.first_new, what, e);
     m.joined = mem_array(in->patch_count, sizeof *m.joined, what, e);
-    bool ok = m.segments && m.segments_of && m.target && m.ends && m.first_copy && m.joined;
+    bool ok = m.segments && m.segments_of && m.target && m.ends && m.first_copy && m.first_new && m.joined;
     if (ok) {
         connect_patches(&m);
         for (size_t k = 0; k < samples->copies; k++) m.first_copy[samples->place[k] + 1] = k + 1;
         for (size_t k = 1; k <= samples->count; k++)
             if (m.first_copy[k] < m.first_copy[k - 1]) m.first_copy[k] = m.first_copy[k - 1];
         list_segments(&m);
-        ok = build_tree(&m, e);
-        if (ok) find_targets(&m);
-        ok = ok && list_copies(&m, e) && rebuild(&m, e);
+        ok = build_tree(&m, e) && merge_all(&m, e) && rebuild(&m, e);
     }
     free(m.segments);
     free(m.segments_of);
@@ -415,6 +453,7 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
     free(m.target);
     free(m.ends);
     free(m.first_copy);
+    free(m.first_new);
     free(m.joined);
     free(m.new_copies);
     return ok;

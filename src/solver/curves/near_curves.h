@@ -5,7 +5,9 @@
  * Two samples of one curve are merged where the curve folds back between them, neighbours also.
  *
  * Samples are merged only if their patches are connected by curves: the rims of a thin wall, two edges that meet at an acute
- * angle, a low step. Samples on opposite walls and samples of unconnected patches are not merged. World space.
+ * angle, a low step. Samples on opposite walls and samples of unconnected patches are not merged. The copies of a remaining sample
+ * decide which walls it is on: where the curve between the edges of two opposite walls is merged, the edges are merged also.
+ * World space.
  */
 #ifndef HEXAD_SOLVER_CURVES_NEAR_CURVES_H
 #define HEXAD_SOLVER_CURVES_NEAR_CURVES_H
