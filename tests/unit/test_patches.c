@@ -409,9 +409,35 @@ static void rows_of_a_low_step_are_one(void **state)
     assert_true(curve_samples_make(&s.base, &full, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
     curve_samples_free(&rows);
+    /* and where those that remain just fit */
+    const boundary_request merged = {.spacing = 0.1, .even = 0.1, .most = 4 * 10 + 8};
+    assert_true(curve_samples_make(&s.base, &merged, &rows, &e));
+    assert_int_equal(rows.count, 4 * 10 + 8);
+    curve_samples_free(&rows);
     s.patches.merges_near_curves = false;
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 16);
+    curve_samples_free(&rows);
+}
+
+/* Four corners of each of two squares that no curve connects are too many for one sample: the curves have no samples, as a part of them would
+ * lie on one side of the surface. */
+static void too_many_corners_have_no_samples(void **state)
+{
+    (void)state;
+    static faces two;
+    error e = {0};
+    curve_samples rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = 1};
+    two = (faces){0};
+    add_face(&two, (vec3){0, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    add_face(&two, (vec3){0, 0, 3}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    faces_join(&two);
+    two.patches.merges_near_curves = true;
+    assert_true(curve_samples_make(&two.base, &request, &rows, &e));
+    assert_int_equal(rows.count, 0);
+    assert_int_equal(rows.copies, 0);
+    assert_true(rows.border[0] == 0 && rows.border[1] == 0);
     curve_samples_free(&rows);
 }
 
@@ -776,6 +802,7 @@ int main(void)
         cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
         cmocka_unit_test(rows_at_a_wedge_between_opposite_walls_are_one),
         cmocka_unit_test(single_samples_of_two_closed_curves_are_one),
+        cmocka_unit_test(too_many_corners_have_no_samples),
         cmocka_unit_test(row_of_a_curve_that_folds_back_is_one),
         cmocka_unit_test(loops_and_short_curves_have_places),
         cmocka_unit_test(a_loop_without_a_place_takes_no_room),

@@ -14,6 +14,9 @@ static const double SIZING_STEP = 0.25;
 static const double MIN_LENGTH = 0.5;
 /* Factor on the spacing beyond the proportional correction if there are too many samples: covers the rounding per curve. */
 static const double SPACING_MARGIN = 1.02;
+/* Maximum factor on the requested spacing if near samples are merged. Larger: gaps between the samples along edges, and few points for
+ * the patches. */
+static const double MAX_STRETCH = 1.5;
 /* Maximum number of corrections of the spacing. */
 enum { MAX_CORRECTIONS = 12 };
 /* Offset from a curve at which the two normals of a patch that meets itself are taken, in spacings: near enough to be the
@@ -35,7 +38,7 @@ typedef struct layout {
     const field_patches *patches;
     boundary_request request;
     double *length; /* per curve, in spacings */
-    end *ends;      /* sorted by corner; from find_merge_targets on by merge_target */
+    end *ends;      /* sorted by corner by measure_curves, by merge_target by find_merge_targets */
     size_t end_count;
     size_t corner_count;
     bool *merged; /* per corner: it has no sample of its own */
@@ -149,11 +152,13 @@ static void merge_corners(layout *l)
     }
 }
 
-/* Computes the lengths of the curves and which corners are merged. *places: the resulting number of samples. */
+/* Computes the lengths of the curves and which corners are merged, and sorts the ends by corner. *places: the resulting number of
+ * samples. */
 static bool measure_curves(layout *l, double *places, error *e)
 {
     const field_patches *p = l->patches;
     *places = 0;
+    if (l->end_count > 0) qsort(l->ends, l->end_count, sizeof *l->ends, compare_ends);
     for (size_t c = 0; c < p->curve_count; c++) {
         if (!trace_curve(l, &p->curve[c], e)) return false;
         l->length[c] = l->at[l->point_count - 1];
@@ -440,26 +445,64 @@ static bool merge_near_samples(layout *l, curve_samples *out, error *e)
     return ok;
 }
 
-static bool make_layout(layout *l, const field *f, curve_samples *out, error *e)
+/* Samples all curves at the present spacing, without a limit if near samples are merged. */
+static bool sample_all(layout *l, const field *f, curve_samples *out, error *e)
 {
-    double places, most = (double)l->request.most;
-    l->length = mem_array(l->patches->curve_count, sizeof *l->length, WHAT, e);
-    out->border = mem_array(l->patches->count, sizeof *out->border, WHAT, e);
-    if (!l->length || !out->border || !find_corners(l, e) || !measure_curves(l, &places, e)) return false;
-    for (int k = 0; k < MAX_CORRECTIONS && places > most; k++) {
-        l->request.spacing *= SPACING_MARGIN * places / most;
-        if (!measure_curves(l, &places, e)) return false;
-    }
-    l->corner_sample = mem_array(l->corner_count, sizeof *l->corner_sample, WHAT, e);
-    l->first_sample = mem_array(l->patches->curve_count + 1, sizeof *l->first_sample, WHAT, e);
-    bool ok = l->corner_sample && l->first_sample && find_merge_targets(l, e) && sample_corners(l, f, out, e);
-    for (uint32_t c = 0; ok && c < l->patches->curve_count; c++) {
+    const field_patches *p = l->patches;
+    memset(l->capacity, 0, sizeof l->capacity);
+    free(l->half);
+    l->half = NULL;
+    curve_samples_free(out);
+    out->border = mem_array(p->count, sizeof *out->border, WHAT, e);
+    bool ok = out->border && find_merge_targets(l, e) && sample_corners(l, f, out, e);
+    for (uint32_t c = 0; ok && c < p->curve_count; c++) {
         l->first_sample[c] = out->count;
         ok = sample_curve(l, f, c, out, e);
         l->first_sample[c + 1] = out->count;
     }
-    return ok && (!l->patches->merges_near_curves || merge_near_samples(l, out, e)) &&
-           subtract_euler(l, out, e);
+    return ok && (!p->merges_near_curves || merge_near_samples(l, out, e));
+}
+
+/* Samples all curves, and increases the spacing while there are more than `most` samples. */
+static bool sample_at_most(layout *l, const field *f, size_t most, curve_samples *out, error *e)
+{
+    double places;
+    if (!measure_curves(l, &places, e)) return false;
+    for (int k = 0; k < MAX_CORRECTIONS && places > (double)most; k++) {
+        l->request.spacing *= SPACING_MARGIN * places / (double)most;
+        if (!measure_curves(l, &places, e)) return false;
+    }
+    return sample_all(l, f, out, e);
+}
+
+/* The same where near samples are merged: the samples that remain count. If they need a spacing above MAX_STRETCH, the curves have no
+ * samples. */
+static bool sample_and_merge(layout *l, const field *f, size_t most, curve_samples *out, error *e)
+{
+    const double longest = MAX_STRETCH * l->request.spacing;
+    double places;
+    l->request.most = SIZE_MAX;
+    while (l->request.spacing <= longest) {
+        if (!measure_curves(l, &places, e) || !sample_all(l, f, out, e)) return false;
+        if (out->count <= most) return true;
+        l->request.spacing *= SPACING_MARGIN * (double)out->count / (double)most;
+    }
+    curve_samples_free(out);
+    out->border = mem_array(l->patches->count, sizeof *out->border, WHAT, e);
+    return out->border != NULL;
+}
+
+static bool make_layout(layout *l, const field *f, curve_samples *out, error *e)
+{
+    const size_t most = l->request.most;
+    l->length = mem_array(l->patches->curve_count, sizeof *l->length, WHAT, e);
+    l->first_sample = mem_array(l->patches->curve_count + 1, sizeof *l->first_sample, WHAT, e);
+    if (!l->length || !l->first_sample || !find_corners(l, e)) return false;
+    l->corner_sample = mem_array(l->corner_count, sizeof *l->corner_sample, WHAT, e);
+    if (!l->corner_sample) return false;
+    return (l->patches->merges_near_curves ? sample_and_merge(l, f, most, out, e)
+                                           : sample_at_most(l, f, most, out, e)) &&
+           (out->count == 0 || subtract_euler(l, out, e));
 }
 
 bool curve_samples_make(const field *f, const boundary_request *request, curve_samples *out, error *e)

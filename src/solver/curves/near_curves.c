@@ -282,7 +282,8 @@ static size_t find_targets(merging *m)
 {
     const near_curves_input *in = m->in;
     size_t remaining = 0;
-    for (uint32_t k = 0; k < m->samples->corners; k++) merge_corner(m, k);
+    for (uint32_t k = 0; k < m->samples->corners; k++)
+        if (m->target[k] == k) merge_corner(m, k);
     for (uint32_t k = 0; k < m->segment_count; k++) {
         extend_segment(m, k, m->segments[k].from);
         extend_segment(m, k, m->segments[k].to);
