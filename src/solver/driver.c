@@ -301,22 +301,16 @@ static bool is_last_level(const solver *s)
     return s->state.level == s->state.plan.count - 1;
 }
 
-/* The action after convergence with this gain, with or without the ideal energy. */
-static solver_outcome outcome_of(const solver *s, bool is_on_target)
-{
-    return is_on_target && s->state.gain <= schedule_coarsest_gain(s->state.regime->schedule)
-               ? SOLVER_CONVERGED
-               : SOLVER_STALLED;
-}
-
-/* A result that has converged goes through the actions that complete it; another one ends as it is. */
+/* Particles that have converged go through the actions that complete a result. On patches also if no support gives them the ideal energy, as
+ * where most patches have one particle. Others end as they are. */
 static void complete(solver *s, bool is_on_target)
 {
-    const solver_outcome outcome = outcome_of(s, is_on_target);
-    if (outcome == SOLVER_CONVERGED)
+    s->state.is_on_target = is_on_target;
+    if (s->state.gain <= schedule_coarsest_gain(s->state.regime->schedule) &&
+        (is_on_target || s->state.p->patch))
         s->state.next = ACTION_REPAIR;
     else
-        end(s, outcome);
+        end(s, SOLVER_STALLED);
 }
 
 static bool refine(solver *s, error *e)
@@ -337,8 +331,17 @@ static bool judge_single_level(solver *s, error *e)
     return !s->state.lists_stale || solver_build_lists(s, e);
 }
 
+/* Whether another support may bring the energy nearer to the ideal one. On patches only if the last one did: where few particles have
+ * neighbours, their energy says little. */
+static bool may_approach_target(const solver *s, double energy, double sigma)
+{
+    const double ideal = s->setup.params.energy->ideal;
+    return s->state.sigma != sigma &&
+           (!s->state.p->patch || fabs(log(energy / ideal)) < fabs(log(s->state.last_energy / ideal)));
+}
+
 /* Section 6.1: the support, and the count where the support is bounded. */
-static bool adapt(solver *s, bool is_on_target, error *e)
+static bool adapt(solver *s, bool is_on_target, double energy, error *e)
 {
     const double before = s->state.sigma;
     bool changed = false;
@@ -347,11 +350,13 @@ static bool adapt(solver *s, bool is_on_target, error *e)
     if (changed) {
         enter_stage(s, 0);
         begin_fresh_round(s, "count_adapted");
-    } else if (is_on_target || (is_last_stage(s) && s->state.sigma == before)) {
+    } else if (is_on_target || (is_last_stage(s) && !may_approach_target(s, energy, before))) {
+        if (!is_on_target) s->state.sigma = before;
         complete(s, is_on_target);
     } else {
         s->state.had_extra_sweeps = is_last_stage(s) && s->state.p->patch;
         if (s->state.had_extra_sweeps) s->state.has_many_defects = false;
+        if (is_last_stage(s)) s->state.last_energy = energy;
         enter_stage(s, is_last_stage(s) ? s->state.stage : s->state.stage + 1);
         begin_fresh_round(s, "support_adapted");
     }
@@ -388,7 +393,7 @@ static bool control(solver *s, error *e)
     }
     if (s->state.plan.count == 1 && s->state.stage == SCHEDULE_STAGES - 2 && !judge_single_level(s, e))
         return false;
-    return adapt(s, is_on_target, e);
+    return adapt(s, is_on_target, energy, e);
 }
 
 /* ---- a result that has converged */
@@ -493,7 +498,7 @@ static bool verify(solver *s, error *e)
         go_on(s, "steps_left");
         return true;
     }
-    end(s, SOLVER_CONVERGED);
+    end(s, s->state.is_on_target ? SOLVER_CONVERGED : SOLVER_STALLED);
     bool changed = false;
     return !s->state.regime->spreads_points ||
            (solver_spread_points(s, &changed, e) && solver_project(s, &changed, e));

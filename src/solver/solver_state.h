@@ -85,11 +85,13 @@ typedef struct solver_state {
     int list_age;           /* sweeps since the lists were built */
     size_t next_amplitudes; /* the sweep before which amplitudes are renewed */
 
-    int repairs;       /* passes of defect repair */
-    int equalisations; /* passes of solver_equalise_cells */
-    int continuations; /* see SOLVER_CONTINUATIONS_MOST */
-    bool is_projected; /* no particle has moved since solver_project */
-    bool is_tightened; /* step_left was too large after projection: convergence requires a smaller one */
+    int repairs;        /* passes of defect repair */
+    int equalisations;  /* passes of solver_equalise_cells */
+    int continuations;  /* see SOLVER_CONTINUATIONS_MOST */
+    double last_energy; /* mean energy of the round of the last stage before this one; 0: none */
+    bool is_on_target;  /* the particles had the ideal energy when they had last converged */
+    bool is_projected;  /* no particle has moved since solver_project */
+    bool is_tightened;  /* step_left was too large after projection: convergence requires a smaller one */
 
     double fraction, updates;                      /* progress; updates of particles so far */
     struct witkin_heckbert_state *witkin_heckbert; /* of solver_witkin_heckbert */

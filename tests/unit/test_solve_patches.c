@@ -503,6 +503,40 @@ static void points_of_a_mesh_at_one_place_are_separated(void **state)
     mesh_surface_free(s);
 }
 
+/* Eight squares of about one cell each: no support gives the only two points that interact the ideal energy while they are at one place. The
+ * result is completed all the same. */
+static void points_without_the_ideal_energy_are_separated(void **state)
+{
+    (void)state;
+    static faces s;
+    solve x, out;
+    solver_params params = solve_defaults;
+    params.count = FACES_MOST + 1;
+    s = (faces){0};
+    for (int k = 0; k < FACES_MOST; k++)
+        add_face(&s, (vec3){10 * k, 0, 0}, (vec3){0.5, 0, 0}, (vec3){0, 0.5, 0});
+    faces_join(&s);
+    s.patches.merges_near_curves = true;
+    solve_all(&s.base, &params, 1, &x);
+    given_start(&x, &params);
+    vec3 *position = copy_positions(&x);
+    size_t pairs = 0;
+    for (size_t i = 1; i < x.points->count; i++)
+        for (size_t j = 0; j < i; j++) {
+            if (x.points->patch[i] != x.points->patch[j]) continue;
+            position[i] = position[j];
+            pairs++;
+        }
+    assert_int_equal(pairs, 1);
+    params.given = position;
+    solve_all(&s.base, &params, 1, &out);
+    assert_int_equal(out.points->count, params.count);
+    assert_true(solve_least_distance(out.points) > 0.25);
+    solve_free(&out);
+    solve_free(&x);
+    free(position);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -519,6 +553,7 @@ int main(void)
         cmocka_unit_test(points_on_curves_have_a_copy_for_each_patch),
         cmocka_unit_test(every_patch_has_a_point),
         cmocka_unit_test(points_of_a_mesh_at_one_place_are_separated),
+        cmocka_unit_test(points_without_the_ideal_energy_are_separated),
         cmocka_unit_test(normals_of_an_edge_are_merged_where_they_agree),
     };
     return cmocka_run_group_tests_name("solve_patches", tests, NULL, NULL);
