@@ -172,6 +172,9 @@ static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double l
         normal = n;
     }
     if (!found) return false;
+    /* no force of its patch has held it so far: the last rounds relax the particles around it */
+    if (s->state.p->patch && s->scratch.lost[i] && s->state.continuations >= SOLVER_CONTINUATIONS_MOST - 1)
+        s->state.p->place[i] = PARTICLES_PINNED;
     solver_mark_displaced(s, i);
     s->state.p->position[i] = x;
     s->state.p->normal[i] = normal;
