@@ -35,14 +35,6 @@ static preview_sample preview_at(const image *m, int x, int y)
     vec3 p = preview_place(m, &s, x, y);
     return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
 }
-static float half_to_float(uint16_t half)
-{
-    int exponent = half >> 10 & 0x1F, mantissa = half & 0x3FF;
-    float value = exponent == 0    ? ldexpf((float)mantissa, -24)
-                  : exponent == 31 ? (mantissa ? NAN : INFINITY)
-                                   : ldexpf((float)(mantissa + 1024), exponent - 25);
-    return half & 0x8000 ? -value : value;
-}
 
 static image *render_options(const points *set, const preview_options *options, int workers)
 {
