@@ -14,8 +14,9 @@
 #include "queue/queue.h"
 
 /* Adds the jobs of `count` results to the queue. The list must be sorted by id, then by frame, and filled by
- * queue_find_directories. Skips results of jobs that are in the queue, results that are noted for removal, and, with a
- * warning, results that cannot be read. *adopted is the number of added jobs, also on failure. Errors: those of queue_adopt. */
+ * queue_find_directories. Skips results of jobs that are in the queue, results that are noted for removal, and, with
+ * a warning, results that cannot be read. *adopted is the number of added jobs, also on failure. Errors: those of
+ * queue_adopt. */
 bool adoption_run(queue *q, const char *work_dir, const queue_directory *results, size_t count,
                   size_t *adopted, error *e);
 

@@ -18,7 +18,8 @@
 static const char *const parts[] = {"results", "attempts"};
 enum { RESULTS, ATTEMPTS };
 
-/* The entries of results/ or attempts/: first those whose names have the form of a task's directory, then all others. */
+/* The entries of results/ or attempts/: first those whose names have the form of a task's directory, then all
+ * others. */
 typedef struct listing {
     char **name;
     queue_directory *directory; /* parsed names of the first `named` entries, in the same order */
@@ -185,8 +186,8 @@ static bool decide_on_result(queue *q, const char *work_dir, const queue_directo
     return true;
 }
 
-/* Decides on an attempt. The queue stores the number before the directory is created, so a directory with a higher number
- * was made with a newer database. */
+/* Decides on an attempt. The queue stores the number before the directory is created, so a directory with a higher
+ * number was made with a newer database. */
 static decision decide_on_attempt(const queue_directory *d)
 {
     if (d->to_be_removed || (d->known && d->attempt <= d->last_attempt)) return STAYS;

@@ -7,8 +7,8 @@
 
 #include "queue/queue.h"
 
-/* Renames the complete result of the latest earlier attempt that has one to `directory`, which must not exist. False if no
- * attempt has one, or if the renaming fails. */
+/* Renames the complete result of the latest earlier attempt that has one to `directory`, which must not exist. False
+ * if no attempt has one, or if the renaming fails. */
 bool kept_result_take(const char *work_dir, const queue_claimed *claimed, const char *directory);
 
 /* Removes the kept results of all cancelled tasks of the job. Their logs stay. Failures are logged or ignored. */

@@ -12,9 +12,9 @@
 
 #define LOST_FOUND_DIRECTORY "lost+found"
 
-/* Renames "WORK_DIR/PART/NAME" to "WORK_DIR/lost+found/PART/NAME", or to NAME~1, NAME~2, ... if the name exists there. A
- * symbolic link is renamed, not followed. lost_found_flush makes the move durable. Errors: internal; those of
- * store_directory_create. */
+/* Renames "WORK_DIR/PART/NAME" to "WORK_DIR/lost+found/PART/NAME", or to NAME~1, NAME~2, ... if the name exists
+ * there. A symbolic link is renamed, not followed. lost_found_flush makes the move durable. Errors: internal; those
+ * of store_directory_create. */
 bool lost_found_move(const char *work_dir, const char *part, const char *name, error *e);
 
 /* Flushes "WORK_DIR/lost+found/PART" and "WORK_DIR/PART" to disk. Errors: those of store_directory_sync. */

@@ -1,8 +1,8 @@
 /* output_cleanup: removes temporary files that an interrupted copy of a result left in an output directory.
  *
- * The queue stores their names: a copy is noted there (queue_note_copy) before its temporary file is created. Only these
- * files are removed. A thread removes them, because an output directory may be slow. If a directory cannot be reached, the
- * thread tries again every minute until it is stopped.
+ * The queue stores their names: a copy is noted there (queue_note_copy) before its temporary file is created. Only
+ * these files are removed. A thread removes them, because an output directory may be slow. If a directory cannot be
+ * reached, the thread tries again every minute until it is stopped.
  */
 #ifndef HEXAD_RESULTS_OUTPUT_CLEANUP_H
 #define HEXAD_RESULTS_OUTPUT_CLEANUP_H

@@ -18,7 +18,8 @@
 
 /* How long a submission waits for the file system, in milliseconds. */
 #define LOOK_MS 2000
-/* Threads that may wait for the file system of one root. Further checks fail at once: the file system does not respond. */
+/* Threads that may wait for the file system of one root. Further checks fail at once: the file system does not
+ * respond. */
 #define LOOKS_MOST 16
 
 /* The number of running checks below each root. The place and each check refer to it; the last one frees it. */
@@ -91,7 +92,8 @@ static char *name_with_report(int directory, const char *path)
     return name ? name : mem_strdup(path);
 }
 
-/* Error output_taken if the report in this directory was delivered for another user. `name` NULL: there is no report. */
+/* Error output_taken if the report in this directory was delivered for another user. `name` NULL: there is no
+ * report. */
 static bool check_owner(const output_place *p, const char *user, const char *name, const char *path, error *e)
 {
     char *owner = NULL;
@@ -180,8 +182,8 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Checks a directory below root `index`, or the root itself (path NULL). *name: as in `look`, to be freed; unchanged if no
- * check could be started. */
+/* Checks a directory below root `index`, or the root itself (path NULL). *name: as in `look`, to be freed; unchanged
+ * if no check could be started. */
 static bool look_at(output_place *p, size_t index, const char *path, char **name, error *e)
 {
     const char *root = p->outputs->roots[index];

@@ -18,7 +18,8 @@
  * working disk. */
 static const double AT_ONCE_S = 60;
 
-/* The spec in the format of a report: indented as a member of the outermost object. To be freed; NULL: it is not JSON. */
+/* The spec in the format of a report: indented as a member of the outermost object. To be freed; NULL: it is not
+ * JSON. */
 static char *print_member(const char *spec, error *e)
 {
     static const char before[] = "{\n  \"spec\":", after[] = "\n}\n";
@@ -64,8 +65,8 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     return ok;
 }
 
-/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the summary that a
- * worker writes: without a valid one the report is read. */
+/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the summary
+ * that a worker writes: without a valid one the report is read. */
 static void write_summary(const char *to, json *summary)
 {
     int64_t bytes = 0;

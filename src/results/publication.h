@@ -1,9 +1,9 @@
 /* publication: copies a result to output.directory of its job, in a thread, because that directory may be slow.
  *
- * The copy is made before the result moves to results/. If it fails, the job fails with the error of the copy. After a
- * crash at any point, either the result in results/ has been copied, or the task gets another attempt. The temporary file
- * of a copy is noted in the queue before it is created (queue_note_copy); the end of the attempt deletes the note. After a
- * crash, the next start removes the noted files (results/output_cleanup).
+ * The copy is made before the result moves to results/. If it fails, the job fails with the error of the copy. After
+ * a crash at any point, either the result in results/ has been copied, or the task gets another attempt. The
+ * temporary file of a copy is noted in the queue before it is created (queue_note_copy); the end of the attempt
+ * deletes the note. After a crash, the next start removes the noted files (results/output_cleanup).
  */
 #ifndef HEXAD_RESULTS_PUBLICATION_H
 #define HEXAD_RESULTS_PUBLICATION_H
@@ -12,12 +12,13 @@
 
 typedef struct publication publication;
 
-/* The name (without directory) of the temporary file for a copy of the result in this attempt's directory, to be freed. */
+/* The name (without directory) of the temporary file for a copy of the result in this attempt's directory, to be
+ * freed. */
 char *publication_temporary(const char *directory);
 
-/* Begins to copy the result in `directory` to `path`, for this user. At the end of the copy, 1 is written to the eventfd
- * `end_fd`. The place must outlive the publication; texts are copied. Never NULL. If no thread can be started, the copy is
- * made before the call returns. */
+/* Begins to copy the result in `directory` to `path`, for this user. At the end of the copy, 1 is written to the
+ * eventfd `end_fd`. The place must outlive the publication; texts are copied. Never NULL. If no thread can be
+ * started, the copy is made before the call returns. */
 publication *publication_start(output_place *outputs, const char *user, const char *directory,
                                const char *path, int end_fd);
 

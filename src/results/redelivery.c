@@ -70,8 +70,8 @@ static char **find_place(redelivery *r, const char *user)
     return place;
 }
 
-/* Takes the first marked job of a user whose results no other thread copies. *place is the element of `user` that now holds
- * the user's name; NULL: there is no such job. False: a database error. */
+/* Takes the first marked job of a user whose results no other thread copies. *place is the element of `user` that
+ * now holds the user's name; NULL: there is no such job. False: a database error. */
 static bool take(redelivery *r, queue_uncopied *job, char ***place)
 {
     bool ok = true, found = true;
@@ -116,7 +116,8 @@ static bool work(redelivery *r, bool *any)
     return ok;
 }
 
-/* Waits for a wake-up after number *seen, after a failure for at most RETRY_MS. Sets *seen. False: the thread must end. */
+/* Waits for a wake-up after number *seen, after a failure for at most RETRY_MS. Sets *seen. False: the thread must
+ * end. */
 static bool wait(redelivery *r, bool failed, uint64_t *seen)
 {
     int64_t until_ms = clock_monotonic_ms() + RETRY_MS;

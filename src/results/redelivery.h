@@ -1,7 +1,8 @@
 /* redelivery: copies results of ended jobs to output.directory again.
  *
- * Several threads process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of one user
- * are delivered one after another, so a file system that does not respond delays only jobs of users who write to it.
+ * Several threads process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of
+ * one user are delivered one after another, so a file system that does not respond delays only jobs of users who
+ * write to it.
  */
 #ifndef HEXAD_RESULTS_REDELIVERY_H
 #define HEXAD_RESULTS_REDELIVERY_H

@@ -28,7 +28,8 @@
 #define MAX_OUTPUTS 512
 /* Name of the stored list. An output cannot have it, because names of outputs do not begin with '.'. */
 #define LISTING_NAME ".listing.json"
-/* Age in seconds after which a temporary file of a list counts as left by a crash. A list is written in milliseconds. */
+/* Age in seconds after which a temporary file of a list counts as left by a crash. A list is written in
+ * milliseconds. */
 #define LEFT_S 60
 
 char *result_directory(const char *work_dir, const char *id, int frame)
@@ -169,7 +170,8 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-/* The text of a report or summary with null for its sweeps, which are most of a long report. To be freed; NULL on failure. */
+/* The text of a report or summary with null for its sweeps, which are most of a long report. To be freed; NULL on
+ * failure. */
 static char *read_text(const char *directory, const char *name, size_t limit, size_t *length, error *e)
 {
     int64_t bytes = 0;
@@ -310,7 +312,8 @@ static char *print_listing(const result *r)
     return text;
 }
 
-/* Removes temporary files of lists that a crash left before their rename. A file younger than LEFT_S may still be in use. */
+/* Removes temporary files of lists that a crash left before their rename. A file younger than LEFT_S may still be in
+ * use. */
 static void remove_left_listings(const char *directory)
 {
     struct stat info;
@@ -354,8 +357,9 @@ void result_list_long(const char *directory)
     if (bytes > SHORT_REPORT_BYTES && result_list(directory, &r, NULL)) result_clear(&r);
 }
 
-/* Deleting is safe: the queue stored the number of this attempt before the directory was created, a start moves directories
- * with unknown numbers to lost+found (results/inventory), and the directory contains no result that was ever reported. */
+/* Deleting is safe: the queue stored the number of this attempt before the directory was created, a start moves
+ * directories with unknown numbers to lost+found (results/inventory), and the directory contains no result that was
+ * ever reported. */
 void result_remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);

@@ -21,7 +21,8 @@
 #define REMOVE_AGAIN_MS 10000
 /* Longest time between two collections of uploaded files, in milliseconds. */
 #define COLLECT_MOST_MS 3600000
-/* Collections in the time for which uploaded files are kept, if that is shorter than COLLECT_MOST_MS times this number. */
+/* Collections in the time for which uploaded files are kept, if that is shorter than COLLECT_MOST_MS times this
+ * number. */
 #define COLLECTIONS_IN_KEEP 4
 /* Longest wait between two readings of the wall clock, in milliseconds, because the clock may be set. */
 #define LOOK_MS 60000
@@ -55,7 +56,8 @@ static int64_t least(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
-/* Removes the directories of a deleted task. A missing directory is not an error: an earlier removal may have removed it. */
+/* Removes the directories of a deleted task. A missing directory is not an error: an earlier removal may have
+ * removed it. */
 static bool remove_task(retention *r, const queue_removal *task, error *e)
 {
     char *path = result_directory(r->work_dir, task->id, task->frame);
@@ -79,8 +81,8 @@ static bool flush_places(retention *r, error *e)
     return ok;
 }
 
-/* Removes the directories of these notes, flushes, then removes the notes. If a directory cannot be removed, its note stays,
- * and the remaining ones are processed. */
+/* Removes the directories of these notes, flushes, then removes the notes. If a directory cannot be removed, its
+ * note stays, and the remaining ones are processed. */
 static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
 {
     size_t gone = 0;
@@ -131,7 +133,8 @@ static void set_left(retention *r, bool left)
     pthread_mutex_unlock(&r->mutex);
 }
 
-/* Processes the remaining notes if it is time, and logs a failure once. Returns the monotonic time of the next attempt. */
+/* Processes the remaining notes if it is time, and logs a failure once. Returns the monotonic time of the next
+ * attempt. */
 static int64_t work_off_rest(retention *r)
 {
     error e = {0};
@@ -184,7 +187,8 @@ uint64_t retention_count_evicted(const retention *r)
     return atomic_load(&r->evicted);
 }
 
-/* Marks sent results as delivered in the queue. If that fails, the result must be fetched again to count as delivered. */
+/* Marks sent results as delivered in the queue. If that fails, the result must be fetched again to count as
+ * delivered. */
 static void note_delivered(retention *r)
 {
     error e = {0};
@@ -219,7 +223,8 @@ static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
     return true;
 }
 
-/* Measures up to AT_ONCE jobs without a stored size: jobs of older versions and adopted ones. *more: others may remain. */
+/* Measures up to AT_ONCE jobs without a stored size: jobs of older versions and adopted ones. *more: others may
+ * remain. */
 static bool measure_some(retention *r, bool *more)
 {
     char id[ULID_SIZE];
@@ -265,9 +270,9 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most LOOK_MS from now.
- * It is in the past if the retention has expired since forget_some ran. Jobs whose expiry is held back after a step of the
- * wall clock are examined every LOOK_MS. */
+/* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most LOOK_MS
+ * from now. It is in the past if the retention has expired since forget_some ran. Jobs whose expiry is held back
+ * after a step of the wall clock are examined every LOOK_MS. */
 static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
 {
     int64_t next;
