@@ -1,4 +1,4 @@
-/* backup: the handler that sends a copy of the database. It makes one copy at a time. */
+/* backup: the handler that sends a copy of the database. While a copy is being made, further requests are refused. */
 #ifndef HEXAD_API_BACKUP_H
 #define HEXAD_API_BACKUP_H
 

@@ -14,9 +14,9 @@
 #include "formats/contact_sheet.h"
 #include "results/result.h"
 
-/* Tasks that are read at once. */
+/* Tasks that one query reads. */
 enum { TASKS_PAGE = 1000 };
-/* No preview is read later than this after the first one: hexadctl gives up after 60 s without a byte. */
+/* Time limit for reading all previews of a sheet, in milliseconds: hexadctl gives up after 60 s without a byte. */
 enum { DRAW_MS = 20000 };
 
 typedef struct frames {
@@ -31,7 +31,7 @@ static void add_succeeded(frames *f, const queue_task *tasks, size_t count)
         if (tasks[i].state == QUEUE_SUCCEEDED) f->item[f->count++] = tasks[i].frame;
 }
 
-/* The frames that have succeeded; to be freed, also after an error. */
+/* Lists the frames that have succeeded; f->item must be freed, also after an error. */
 static bool list_frames(queue *q, const char *id, frames *f, error *e)
 {
     for (int after = -1;;) {
@@ -64,9 +64,10 @@ static bool read_thumbnail(const http_context *c, const char *id, int frame, int
     return ok;
 }
 
-/* Frames of a sheet. */
+/* Numbers of frames of a sheet. */
 typedef struct drawing {
-    int shown, drawn, late; /* with a place; with a picture; not read in time, or since the service stops */
+    int shown, drawn; /* frames on the sheet; frames whose picture was drawn */
+    int late;         /* frames whose preview was not read before the time limit or the stop of the service */
 } drawing;
 
 static void draw(const http_context *c, const queue_job *job, const frames *f, contact_sheet *sheet,

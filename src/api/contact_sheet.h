@@ -1,8 +1,9 @@
-/* contact_sheet: the handler of the picture of a job: the previews of all frames of an array as one picture, or the preview
- * of another job.
+/* contact_sheet: the handler that sends one picture of a job: for an array a contact sheet of the previews of its
+ * frames, for another job its preview.
  *
- * hexad-worker makes a thumbnail of each preview, in a process that reads nothing else (formats/thumbnail), so the daemon
- * decodes no file. A sheet is drawn for each request; it has at most CONTACT_SHEET_MOST frames, evenly chosen.
+ * hexad-worker makes the thumbnail of each preview in a separate process (formats/thumbnail), so the daemon decodes
+ * no file of a worker. A sheet is drawn at each request and has at most CONTACT_SHEET_MOST frames, at equal
+ * distances in the list of succeeded frames.
  */
 #ifndef HEXAD_API_CONTACT_SHEET_H
 #define HEXAD_API_CONTACT_SHEET_H

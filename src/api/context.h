@@ -1,4 +1,5 @@
-/* context: what the handlers of all routes work on. The members are borrowed and outlive the server. */
+/* context: the objects and settings that the handlers of all routes use. Pointers are borrowed and outlive the server.
+ * All members are constant while the server runs. */
 #ifndef HEXAD_API_CONTEXT_H
 #define HEXAD_API_CONTEXT_H
 
@@ -24,31 +25,31 @@ struct http_context {
     queue *q;
     executor *x;
     estimator *estimator;     /* NULL: no estimates */
-    const store_roots *roots; /* where jobs may read, uploads included */
-    store_inputs *inputs;
-    bool share_inputs; /* users may name what others have sent */
+    const store_roots *roots; /* directories that jobs may read, with the directory of uploads */
+    store_inputs *inputs;     /* uploaded files */
+    bool share_inputs;        /* jobs may read files that other users have uploaded */
     output_place *outputs;
-    const path_map *mappings;       /* of paths; NULL: none */
-    const webhook_hosts *webhooks;  /* NULL: none */
-    const char *const *slurm_allow; /* options of sbatch that jobs may ask for */
+    const path_map *mappings;       /* setting path_mappings; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: jobs may not name webhooks */
+    const char *const *slurm_allow; /* options of sbatch that specs may contain */
     size_t slurm_allow_count;
-    wait_list *waiting; /* dismissed when the service stops */
-    const char *work_dir;
+    wait_list *waiting;             /* dismissed when the service stops */
+    const char *work_dir;           /* the directory of results/ and attempts/ */
     const char *worker;             /* path of hexad-worker */
-    int max_attempts;               /* of a job that names none */
-    int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */
-    const user_numbers *priorities; /* the highest that a user may give; NULL: any */
-    submission_rate *rate;          /* of each user; NULL: any */
-    int64_t retention_s;            /* of a job that names none */
-    double wait_s;                  /* the longest wait that a client may ask for */
-    double thumbnail_timeout_s;     /* of a process that makes one */
-    int64_t started_ms;             /* wall clock */
-    const http_counters *counters;  /* of the server */
-    const delivery_counters *calls; /* of webhooks */
-    atomic_bool *copying;           /* true while a backup is made */
-    document_cache *documents;      /* NULL: no document is cached */
-    const struct page *page;        /* api/page.h; NULL: there is none */
-    double session_s;               /* how long a session lasts */
+    int max_attempts;               /* default for specs without limits.max_attempts */
+    int64_t most_waiting;           /* limit of unfinished jobs of one user; 0: no limit */
+    const user_numbers *priorities; /* highest allowed priority of each user; NULL: no limit */
+    submission_rate *rate;          /* NULL: no limit */
+    int64_t retention_s;            /* default for specs without retention, in seconds */
+    double wait_s;                  /* longest wait that `Prefer: wait` can request, in seconds */
+    double thumbnail_timeout_s;     /* time limit of a process that makes a thumbnail, in seconds */
+    int64_t started_ms;             /* start of the service, wall clock */
+    const http_counters *counters;  /* the server changes them */
+    const delivery_counters *calls; /* calls of webhooks; the delivery thread changes them */
+    atomic_bool *copying;           /* true while a backup is made; the handler of backups changes it */
+    document_cache *documents;      /* NULL: documents are not cached */
+    const struct page *page;        /* api/page.h; NULL: no page is served */
+    double session_s;               /* length of a session, in seconds */
 };
 
 #endif

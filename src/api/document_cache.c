@@ -7,11 +7,11 @@
 
 #include "base/memory.h"
 
-/* The id of a job determines the row of its documents. */
+/* Places in a row. The hash of the id of a job determines the row of its documents. */
 #define ROW_PLACES 4
 
 typedef struct place {
-    char id[ULID_SIZE]; /* "": free */
+    char id[ULID_SIZE]; /* "": the place is unused */
     bool own;
     int64_t seq;
     uint64_t stamp;
@@ -21,7 +21,7 @@ typedef struct place {
 
 typedef struct row {
     place place[ROW_PLACES];
-    unsigned next; /* the place to reuse when all are taken */
+    unsigned next; /* the place of the next new document, modulo ROW_PLACES */
 } row;
 
 struct document_cache {

@@ -1,9 +1,8 @@
-/* document_cache: the documents of jobs, ready to be sent again while their jobs do not change.
+/* document_cache: caches the JSON documents of jobs until the jobs change.
  *
- * A document is stored with the stamp that its job had (queue_stamp) and is returned only while the job has
- * that stamp, so that it never misses a change that was acknowledged. The document for the owner and the one
- * for other readers are stored apart. The cache has a fixed number of places; a new document replaces an
- * older one. Documents longer than DOCUMENT_CACHE_BYTES_MOST are not stored. Any thread.
+ * A document is stored with the stamp of its job (queue_stamp) and is returned only while the job has this stamp. So it
+ * always contains every change that was acknowledged to a client. The document for the owner and the document for other
+ * readers are separate entries. The number of entries is fixed; a new document replaces an older one. Any thread.
  */
 #ifndef HEXAD_API_DOCUMENT_CACHE_H
 #define HEXAD_API_DOCUMENT_CACHE_H
@@ -15,27 +14,27 @@
 #include "auth/access.h"
 #include "queue/queue.h"
 
-#define DOCUMENT_CACHE_BYTES_MOST 16384
+#define DOCUMENT_CACHE_BYTES_MOST 16384 /* longer documents are not stored */
 
 typedef struct document_cache document_cache;
 
 typedef struct cached_document {
-    char *text; /* JSON, to be freed */
+    char *text; /* JSON; the owner of the struct frees it */
     size_t length;
     char tag[JOB_JSON_TAG_SIZE]; /* ETag */
 } cached_document;
 
-/* For so many documents, rounded up to a multiple of four. 0: NULL, a cache that stores none. */
+/* A cache for `places` documents, rounded up to a multiple of four. 0: NULL, which the functions below accept as a
+ * cache that stores nothing. */
 document_cache *document_cache_new(size_t places);
 void document_cache_free(document_cache *c); /* accepts NULL */
 
-/* Returns a copy of the document that this caller may see; false when it is not stored or the job has
- * changed. */
+/* Returns a copy of the stored document that this caller may see. False if it is not stored or the job has changed. */
 bool document_cache_find(document_cache *c, queue *q, const char *id, const access_caller *caller,
                          cached_document *found);
 
-/* Stores a copy. `job` comes from queue_get, and the document depends on nothing that changes without it.
- * `own`: the document is the owner's. */
+/* Stores a copy. `job` must come from queue_get. The document must not contain anything that can change while the
+ * stamp of the job stays the same. `own`: it is the document for the owner and administrators. */
 void document_cache_put(document_cache *c, const queue_job *job, bool own, const cached_document *document);
 
 #endif

@@ -12,47 +12,48 @@
 #include "executor/progress_ring.h"
 #include "http/parameter.h"
 
-#define PAGE_DEFAULT 50 /* as the table of parameters says */
-/* How many events a stream reads at once. */
+/* Events of a page without the parameter `limit`; parameters.c documents the same number. */
+#define PAGE_DEFAULT 50
+/* Events, and progress lines, that a stream reads with one query. */
 #define BATCH 64
-/* After so long without an event a comment shows that the stream is alive. */
+/* Time without data, in milliseconds, after which a stream sends a comment, so that proxies do not close it. */
 #define SILENCE_MS 14000
 
-_Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not cut off");
+_Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not truncated");
 
-/* Of progress lines: none of those there are now. */
+/* Instead of the number of a progress line: only lines that are written later. */
 #define ROWS_FROM_NOW INT64_MAX
 
-/* Which events a request asks for. */
+/* The events that a request selects. */
 typedef struct selection {
     const char *id, *owner, *label; /* NULL: any */
     const char *viewer;             /* the caller; "": an administrator */
-    bool whole_job;                 /* of one job, until its end */
-    bool progress;                  /* with progress lines, among which `label` does not choose */
-    int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
-    int64_t row;                    /* the last progress line that the client has, or ROWS_FROM_NOW */
+    bool whole_job;                 /* the events of job `id` until its end */
+    bool progress;                  /* progress lines, too; `label` does not filter them */
+    int64_t after; /* number of the last event that the client has, or QUEUE_EVENTS_FROM_NOW */
+    int64_t row;   /* number of the last progress line that the client has, or ROWS_FROM_NOW */
 } selection;
 
 /* One stream. */
 typedef struct follower {
-    reply_source source; /* first: the server's view of it */
+    reply_source source; /* first member: the server passes its address */
     const http_context *c;
     char *id, *owner, *label;      /* NULL: any */
     char viewer[ACCESS_USER_SIZE]; /* "": an administrator */
     bool whole_job, progress;
-    bool begun;       /* the first page was read */
-    bool behind;      /* there are more events than the last page had */
-    int64_t seq, row; /* the last ones that were read */
-    int64_t told_seq; /* the last id that was sent to the client */
-    int64_t told_removed;
-    char *text; /* what was read but not sent yet */
-    size_t length, sent;
-    bool at_end; /* the last event is the end of its job */
-    bool ended;  /* the stream is of one job and complete */
-    int64_t told_ms;
+    bool begun;           /* the first page was read */
+    bool behind;          /* more events exist than the last page had */
+    int64_t seq, row;     /* the last event and the last progress line that were read */
+    int64_t sent_seq;     /* the last id that was written to the stream */
+    int64_t sent_removed; /* `removed_up_to` of the last position event */
+    char *text;           /* data for the client */
+    size_t length, sent;  /* of `text` */
+    bool at_end;          /* the last event is the end of its job */
+    bool ended;           /* the stream is of one job and complete */
+    int64_t sent_ms;      /* when data was last sent, monotonic */
 } follower;
 
-/* What the caller, "" for an administrator, may see of the event. */
+/* The event with the members that the viewer may see; "": an administrator. */
 static json *describe(const char *viewer, const queue_event *event)
 {
     bool own = !*viewer || strcmp(viewer, event->owner) == 0;
@@ -65,13 +66,12 @@ static void write_event(follower *f, FILE *out, const queue_event *event)
     char *data = json_print(o);
     fprintf(out, "id: %lld\nevent: %s\ndata: %s\n\n", (long long)event->seq,
             queue_event_type_name(event->type), data);
-    f->told_seq = event->seq;
+    f->sent_seq = event->seq;
     free(data);
     json_free(o);
 }
 
-/* Tells whether events are missing: removed ones after `after`, or all that the client has beyond a restored
- * backup. */
+/* Adds `removed_up_to` if events after `after` were removed, and `reset` if `after` is beyond the newest event. */
 static void put_missing(json *object, const queue_event_page *page, int64_t after)
 {
     if (page->removed_up_to > after && after >= 0)
@@ -79,8 +79,8 @@ static void put_missing(json *object, const queue_event_page *page, int64_t afte
     if (after > page->newest) json_put_bool(object, "reset", true);
 }
 
-/* Writes that the stream continues after `seq`. `page` begins there (NULL: no page) and may lack events;
- * `after` is where the client wanted to continue. */
+/* Writes an event `position`: the stream continues after `seq`. `page` (may be NULL) is the page that follows;
+ * `after` is the number that the client named. */
 static void write_position(follower *f, FILE *out, const queue_event_page *page, int64_t after, int64_t seq)
 {
     json *o = json_new_object();
@@ -88,14 +88,14 @@ static void write_position(follower *f, FILE *out, const queue_event_page *page,
     if (page) put_missing(o, page, after);
     char *data = json_print(o);
     fprintf(out, "id: %lld\nevent: position\ndata: %s\n\n", (long long)seq, data);
-    f->told_seq = seq;
-    if (page) f->told_removed = page->removed_up_to;
+    f->sent_seq = seq;
+    if (page) f->sent_removed = page->removed_up_to;
     free(data);
     json_free(o);
 }
 
-/* Writes a progress line of a worker, with the id of its job. Its own id is that of the last event, and behind a dot
- * the number of the line. */
+/* Writes a progress line of a worker, with the id of its job. The id of this event is the id of the last stored event,
+ * a dot and the number of the line. */
 static void write_row(const follower *f, FILE *out, const progress_ring_line *line)
 {
     json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
@@ -104,7 +104,7 @@ static void write_row(const follower *f, FILE *out, const progress_ring_line *li
     json_put_integer(o, "attempt", line->attempt);
     if (progress) json_put(o, "progress", progress);
     char *data = json_print(o);
-    fprintf(out, "id: %lld.%lld\nevent: progress\ndata: %s\n\n", (long long)f->told_seq,
+    fprintf(out, "id: %lld.%lld\nevent: progress\ndata: %s\n\n", (long long)f->sent_seq,
             (long long)line->number, data);
     free(data);
     json_free(o);
@@ -115,18 +115,17 @@ static bool ends_job(const queue_event *event)
     return event->type == QUEUE_EVENT_STATE && queue_state_is_final(event->state);
 }
 
-/* Writes a position before the events of a page, when the client must know where they begin or that some are
- * missing. */
+/* Writes a position before the events of a page if the stream begins, if events are missing or after a reset. */
 static void introduce(follower *f, FILE *out, const queue_event_page *page)
 {
     bool from_now = f->seq < 0 || f->seq > page->newest, reset = f->seq > page->newest;
-    bool missing = page->removed_up_to > f->seq && page->removed_up_to > f->told_removed;
+    bool missing = page->removed_up_to > f->seq && page->removed_up_to > f->sent_removed;
     if (reset || (!f->whole_job && (!f->begun || missing)))
         write_position(f, out, page, f->seq, from_now ? page->newest : f->seq);
     f->begun = true;
 }
 
-/* Lines of jobs whose progress the caller may see. */
+/* Reads new progress lines of jobs whose progress the viewer may see. */
 static size_t list_progress(follower *f, progress_ring_line **lines)
 {
     const char *owner = f->owner ? f->owner : *f->viewer ? f->viewer : NULL;
@@ -134,42 +133,43 @@ static size_t list_progress(follower *f, progress_ring_line **lines)
     return progress_ring_list(executor_progress_ring(f->c->x), f->id, owner, f->row, BATCH, lines, &f->row);
 }
 
-/* Progress lines may stand anywhere between events, but not after the end of the job. */
+/* Reads a page of new events and new progress lines. Progress lines may be anywhere between events, but not after
+ * the end of the job. */
 static bool read_news(follower *f, FILE *out, error *e)
 {
     queue_event_page page;
     progress_ring_line *lines = NULL;
-    size_t told = 0, line_count = 0;
+    size_t written = 0, line_count = 0;
     queue_event_filter filter = {
         .id = f->id, .owner = f->owner, .label = f->label, .after_seq = f->seq, .limit = BATCH};
     if (!queue_list_events(f->c->q, &filter, &page, e)) return false;
     introduce(f, out, &page);
     line_count = list_progress(f, &lines);
-    while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
-        write_event(f, out, &page.events[told++]);
+    while (written < page.count && !(f->whole_job && ends_job(&page.events[written])))
+        write_event(f, out, &page.events[written++]);
     for (size_t i = 0; i < line_count; i++) write_row(f, out, &lines[i]);
-    for (; told < page.count; told++) write_event(f, out, &page.events[told]);
+    for (; written < page.count; written++) write_event(f, out, &page.events[written]);
     f->seq = page.position;
     if (page.count) f->at_end = ends_job(&page.events[page.count - 1]);
     f->ended = f->whole_job && f->at_end && !page.more;
-    /* the filter skipped all of many events: send something, so that other connections get their turn */
-    if ((page.more || f->behind) && f->told_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
+    /* the filter skipped a long run of events: send a position, so that the server can serve other connections */
+    if ((page.more || f->behind) && f->sent_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
     f->behind = page.more;
     free(page.events);
     progress_ring_lines_free(lines, line_count);
     return true;
 }
 
-/* After a long silence: shows that the connection is alive, and how far the stream has read. */
+/* Writes a position if the filter has skipped events, otherwise a comment. */
 static void break_silence(follower *f, FILE *out)
 {
-    if (!f->whole_job && f->told_seq < f->seq)
+    if (!f->whole_job && f->sent_seq < f->seq)
         write_position(f, out, NULL, f->seq, f->seq);
     else
         fputs(": nothing new\n\n", out);
 }
 
-/* Reads new events; writes a sign of life when there have been none for long. */
+/* Fills `text` with new events. If there are none for SILENCE_MS, break_silence. */
 static bool refill(follower *f, error *e)
 {
     free(f->text);
@@ -177,7 +177,7 @@ static bool refill(follower *f, error *e)
     f->sent = 0;
     FILE *out = open_memstream(&f->text, &f->length);
     bool ok = read_news(f, out, e);
-    if (ok && ftell(out) == 0 && clock_monotonic_ms() - f->told_ms >= SILENCE_MS) break_silence(f, out);
+    if (ok && ftell(out) == 0 && clock_monotonic_ms() - f->sent_ms >= SILENCE_MS) break_silence(f, out);
     fclose(out);
     return ok;
 }
@@ -186,12 +186,12 @@ static ssize_t read_follower(reply_source *source, char *buffer, size_t size)
 {
     follower *f = (follower *)(void *)source;
     error e = {0};
-    /* the client reconnects with the id of the last event that it got */
+    /* on an error the stream ends, and the client reconnects with the id of the last event that it received */
     if (f->sent == f->length && !f->ended && !refill(f, &e)) return -1;
     size_t count = f->length - f->sent < size ? f->length - f->sent : size;
     memcpy(buffer, f->text + f->sent, count);
     f->sent += count;
-    if (count) f->told_ms = clock_monotonic_ms();
+    if (count) f->sent_ms = clock_monotonic_ms();
     return count ? (ssize_t)count : f->ended ? -1 : 0;
 }
 
@@ -205,7 +205,7 @@ static void free_follower(reply_source *source)
     free(f);
 }
 
-/* Up to 18 digits. */
+/* Reads a number of 1 to 18 digits and advances the text behind it. */
 static bool read_number(const char **text, int64_t *number)
 {
     size_t length = strspn(*text, "0123456789");
@@ -215,8 +215,8 @@ static bool read_number(const char **text, int64_t *number)
     return true;
 }
 
-/* Where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. Who has a position has
- * the progress up to then. False when the header is no id of an event. */
+/* Reads where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. With the id of a
+ * stored event, only progress lines that are written later follow. False if the header is not an id of an event. */
 static bool read_position(const http_request *request, int64_t otherwise, selection *s)
 {
     const char *last = request->header[HTTP_LAST_EVENT_ID];
@@ -237,8 +237,8 @@ static void refuse_position(reply *r)
     reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID must be the id of an event");
 }
 
-/* The stream begins here and not when the first bytes are sent, so that it has all events after the client
- * got the head of the answer. */
+/* Answers with a stream. The first page is read here, before the head of the answer is sent, so that the stream has all
+ * events after the client received the head. */
 static void follow(const http_context *c, const selection *s, reply *r)
 {
     error e = {0};
@@ -252,22 +252,22 @@ static void follow(const http_context *c, const selection *s, reply *r)
                     .whole_job = s->whole_job,
                     .progress = s->progress,
                     .seq = s->after,
-                    .told_seq = s->after,
+                    .sent_seq = s->after,
                     .row = s->row,
-                    .told_ms = clock_monotonic_ms()};
+                    .sent_ms = clock_monotonic_ms()};
     strcpy(f->viewer, s->viewer);
     if (s->id)
         strcpy(topic, s->id);
     else if (s->owner)
         notifier_name_topic(s->owner, topic);
     if (refill(f, &e)) {
-        if (!f->length) { /* the head of the answer goes out with the first bytes of the body */
+        if (!f->length) { /* the server sends the head only with the first bytes of the body */
             free(f->text);
             f->text = mem_strdup(": the stream begins\n\n");
             f->length = strlen(f->text);
         }
         reply_set_source(r, "text/event-stream", topic, &f->source);
-        reply_add_header(r, "X-Accel-Buffering", "no"); /* nginx passes events on as they come */
+        reply_add_header(r, "X-Accel-Buffering", "no"); /* nginx then does not buffer the events */
     } else {
         reply_set_error(r, &e, NULL);
         free_follower(&f->source);
@@ -283,7 +283,8 @@ static void list(const http_context *c, const http_request *request, const selec
                                  .owner = s->owner,
                                  .label = s->label,
                                  .after_seq = s->after,
-                                 .limit = (int)limit + 1}; /* one more tells whether there is a next page */
+                                 .limit =
+                                     (int)limit + 1}; /* a further event means that there is a next page */
     if (!queue_list_events(c->q, &filter, &page, &e)) {
         reply_set_error(r, &e, NULL);
         return;
@@ -316,7 +317,7 @@ static void answer(const http_context *c, const http_request *request, const sel
         list(c, request, s, r);
 }
 
-/* Whether `after` is the last event of the job, or later: the stream has nothing more to send. */
+/* Whether the job has ended and has no event after `after`, so that a stream would be empty. */
 static bool is_over(const http_context *c, const queue_job *job, int64_t after)
 {
     queue_event_page page;
@@ -340,13 +341,13 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     if (!read_position(request, 0, &s))
         refuse_position(r);
     else if (wants_stream(request) && is_over(c, &job, s.after))
-        reply_set_empty(r, 204); /* the stream is complete; 204 tells a browser not to reconnect */
+        reply_set_empty(r, 204); /* the stream is complete; after 204 a browser does not reconnect */
     else
         answer(c, request, &s, r);
     queue_job_clear(&job);
 }
 
-/* A missing job, or without `all` one of another user, is refused, since an empty stream would not explain itself. */
+/* Refuses a missing job and, without `all`, jobs of other users. An empty stream would not show the reason. */
 static bool may_select(const http_context *c, const http_request *request, const selection *s, bool all,
                        reply *r)
 {

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "http/parameter.h"
 
-/* The first names of a directory in their order, of those behind `after`. */
+/* The first `most` names of a directory behind `after`, sorted. */
 typedef struct names {
     const char *after;
     size_t most, count;
@@ -52,7 +52,7 @@ static void append(json *list, const char *name, const struct stat *info)
     job_json_put_time(o, "modified", (int64_t)info->st_mtim.tv_sec * 1000);
 }
 
-/* What a link leads to is looked at only where jobs might read it. */
+/* Adds an entry to the list. The target of a symbolic link is examined only if jobs may read it. */
 static void append_found(const http_context *c, int directory, const char *path, const char *name, json *list)
 {
     struct stat info;
@@ -79,7 +79,7 @@ static void list_roots(const http_context *c, json *document)
     json_put_null(document, "next");
 }
 
-/* The directory above; for that of a root the list of roots. */
+/* Adds `parent`: the parent directory; for an input root the list of roots. */
 static void put_parent(const http_context *c, const char *path, json *document)
 {
     bool directory;

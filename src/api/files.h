@@ -1,4 +1,4 @@
-/* files: the handler that lists the files of the input roots, for those who may submit jobs that read them. */
+/* files: the handler that lists the entries of directories below the input roots. Requires the scope `submit`. */
 #ifndef HEXAD_API_FILES_H
 #define HEXAD_API_FILES_H
 

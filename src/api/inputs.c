@@ -9,8 +9,8 @@
 #include "base/worker_contract.h"
 
 typedef struct upload {
-    http_sink sink;     /* first: the server's view of it */
-    store_upload *file; /* NULL: the caller may use it already; the received bytes are ignored */
+    http_sink sink;     /* first member: the server passes its address */
+    store_upload *file; /* NULL: the file exists and the caller may use it; the received bytes are ignored */
     store_upload_verdict verdict;
     error why;
 } upload;
@@ -53,7 +53,7 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
     }
 }
 
-/* Returns the hash that the path names, or answers why it is malformed. */
+/* Returns the hash in the path. If it is malformed, sets a problem and returns NULL. */
 static const char *read_hash(const http_request *request, reply *r)
 {
     const char *hex = request->parameter[0];
@@ -98,7 +98,7 @@ bool inputs_check(const http_context *c, const access_caller *caller, const char
     char name[STORE_INPUT_NAME_SIZE];
     bool sent = store_inputs_is_sent(path, name);
     const char *hex = name + strlen(STORE_INPUT_PREFIX);
-    /* a use before the check, so that it is not removed in between */
+    /* first count a use, so that the file is not removed before it is opened */
     if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
         return error_set(e, ERROR_INPUT_MISSING,
                          "%s: the file was not uploaded by this user, or has expired: send it with hexadctl "
@@ -117,7 +117,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
     int64_t there = inputs_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
-    if (there >= 0 && request->waits) { /* the client has not begun to send */
+    if (there >= 0 && request->waits) { /* the client has not sent the body yet: answer without it */
         show(hex, there, 200, r);
         return NULL;
     }
@@ -183,7 +183,7 @@ void inputs_delete(const http_context *c, const http_request *request, reply *r)
         reply_set_empty(r, 204);
 }
 
-/* Has a worker look at a file that the caller's jobs may read; answers. */
+/* Runs a worker that inspects a file, and answers with its result. inputs_check must have accepted the path. */
 static void inspect(const http_context *c, const char *path, reply *r)
 {
     error e = {0};

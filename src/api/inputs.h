@@ -4,15 +4,16 @@
 
 #include "api/context.h"
 
-/* Whether jobs of the caller may read the file of this hash: the caller has sent its bytes, or is an administrator, or
- * what is sent is shared. To know a hash is not enough. The file may be gone. */
+/* Whether jobs of the caller may read the uploaded file of this hash: the caller has uploaded it and it exists, the
+ * caller is an administrator, or share_inputs is set. In the last two cases the file need not exist. Any thread. */
 bool inputs_may_use(const http_context *c, const access_caller *caller, const char *hex);
 
-/* Whether a job of the caller may read the file at this path (no pattern), and it is there. If it was sent, it counts as used
- * from now on. Errors: those of store_open_input. */
+/* Whether the file at this path (without a frame pattern) exists and jobs of the caller may read it. For an uploaded
+ * file, the call counts as a use, so that it is kept longer. Errors: input_missing; those of store_open_input. Any
+ * thread. */
 bool inputs_check(const http_context *c, const access_caller *caller, const char *path, error *e);
 
-http_opener inputs_begin; /* of PUT: opens the sink that inputs_put finishes */
+http_opener inputs_begin; /* the opener of PUT; inputs_put finishes its sink */
 http_handler inputs_put, inputs_show, inputs_delete, inputs_inspect;
 
 #endif

@@ -13,7 +13,7 @@
 
 const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
 
-/* To which jobs a command applies. */
+/* The sentence of an error that states to which jobs a command applies. */
 static const char *rule_of(queue_command command)
 {
     return command == QUEUE_CANCEL   ? "Cancel only jobs that have not ended"
@@ -64,7 +64,8 @@ void job_commands_resume(const http_context *c, const http_request *request, rep
     tell(c, request, QUEUE_RESUME, "resume", r);
 }
 
-/* Adds to the answer what became of the dependents. Takes the list over. */
+/* Adds the member `dependents` to the answer: how many were retried, and which were not. Frees the lists of
+ * `retried`. */
 static void put_dependents(queue_retried *retried, reply *r)
 {
     json *document = json_new_object();
@@ -75,7 +76,7 @@ static void put_dependents(queue_retried *retried, reply *r)
     reply_add_member(r, "dependents", document);
 }
 
-/* The job may have been retried before: then its dependents alone are. */
+/* Retries the job and its dependents. If the job cannot be retried (it was before), only its dependents are. */
 static void retry_all(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
@@ -115,8 +116,8 @@ void job_commands_deliver(const http_context *c, const http_request *request, re
     tell(c, request, QUEUE_DELIVER, "deliver", r);
 }
 
-/* Parses what may be changed as members of the spec's group `queue`, so that its table checks them. NULL, and the faults
- * in `errors`, when one is invalid. */
+/* Parses the members of a patch as members of a spec's group `queue`, so that the table of the spec checks them. If
+ * one is invalid, returns NULL and appends the faults to `errors`. */
 static spec *read_members(json_at patch, json *errors)
 {
     spec_faults faults = {0};
@@ -145,7 +146,7 @@ static void check_names(json_at patch, json *errors)
     }
 }
 
-/* Reads If-Match: the revision that the client expects; -1: any. */
+/* Reads the revision in If-Match; -1: any. If it is not an ETag of a job, sets a problem and returns false. */
 static bool read_match(const http_request *request, int64_t *revision, reply *r)
 {
     const char *match = request->header[HTTP_IF_MATCH];

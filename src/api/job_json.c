@@ -27,7 +27,7 @@ void job_json_put_stored(json *object, const char *key, const char *text)
         json_put_null(object, key);
 }
 
-/* NULL when there is no text, or it does not parse. */
+/* The value of a JSON text, to be freed; NULL if the text is NULL or not valid. */
 static json *parse_stored(const char *text)
 {
     return text ? json_parse(text, strlen(text), NULL) : NULL;
@@ -65,7 +65,7 @@ void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_
 
 void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE])
 {
-    uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
+    uint32_t hash = 2166136261u; /* FNV-1a; it need not resist an attack */
     for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
     if (progress)
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
@@ -77,13 +77,14 @@ void job_json_put_notes(json *object, const char *work_dir, const char *id, int 
 {
     result r = {0};
     char *directory = result_directory(work_dir, id, frame);
-    if (succeeded) result_peek(directory, &r); /* a result that was damaged or lost meanwhile has no notes */
+    if (succeeded) result_peek(directory, &r); /* a damaged or missing result gives no notes */
     job_json_put_stored(object, "notes", r.notes);
     result_clear(&r);
     free(directory);
 }
 
-/* Every answer has the counts and the links: one printf is cheaper than twelve JSON values. */
+/* Adds the numbers of tasks by state. Every document has them and the links: one printf is cheaper than twelve
+ * values. */
 static void put_counts(json *object, const queue_counts *n)
 {
     char text[256];
@@ -111,7 +112,7 @@ static void put_links(json *object, const queue_job *job)
     json_put_text(object, "links", text);
 }
 
-/* What became of the copy to output.directory; state NULL: null. */
+/* Adds `delivery`, the state of the copy to output.directory; null for a state of NULL. */
 static void put_delivery(json *object, const char *state, const char *code, const char *message)
 {
     if (!state) {
@@ -200,7 +201,7 @@ json *job_json_append_task(json *list, const queue_task *t)
     return o;
 }
 
-/* A frame is a number of the spec. */
+/* Adds `frame` for the owner; the numbers of frames are part of the spec. */
 static void put_frame(json *o, job_json_viewer viewer, int frame)
 {
     if (viewer == JOB_JSON_OWNER && frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", frame);

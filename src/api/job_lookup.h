@@ -4,10 +4,11 @@
 
 #include "api/context.h"
 
-/* On success the caller clears *job; otherwise the reply says why not. */
+/* Reads the job of parameter 0 of the path. On success the caller calls queue_job_clear; otherwise *r is set to a
+ * problem. */
 bool job_lookup_find(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
-/* As job_lookup_find; it also refuses callers who are neither the owner of the job nor administrators. */
+/* Like job_lookup_find, and fails if the caller is neither the owner of the job nor an administrator. */
 bool job_lookup_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
 #endif

@@ -25,9 +25,11 @@
 #include "spec/spec.h"
 #include "store/file.h"
 
-#define LIST_DEFAULT 50 /* as the table of parameters says */
-/* In the document of a job; another route lists all. */
+/* Jobs of a page without the parameter `limit`; parameters.c documents the same number. */
+#define LIST_DEFAULT 50
+/* Attempts in the document of a job; another route lists all. */
 #define ATTEMPTS_SHOWN 100
+/* Longest Idempotency-Key, in characters. */
 #define KEY_LENGTH_MOST 255
 
 static char *progress_of(const http_context *c, const queue_job *job, job_json_viewer viewer)
@@ -36,7 +38,7 @@ static char *progress_of(const http_context *c, const queue_job *job, job_json_v
     return hidden ? NULL : executor_progress(c->x, job->id);
 }
 
-/* Answers with the whole document of a job. */
+/* Sets a reply with the complete document of a job, and stores it in the cache. */
 static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
                        reply *r)
 {
@@ -64,7 +66,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     reply_add_header(r, "ETag", made.tag);
     made.text = r->body;
     made.length = r->length;
-    /* progress changes without a change of the job, but only while it runs */
+    /* the progress of a running job changes while the stamp of the job does not */
     if (!progress && !job->tasks.running) document_cache_put(c->documents, job, own, &made);
     free(progress);
 }
@@ -92,7 +94,7 @@ static void answer_faults(const spec_faults *faults, const error *e, reply *r)
     reply_set_error(r, e, errors);
 }
 
-/* Builds a spec, or answers why not. */
+/* Parses a spec. If it is invalid, sets a problem and returns NULL. */
 static spec *build_spec(const json *document, reply *r)
 {
     error e = {0};
@@ -102,7 +104,7 @@ static spec *build_spec(const json *document, reply *r)
     return s;
 }
 
-/* A submitted spec, with the paths of this machine, and the list of mapped paths, or NULL. */
+/* A submitted spec with the paths of this machine, and the list of mapped paths; NULL: none was mapped. */
 typedef struct order {
     spec *s;
     json *paths;
@@ -114,8 +116,8 @@ static void order_clear(order *o)
     json_free(o->paths);
 }
 
-/* Checks the values by frame. This may take half a second of processor time, so that only one thread at a time does; and
- * none after the service was told to stop. */
+/* Checks values that depend on the frame. This may take half a second of CPU time, so only one thread at a time does
+ * it, and no check begins after the service has begun to stop. */
 static bool check_frames(const http_context *c, const spec *s, reply *r)
 {
     static pthread_mutex_t one_at_a_time = PTHREAD_MUTEX_INITIALIZER;
@@ -134,7 +136,7 @@ static bool check_frames(const http_context *c, const spec *s, reply *r)
     return good;
 }
 
-/* Parses the body into an order, or answers why not. */
+/* Parses the body into an order. If it is invalid, sets a problem and returns false. */
 static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
 {
     error e = {0};
@@ -153,20 +155,20 @@ static bool read_order(const http_context *c, const http_request *request, order
     return o->s && check_frames(c, o->s, r);
 }
 
-/* Answers that a member is not allowed; names both paths when it was mapped. */
+/* Sets a problem about a member of the spec. If its path was mapped, the message contains both paths. */
 static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
 {
     const char *asked = paths_asked(o->paths, pointer);
-    error told = *why;
+    error fault = *why;
     if (asked)
-        error_set(&told, why->code, "%s (mapped from %s by the setting path_mappings)", why->message, asked);
+        error_set(&fault, why->code, "%s (mapped from %s by the setting path_mappings)", why->message, asked);
     json *errors = json_new_array();
-    reply_append_fault(errors, pointer, told.message);
-    reply_set_error(r, &told, errors);
+    reply_append_fault(errors, pointer, fault.message);
+    reply_set_error(r, &fault, errors);
 }
 
-/* Checks that the inputs exist and may be read, so that a mistake shows at once; the worker opens them again
- * under the same roots. Of a sequence the first frame is checked. */
+/* Checks that the input files exist and may be read, so that the submission fails and not the job. The worker opens
+ * them again below the same roots. In a sequence, only the first frame is checked. */
 static bool check_inputs(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     spec_input input;
@@ -183,7 +185,8 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     return true;
 }
 
-/* Checks that results may be copied to the directory that the spec names; of a sequence, those of the first frame. */
+/* Checks that results may be copied to output.directory. In a sequence, only the directory of the first frame is
+ * checked. */
 static bool check_output(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     error e = {0};
@@ -204,7 +207,7 @@ static bool check_webhook(const http_context *c, const order *o, reply *r)
     return false;
 }
 
-/* Whether slurm_allow has the option, or its name without a value. */
+/* Whether the setting slurm_allow contains the option, or its name without a value. */
 static bool allows_option(const http_context *c, const char *option)
 {
     size_t name = strcspn(option, "=");
@@ -216,7 +219,7 @@ static bool allows_option(const http_context *c, const char *option)
     return false;
 }
 
-/* An option is a line of what the engine notes down. */
+/* Checks the options of sbatch. The engine stores one option per line, so an option must not contain a line end. */
 static bool check_slurm(const http_context *c, const order *o, reply *r)
 {
     for (size_t i = 0; i < o->s->slurm_count; i++) {
@@ -270,8 +273,8 @@ static char *print_labels(const spec *s)
     return text;
 }
 
-/* The document of a job that was just submitted. It is made from the submission, since the job is accepted
- * even if the database cannot be read now. */
+/* Sets a reply with the document of a job that was just submitted. It is made from the submission, because the job is
+ * accepted even if the database cannot be read now. */
 static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
 {
     queue_job job = {
@@ -290,7 +293,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
         .threads = put->threads,
         .memory_mb = put->memory_mb,
         .retention_s = put->retention_s,
-    }; /* borrows its texts */
+    }; /* its texts are borrowed from `put` */
     char tag[JOB_JSON_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = job_json_new(&job, JOB_JSON_OWNER, NULL);
@@ -303,7 +306,8 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     reply_add_header(r, "ETag", tag);
 }
 
-/* "00-" 32 digits "-" 16 digits "-" 2 digits (W3C Trace Context); the standard has malformed ones ignored. */
+/* The header traceparent (W3C Trace Context): hexadecimal numbers of 2, 32, 16 and 2 digits, separated by "-". NULL
+ * if it is missing or malformed; the standard requires that a malformed one is ignored. */
 static const char *read_trace(const http_request *request)
 {
     static const size_t parts[] = {2, 32, 16, 2};
@@ -318,7 +322,8 @@ static const char *read_trace(const http_request *request)
     return trace;
 }
 
-/* Reads the Idempotency-Key, by which a client can repeat its request safely; false: it is malformed. */
+/* Reads the Idempotency-Key (NULL: none), with which a client can repeat a submission safely, and hashes the body.
+ * If the key is malformed, sets a problem and returns false. */
 static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], const char **key, reply *r)
 {
     *key = request->header[HTTP_IDEMPOTENCY_KEY];
@@ -349,7 +354,7 @@ static void refuse_dependency(const queue_submission *put, size_t index, reply *
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
 
-/* No job may be deleted to make room for the results of this one. */
+/* Sets the problem results_full: results have reached a bound, and no job may be deleted automatically. */
 static void refuse_results(const char *owner, bool of_user, reply *r)
 {
     reply_set_problem(r, "results_full", NULL,
@@ -360,7 +365,7 @@ static void refuse_results(const char *owner, bool of_user, reply *r)
     reply_add_header(r, "Retry-After", "30");
 }
 
-/* Answers with the result of the submission. */
+/* Sets the reply to a submission. */
 static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
                            const queue_receipt *receipt, reply *r)
 {
@@ -408,7 +413,8 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
-/* Whether the user may submit a job now; otherwise answers when. A repeated request submits none. */
+/* Whether the user may submit a job now; otherwise sets a problem with Retry-After. A repeated request (same
+ * Idempotency-Key) submits no job, so it does not count. */
 static bool check_rate(const http_context *c, const http_request *request, const char *key, reply *r)
 {
     int64_t wait_s = 0;
@@ -426,7 +432,7 @@ static bool check_rate(const http_context *c, const http_request *request, const
     return false;
 }
 
-/* How long the answer may wait, from `Prefer: wait=30`, in milliseconds; 0: not at all. */
+/* How long the answer may wait, in milliseconds: the seconds of `Prefer: wait=30`, at most wait_s; 0: no wait. */
 static int64_t read_wait_ms(const http_context *c, const http_request *request)
 {
     const char *prefer = request->header[HTTP_PREFER];
@@ -453,7 +459,7 @@ void jobs_wait(const http_context *c, const http_request *request, const char *i
     r->provisional = true;
 }
 
-/* Carries over what the newer answer lacks. */
+/* Copies the member `dependents` and all headers except ETag from the provisional answer to the new one. */
 static void keep_parts(const reply *old, reply *fresh)
 {
     json *document = json_parse(old->body, old->length, NULL);
@@ -465,7 +471,8 @@ static void keep_parts(const reply *old, reply *fresh)
             reply_add_header(fresh, old->header[i].name, old->header[i].value);
 }
 
-/* The first answer stands when the job cannot be read, or is gone. */
+/* Replaces the provisional answer after the end of the job or of the wait. If the job cannot be read or was deleted,
+ * the provisional answer is sent. */
 void jobs_await(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
@@ -490,7 +497,7 @@ void jobs_await(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* The names of the uploaded files that the job reads. */
+/* The names of the uploaded files that the job reads, `count` of them; to be freed by free_sent. */
 static char **list_sent(const spec *s, size_t *count)
 {
     spec_input input;
@@ -510,13 +517,14 @@ static void free_sent(char **names, size_t count)
     free(names);
 }
 
-/* In whole milliseconds, and not 0 unless it is. */
+/* Milliseconds, rounded up, so that a positive time never becomes 0. */
 static int64_t ms_of(double seconds)
 {
     return (int64_t)ceil(1000 * seconds);
 }
 
-/* A repeat is answered by the cache however busy the workers are. */
+/* Offers the job to the executor if a stored result of an equal job can be used. So it ends at once even if all
+ * workers are busy. */
 static void offer(const http_context *c, const queue_submission *put, const queue_receipt *receipt)
 {
     char equal[ULID_SIZE], *inputs = NULL;
@@ -600,8 +608,8 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Adds the estimate to the document, for callers who may submit; *busy: it may be asked for again. False when *r says
- * that the job would fail. */
+/* Adds `estimate`, or null with the reason in `estimate_missing`: the caller lacks the scope `submit`, say. *busy: a
+ * later request may get an estimate. False if the job would fail: *r is then set to the problem. */
 static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
                          bool *busy, reply *r)
 {
@@ -665,7 +673,7 @@ static void write_pair(FILE *out, const char *key, const char *value)
     }
 }
 
-/* Adds the header Link, which names the next page of the same list. */
+/* Adds the header Link with the URL of the next page of the same list. */
 static void add_next(const http_request *request, const char *cursor, reply *r)
 {
     char *text = NULL;
@@ -684,7 +692,7 @@ static void add_next(const http_request *request, const char *cursor, reply *r)
     free(text);
 }
 
-/* A bit for each state of a list with commas; NULL: none. */
+/* Bit s is set for each state s in a list separated by commas. NULL: 0. */
 static unsigned read_states(const char *words)
 {
     unsigned states = 0;
@@ -699,8 +707,8 @@ static unsigned read_states(const char *words)
     return states;
 }
 
-/* Reads where the list continues: the number of the last job of the page before, and behind a colon what it was sorted
- * by. False: this is not what an answer said. */
+/* Reads the cursor: the number of the last job of the previous page and, behind a colon, its sort key. False if it
+ * is not a cursor of a list with this order. */
 static bool read_cursor(const http_request *request, queue_filter *filter)
 {
     const char *text = parameter_text(request, "cursor", NULL);
@@ -718,7 +726,8 @@ static char *print_cursor(int64_t seq, const char *key, queue_order sorted_by)
                                      : mem_printf("%lld:%s", (long long)seq, key);
 }
 
-/* The cursor of the next page, behind `limit` jobs or where the walk stopped; NULL: there is none. */
+/* The cursor of the next page, to be freed: behind job number `limit`, or where the search stopped. NULL: this is
+ * the last page. */
 static char *next_cursor(const queue_page *page, size_t limit, queue_order sorted_by)
 {
     char key[QUEUE_SORT_KEY_SIZE];
@@ -729,7 +738,8 @@ static char *next_cursor(const queue_page *page, size_t limit, queue_order sorte
     return page->stop.seq ? print_cursor(page->stop.seq, page->stop.key, sorted_by) : NULL;
 }
 
-/* What jobs depend on is part of their specs, which their owners and administrators may read. */
+/* Restricts a list by dependency to jobs of the caller, unless the caller is an administrator: dependencies are part of
+ * specs, which only owners and administrators may read. If another owner is named, sets a problem and returns false. */
 static bool restrict_to_own(const http_request *request, queue_filter *filter, reply *r)
 {
     if (request->caller->scopes & SCOPE_ADMIN) return true;
@@ -766,7 +776,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         return;
     }
     if (filter.needs && !restrict_to_own(request, &filter, r)) return;
-    filter.limit++; /* one more tells whether there is a next page */
+    filter.limit++; /* a further job means that there is a next page */
     if (!queue_list_page(c->q, &filter, QUEUE_VISITS, &page, &e)) {
         reply_set_error(r, &e, NULL);
         return;
@@ -787,8 +797,8 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     free(cursor);
 }
 
-/* Whether If-None-Match names this revision, with any progress. */
-static bool knows_revision(const char *known, const queue_job *job)
+/* Whether an ETag of If-None-Match has this revision, with any progress. */
+static bool has_revision(const char *known, const queue_job *job)
 {
     int64_t revision = 0;
     return job_json_read_tag(known, &revision) && revision == job->revision;
@@ -822,10 +832,10 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     char *progress = progress_of(c, &job, job_json_viewer_of(request->caller, job.owner));
     job_json_print_tag(&job, progress, tag);
     free(progress);
-    /* who knows less than there is now is told at once; who waits, with the next revision */
-    bool knows =
-        known && (request->waited ? knows_revision(known, &job) : preconditions_match(known, tag, true));
-    if (patient && (known ? knows : !queue_state_is_final(job.state))) {
+    /* at the first call, an outdated ETag is answered at once; after a wait, progress alone does not end the wait */
+    bool current =
+        known && (request->waited ? has_revision(known, &job) : preconditions_match(known, tag, true));
+    if (patient && (known ? current : !queue_state_is_final(job.state))) {
         reply_set_waiting(r, job.id, until_ms);
         queue_job_clear(&job);
         return;

@@ -7,7 +7,7 @@
 
 #include "base/clock.h"
 
-/* Writes what stands above the values of a metric. */
+/* Writes the lines HELP and TYPE, which precede the values of a metric. */
 static void put_head(FILE *out, const char *name, const char *type, const char *prose)
 {
     fprintf(out, "# HELP %s %s\n# TYPE %s %s\n", name, prose, name, type);
@@ -42,7 +42,7 @@ static void put_histogram(FILE *out, const char *name, const char *prose, const 
             clock_seconds(h->sum_ms), name, all);
 }
 
-/* How long ago that was; 0 for a time of 0. The wall clock may have been set back. */
+/* Milliseconds since a time of the wall clock. 0 for a time of 0, and if the clock was set back. */
 static int64_t age_ms(int64_t wall_ms)
 {
     int64_t age = clock_wall_ms() - wall_ms;
@@ -65,7 +65,7 @@ static void put_queue(const http_context *c, FILE *out)
     int64_t count[QUEUE_STATE_COUNT];
     queue_figures f;
     if (!queue_count(c->q, count, NULL) || !queue_get_figures(c->q, &f, NULL))
-        return; /* an unknown metric is left out */
+        return; /* a metric whose value is unknown is omitted */
     put_head(out, "hexad_jobs", "gauge", "Jobs in each state.");
     for (int s = 0; s < QUEUE_STATE_COUNT; s++)
         fprintf(out, "hexad_jobs{state=\"%s\"} %lld\n", queue_state_name((queue_state)s),
@@ -94,7 +94,7 @@ static void put_load(const http_context *c, FILE *out)
     put_gauge(out, "hexad_memory_limit_bytes", "Memory that attempts may use.", load.all_memory_mb << 20);
 }
 
-/* A pair that cannot be is left out until it has been. */
+/* Whether attempts with this outcome can have this error code. Other pairs are omitted while their count is 0. */
 static bool is_usual(meter_outcome outcome, error_code code)
 {
     switch (outcome) {

@@ -1,4 +1,4 @@
-/* metrics: GET /metrics, figures of the service in the text format of Prometheus. */
+/* metrics: the handler of GET /metrics: measurements of the service in the text format of Prometheus. */
 #ifndef HEXAD_API_METRICS_H
 #define HEXAD_API_METRICS_H
 

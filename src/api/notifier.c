@@ -13,9 +13,9 @@
 #include "base/memory.h"
 #include "executor/progress_ring.h"
 
-/* How many events and progress lines one round reads; the next round follows at once when there are more. */
+/* Events, and progress lines, that one round reads. If there are more, the next round follows without a wait. */
 #define NEWS_MOST 256
-/* The longest wait between rounds, in case the database could not be read in the last one. */
+/* Longest wait between rounds, in milliseconds: a round that could not read the database is repeated after it. */
 #define LOOK_MS 1000
 
 struct notifier {
@@ -24,7 +24,7 @@ struct notifier {
     wait_list *waiting;
     pthread_t thread;
     atomic_bool stopping;
-    int64_t event_seq, row_number; /* the last ones whose waiters were woken */
+    int64_t event_seq, row_number; /* the last event and the last progress line that were read */
 };
 
 /* The topics of one round: jobs and their owners. */
@@ -37,7 +37,7 @@ typedef struct news {
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
 {
     uint64_t hash =
-        14695981039346656037u; /* FNV-1a: users with the same hash only wake each other needlessly */
+        14695981039346656037u; /* FNV-1a; a collision of two users causes only needless wake-ups */
     for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
     snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
 }
@@ -49,7 +49,7 @@ static void add_topic(news *n, const char *topic)
     n->topic[n->count++] = topic;
 }
 
-/* Reads what is new and wakes its waiters; returns whether there may be more. */
+/* Reads new events and progress lines and wakes their topics. True if there may be more. */
 static bool wake_waiters(notifier *n)
 {
     error e = {0};
@@ -93,7 +93,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Skips the existing events, since nobody waits for them. */
+/* Skips the existing events: no connection waits for them. */
 static bool catch_up(notifier *n, error *e)
 {
     queue_event_page page;

@@ -1,8 +1,7 @@
-/* notifier: wakes the connections in the wait list when something happened to the jobs that they wait for.
+/* notifier: wakes connections in the wait list when their jobs have new events or progress lines.
  *
- * One thread waits for the queue. It reads the new events and the new lines of progress once for all
- * connections, and wakes those that wait for one of these jobs, or for the jobs of one of their owners. The
- * topic of a job is its id.
+ * One thread waits for the queue. It reads the new events and progress lines once for all connections, and wakes the
+ * connections that wait for the topic of one of these jobs or of its owner. The topic of a job is its id.
  */
 #ifndef HEXAD_API_NOTIFIER_H
 #define HEXAD_API_NOTIFIER_H
@@ -14,11 +13,13 @@
 
 typedef struct notifier notifier;
 
-/* Queue, executor and wait list outlive the notifier. */
+/* Starts the thread. Queue, executor and wait list must outlive the notifier. NULL on failure: errors of the queue
+ * and of background_start. */
 notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e);
-void notifier_stop(notifier *n); /* accepts NULL */
+/* Ends the thread and frees. Accepts NULL. */
+void notifier_stop(notifier *n);
 
-/* The topic of all jobs of a user. */
+/* The topic of all jobs of a user. Any thread. */
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE]);
 
 #endif

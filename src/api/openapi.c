@@ -20,7 +20,7 @@
     " job also has events `progress` and ends with the job. The `id` of progress is that of the last event,"  \
     " followed by a dot and a number; Last-Event-ID accepts both forms."
 
-/* The bytes of JSON files; the Makefile generates the included ones. */
+/* The bytes of two JSON files; the Makefile generates the included files. */
 static const char answer_schemas[] = {
 #include "api/openapi_schemas.inc"
 };
@@ -28,7 +28,7 @@ static const char answer_examples[] = {
 #include "api/openapi_examples.inc"
 };
 
-/* The groups of routes, in the order of a reader. */
+/* The groups of routes, in the order in which documents of the interface list them. */
 static const struct {
     const char *name, *prose;
 } tags[] = {
@@ -73,7 +73,8 @@ static json *put_type(json *content, const char *type, const char *schema)
     return media;
 }
 
-/* Every schema of an answer has an example in openapi_examples.json, and so has every operation that answers text. */
+/* Adds a reference to an example of openapi_examples.json, which has one for every schema of an answer and for every
+ * operation whose answer is text. */
 static void put_example(json *media, const char *name)
 {
     char *ref = mem_printf("#/components/examples/%s", name);
@@ -86,7 +87,7 @@ static void put_content(json *object, const char *type, const char *schema)
     put_example(put_type(json_put_object(object, "content"), type, schema), schema);
 }
 
-/* Reads the next {name} of a pattern. */
+/* Reads the next {name} of a pattern and advances it; false: there is none. */
 static bool next_path_parameter(const char **pattern, char *name, size_t size)
 {
     const char *start = strchr(*pattern, '{');
@@ -97,7 +98,7 @@ static bool next_path_parameter(const char **pattern, char *name, size_t size)
     return true;
 }
 
-/* Reads the next word of a list that is separated by blanks. */
+/* Reads the next word of a list separated by blanks and advances it; false: there is none. */
 static bool next_word(const char **list, char *word, size_t size)
 {
     if (!*list) return false;
@@ -143,7 +144,7 @@ static void put_body(json *operation, const route *r)
     }
 }
 
-/* "201:Job" */
+/* Adds the response of an element of route.answers, "STATUS:SCHEMA". */
 static void put_answer(json *responses, const route *r, const char *word)
 {
     char status[4];
@@ -170,7 +171,7 @@ static void put_answer(json *responses, const route *r, const char *word)
     put_example(media, "EventStream");
 }
 
-/* Adds the response of a problem, once for each status. */
+/* Adds the response of a problem, unless there is one for its status. */
 static void put_problem(json *responses, const char *code)
 {
     const reply_problem *p = reply_find_problem(code);
@@ -222,7 +223,7 @@ static void put_operation(json *paths, const route *r)
     put_responses(operation, r);
 }
 
-/* Those of answers are in a file. */
+/* Adds the schemas of answers (openapi_schemas.json) and of specs to `schemas`, and the examples to `components`. */
 static void put_schemas(json *components, json *schemas)
 {
     json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
@@ -270,7 +271,7 @@ static void put_patch(json *schemas)
     }
 }
 
-/* The call that the service makes when a job has ended (src/webhook). */
+/* Adds the request that the service sends when a job has ended (src/webhook). */
 static void put_webhook(json *document)
 {
     json *ended = json_put_object(json_put_object(document, "webhooks"), "jobEnded");
@@ -290,7 +291,7 @@ static void put_webhook(json *document)
     json_put_string(json_put_object(json_put_object(call, "responses"), "2XX"), "description", "Received.");
 }
 
-/* The list of all codes, and a response for each status. */
+/* Adds the schema of all codes, and a response for each status. */
 static void put_problems(json *schemas, json *responses)
 {
     json *code = json_put_object(schemas, "ProblemCode");

@@ -1,8 +1,10 @@
-/* openapi: the OpenAPI 3.1 document of the interface. It is made from the tables that also answer requests:
- * the routes (api/routes.h), the parameters (api/parameters.h), the problems (http/reply.h) and the job spec
- * (spec/schema.h). The schemas of answers are in openapi_schemas.json and examples of them in openapi_examples.json, both
- * compiled in; the tests compare every answer with them. Requests have closed schemas. Those of answers are open, since
- * later versions have more members; one that has further members today says so by `additionalProperties`. */
+/* openapi: the OpenAPI 3.1 document of the interface.
+ *
+ * It is made from the tables that the server uses: the routes (api/routes.h), the parameters (api/parameters.h), the
+ * problems (http/reply.h) and the job spec (spec/schema.h). The schemas of answers are in openapi_schemas.json and
+ * examples of them in openapi_examples.json, both compiled in; tests compare every answer with them. Schemas of
+ * requests are closed: unknown members are errors. Schemas of answers are open, because later versions may add
+ * members. A schema whose objects have further members now has `additionalProperties`. Any thread. */
 #ifndef HEXAD_API_OPENAPI_H
 #define HEXAD_API_OPENAPI_H
 
@@ -10,6 +12,7 @@
 
 http_handler openapi_show, openapi_show_schema;
 
+/* The document, to be freed. */
 json *openapi_new(void);
 
 #endif

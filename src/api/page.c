@@ -15,7 +15,8 @@
 #include "store/file.h"
 
 #define FILE_BYTES_MOST (1 << 20)
-/* Scripts and styles come from this service alone, and no text becomes markup or code. */
+/* The Content-Security-Policy: scripts and styles come only from this service, and text cannot become markup or
+ * code. */
 #define POLICY                                                                                           \
     "default-src 'self'; img-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; " \
     "frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types 'none'"
@@ -32,7 +33,7 @@ struct page {
     size_t count;
 };
 
-/* NULL: not a file of the page. */
+/* The media type by the ending of a name; NULL: the file is not part of the page. */
 static const char *type_of(const char *name)
 {
     static const struct {
@@ -88,8 +89,8 @@ static page *read_directory(const char *directory, error *e)
     return NULL;
 }
 
-/* The directory in which the page is installed; to be freed. A program in a staged tree (DESTDIR) is below another root, and so
- * is its page. */
+/* The directory in which the page is installed; to be freed. If `programs` is BINDIR below another root (DESTDIR),
+ * the page is below the same root. */
 static char *installed_page(const char *programs)
 {
     size_t length = strlen(programs), tail = strlen(HEXAD_BINDIR);

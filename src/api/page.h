@@ -1,7 +1,7 @@
 /* page: the handlers of the web page, and its files.
  *
- * The files are read once, when the service starts. They hold no data of the service and are open to
- * all; what the page shows it asks for over the other routes, as every client does.
+ * The files are read once, when the service starts. They contain no data of the service and need no authorisation:
+ * the page requests its data over the other routes, like every client. A page is constant; any thread.
  */
 #ifndef HEXAD_API_PAGE_H
 #define HEXAD_API_PAGE_H
@@ -10,12 +10,13 @@
 
 typedef struct page page;
 
-/* Reads the page: from the directory `page` beside the running program, as in the tree of the build, otherwise from
- * where it was installed, also below another root (DESTDIR). Error input_missing: it is at neither place. */
+/* Reads the page from the directory `page` beside the running program (in a build directory), otherwise from the
+ * installed directory, which may be below another root (DESTDIR). NULL on failure. Errors: input_missing: neither
+ * directory has it; not_supported: the page is not built. */
 page *page_open(error *e);
 void page_close(page *p); /* accepts NULL */
 
 http_handler page_show;      /* index.html */
-http_handler page_send_file; /* what it is made of */
+http_handler page_send_file; /* its other files */
 
 #endif

@@ -9,7 +9,7 @@ static const char *state_at(size_t index)
     return index < QUEUE_STATE_COUNT ? queue_state_name((queue_state)index) : NULL;
 }
 
-/* Orders of a list: an order's word, and with a minus the same the other way round. */
+/* The words of `sort`: for each order the descending one, with a minus, and the ascending one. */
 static const char *const order_words[2 * QUEUE_ORDER_COUNT] = {
     [2 * QUEUE_BY_AGE] = "-created",       "created",  [2 * QUEUE_BY_NAME] = "-name",   "name",
     [2 * QUEUE_BY_OWNER] = "-owner",       "owner",    [2 * QUEUE_BY_STATE] = "-state", "state",
@@ -192,8 +192,8 @@ static const parameter parameters[] = {
      .example = "wait=30",
      .prose =
          "wait=SECONDS: the answer waits until the job has ended or, with If-None-Match, has changed, for "
-         "at most that time and the setting wait_limit_s. Preference-Applied in the answer has the time "
-         "that was used."},
+         "at most SECONDS and at most the setting wait_limit_s. Preference-Applied in the answer has the "
+         "time that was used."},
     {.name = "Range",
      .type = PARAMETER_TEXT,
      .low = 1,
@@ -215,7 +215,7 @@ static const parameter parameters[] = {
     {.name = "cursor",
      .type = PARAMETER_TEXT,
      .low = 1,
-     .high = 1000, /* a name of 200 characters, and a number */
+     .high = 1000, /* the longest cursor is a number and an encoded name of 200 characters */
      .prose = "`next` of the previous page; of jobs with the same `sort`."},
 };
 

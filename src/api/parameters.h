@@ -1,4 +1,5 @@
-/* parameters: the parameters of paths and queries and the headers that the routes take. Any thread. */
+/* parameters: the table of the parameters in paths and queries and of the headers of all routes: types, ranges,
+ * texts of the OpenAPI document. Constant data; any thread. */
 #ifndef HEXAD_API_PARAMETERS_H
 #define HEXAD_API_PARAMETERS_H
 
@@ -7,7 +8,8 @@
 
 extern const parameter_table api_parameters;
 
-/* The order that the checked parameter `sort` names, or that of a list without it. */
+/* Reads the parameter `sort`, which must have been checked, into the order of a list and its direction. Without the
+ * parameter: QUEUE_BY_AGE, with the newest job first. */
 void parameters_read_order(const http_request *request, queue_order *order, bool *rising);
 
 #endif

@@ -26,7 +26,7 @@ json *paths_map(const path_map *mappings, const spec *s, json *document)
     spec_input input;
     const char *last = NULL;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
-        if (last == input.pointer) continue; /* slices of one stack */
+        if (last == input.pointer) continue; /* several inputs of one member: the images of a stack */
         last = input.pointer;
         map_path(mappings, input.pointer, document, &paths);
     }

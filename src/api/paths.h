@@ -1,8 +1,8 @@
-/* paths: translates the paths in a job spec to those of this machine (setting path_mappings).
+/* paths: replaces the paths of clients in a job spec by paths of this machine (setting path_mappings).
  *
- * The mapped paths are stored with the job as a JSON array of objects: `pointer` into the spec, `asked` (the
- * client's path) and `opened` (the local one). The stored spec has the local paths, so that workers, the
- * cache and copies of results need not know the mappings.
+ * The mapped paths are stored with the job as a JSON array of objects: `pointer` into the spec, `asked` (the path of
+ * the client) and `opened` (the path on this machine). The stored spec has the paths of this machine, so that
+ * workers, the cache and copies of results do not need the mappings. No state; any thread.
  */
 #ifndef HEXAD_API_PATHS_H
 #define HEXAD_API_PATHS_H
@@ -11,13 +11,14 @@
 #include "spec/spec.h"
 #include "store/path_map.h"
 
-/* Maps the paths in the document that `s` was parsed from; returns the array, or NULL when none was mapped. */
+/* Maps the paths in `document`, from which `s` was parsed. Returns the array, to be freed; NULL: no path was mapped.
+ * `mappings` may be NULL. */
 json *paths_map(const path_map *mappings, const spec *s, json *document);
 
-/* Puts the client's paths back into a document. */
+/* Replaces the mapped paths in a document by the paths of the client. `paths` may be NULL. */
 void paths_restore(const json *paths, json *document);
 
-/* The client's path at the pointer; NULL: it was not mapped. */
+/* The path of the client at the pointer, borrowed from `paths`; NULL: it was not mapped. */
 const char *paths_asked(const json *paths, const char *pointer);
 
 #endif

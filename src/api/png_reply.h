@@ -1,11 +1,11 @@
-/* png_reply: a picture as the body of a reply. */
+/* png_reply: sends a picture as a PNG file. No state; any thread. */
 #ifndef HEXAD_API_PNG_REPLY_H
 #define HEXAD_API_PNG_REPLY_H
 
 #include "formats/canvas.h"
 #include "http/reply.h"
 
-/* Sets a reply of status 200: the picture as a PNG file in memory. Errors: internal; the reply is then unchanged. */
+/* Encodes the picture in memory and sets a reply of status 200. Error: internal; the reply is then unchanged. */
 bool png_reply_set(reply *r, const canvas *picture, error *e);
 
 #endif

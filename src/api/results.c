@@ -16,7 +16,7 @@
 #include "http/preconditions.h"
 #include "results/result.h"
 
-/* A result never changes, but each user must be authorised, so shared caches must not serve it. */
+/* A file of a result never changes. Each user must be authorised, so shared caches must not store it. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"
 
 static const char *content_type_of(const char *name)
@@ -36,10 +36,10 @@ static const char *content_type_of(const char *name)
     return "application/octet-stream";
 }
 
-/* Tasks that are read at once. */
+/* Tasks that one query reads. */
 enum { TASKS_PAGE = 1000 };
 
-/* The first frame of an array that has succeeded, or an answer that there is none. */
+/* Finds the first frame of an array that has succeeded. If there is none, sets a problem and returns false. */
 static bool choose_first_frame(const http_context *c, const queue_job *job, int *frame, queue_state *state,
                                reply *r)
 {
@@ -66,8 +66,9 @@ static bool choose_first_frame(const http_context *c, const queue_job *job, int 
     return false;
 }
 
-/* Reads the frame that the query names for an array job, and its state; other jobs have no frames. With `any` an array
- * without a named frame has its first that has succeeded. */
+/* Reads the query parameter `frame` of an array, and the state of that frame. If it is missing, `any` selects the
+ * first frame that has succeeded. A job that is not an array has no frames: *frame and *state stay as they are. On
+ * failure sets a problem and returns false. */
 static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, bool any,
                          int *frame, queue_state *state, reply *r)
 {
@@ -99,10 +100,10 @@ static bool choose_frame(const http_context *c, const http_request *request, con
 /* A result of a job. */
 typedef struct place {
     char *directory;
-    int frame;
-    bool any_frame; /* of an array the query may name no frame */
+    int frame;      /* or QUEUE_NO_FRAME */
+    bool any_frame; /* set by the caller: for an array, the query parameter `frame` is optional */
     bool own;       /* the caller is the job's owner, or the job has none */
-    result found;   /* with report.json */
+    result found;   /* from result_list: with report.json */
 } place;
 
 static void place_clear(place *p)
@@ -111,7 +112,7 @@ static void place_clear(place *p)
     result_clear(&p->found);
 }
 
-/* Finds the result of the job that the path names, or answers why there is none. */
+/* Finds the result of the job in the path. If there is none, sets a problem and returns false. */
 static bool find_result(const http_context *c, const http_request *request, place *p, reply *r)
 {
     error e = {0};
@@ -169,7 +170,7 @@ void results_list(const http_context *c, const http_request *request, reply *r)
     place_clear(&p);
 }
 
-/* "sha-256=:BASE64:" of a hash in hexadecimal (RFC 9530). */
+/* Adds the header with the hash, "sha-256=:BASE64:" (RFC 9530), from its hexadecimal form. */
 static void add_digest(reply *r, const char *hex)
 {
     uint8_t bytes[32];
@@ -195,7 +196,7 @@ static void add_range(reply *r, int64_t first, int64_t count, int64_t bytes)
     reply_add_header(r, "Content-Range", value);
 }
 
-/* Sends the file, the requested part of it, or 304. Takes the descriptor over. */
+/* Sets a reply with the file, the requested range of it, or 304. Takes ownership of the descriptor. */
 static void send_file(const http_request *request, const result_output *output, int fd, int64_t bytes,
                       reply *r)
 {
@@ -230,7 +231,7 @@ static void send_file(const http_request *request, const result_output *output, 
     r->cache_control = CACHE_CONTROL;
 }
 
-/* Tells the executor that a file of a result was sent to its owner. */
+/* Reports to the executor that a file of a result was sent to its owner. */
 typedef struct sending {
     reply_receipt receipt;
     executor *x;
@@ -245,7 +246,8 @@ static void end_sending(reply_receipt *receipt, bool sent)
     free(s);
 }
 
-/* Of a whole file only; a client that knows the file (304) has it. */
+/* Adds the receipt that reports the end of the reply, if the owner then has the whole file: after 200, and after
+ * 304, which means that the client has it already. */
 static void add_receipt(const http_context *c, const http_request *request, const place *p, size_t index,
                         reply *r)
 {
@@ -260,7 +262,7 @@ static void add_receipt(const http_context *c, const http_request *request, cons
     r->receipt = &s->receipt;
 }
 
-/* The index of a file of the result; output_count if it has none of this name. */
+/* The index of a file of the result; output_count if there is no file of this name. */
 static size_t find_output(const place *p, const char *name)
 {
     size_t i = 0;
@@ -295,7 +297,7 @@ void results_send(const http_context *c, const http_request *request, reply *r)
     place_clear(&p);
 }
 
-/* Has another process decode the file, and answers with its thumbnail. */
+/* Sets a reply with the thumbnail of the preview, which another process decodes. */
 static void send_thumbnail(const http_context *c, const place *p, reply *r)
 {
     error e = {0};
@@ -317,7 +319,7 @@ void results_send_thumbnail(const http_context *c, const http_request *request, 
 {
     place p = {.any_frame = true};
     if (find_result(c, request, &p, r)) {
-        /* Another frame may be the first one later. */
+        /* without a named frame, the first succeeded frame may be another one later */
         bool changes = p.frame != QUEUE_NO_FRAME && !parameter_text(request, "frame", NULL);
         const char *lasting = changes ? "private, no-cache" : CACHE_CONTROL;
         const size_t i = find_output(&p, WORKER_PREVIEW_NAME);

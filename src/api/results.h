@@ -1,7 +1,7 @@
-/* results: the handlers of the results of a job.
+/* results: the handlers that list and send the files of the result of a job.
  *
- * A result never changes, so its ETag is its SHA-256 and clients may cache it. A request for one range of
- * bytes gets that part; a request for several ranges gets the whole file, as RFC 9110 allows.
+ * A file of a result never changes, so its ETag is its SHA-256 and clients may cache it. A request for one range of
+ * bytes is answered with that range; a request for several ranges with the whole file, as RFC 9110 allows.
  */
 #ifndef HEXAD_API_RESULTS_H
 #define HEXAD_API_RESULTS_H

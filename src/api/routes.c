@@ -21,7 +21,7 @@
     "'sampling':{'count':1000},'queue':{'priority':5,'labels':['example']}}"
 #define BODY_PROBLEMS "json_invalid body_too_large media_type_unsupported spec_invalid path_forbidden "
 
-/* Members that are not named are empty: no parameters, no body, open to all, answered by the serving thread. */
+/* Defaults: no parameters, no body, no scope (open to all callers), answered by the serving thread. */
 static const route routes[] = {
     {.method = "POST",
      .pattern = "/v1/jobs",

@@ -1,5 +1,5 @@
-/* routes: the routes of the service, one table. It gives what requests are answered by, Allow, and the
- * OpenAPI document. Constant data; any thread. */
+/* routes: the table of the routes of the service: handlers, scopes, parameters and answers. The server, the header
+ * Allow and the OpenAPI document use it. Constant data; any thread. */
 #ifndef HEXAD_API_ROUTES_H
 #define HEXAD_API_ROUTES_H
 

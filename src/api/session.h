@@ -1,7 +1,8 @@
-/* session: the handlers that sign a browser in and out, and tell who asks.
+/* session: the handlers that sign a browser in and out, and show the identity and scopes of the caller.
  *
- * The cookie of a session has no Path, so browsers send it to what lies beside this route (/v1) and nowhere else, also
- * behind a proxy that adds a prefix. It is Secure when the page that signs in came by https, as its Origin says.
+ * The cookie of a session has no attribute Path, so browsers send it only to routes below the parent of this route
+ * (/v1), also behind a proxy that adds a prefix. It is Secure if the Origin of the page that signs in has the scheme
+ * https.
  */
 #ifndef HEXAD_API_SESSION_H
 #define HEXAD_API_SESSION_H

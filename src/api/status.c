@@ -20,8 +20,8 @@ void status_health(const http_context *c, const http_request *request, reply *r)
 /* ---- readiness: a list of conditions, each checked by its own function */
 
 typedef struct finding {
-    const char *state; /* one word, "ok" when the condition is met */
-    const char *code;  /* of the problem that stops the service from accepting jobs; NULL: none */
+    const char *state; /* one word, "ok" if the condition is met */
+    const char *code;  /* code of the problem; NULL: the service accepts jobs nevertheless */
     char detail[sizeof((error *)0)->message];
 } finding;
 
@@ -33,7 +33,7 @@ static void look_at_jobs(const http_context *c, finding *f)
     snprintf(f->detail, sizeof f->detail, "the service is draining and accepts no jobs");
 }
 
-/* The service accepts jobs meanwhile. */
+/* A held queue does not prevent the service from accepting jobs. */
 static void look_at_queue(const http_context *c, finding *f)
 {
     bool held = false;
@@ -79,7 +79,7 @@ static void look_at_results(const http_context *c, finding *f)
              "and no job may be deleted automatically: fetch results, or delete jobs");
 }
 
-/* Jobs that name no directory run all the same. */
+/* An unwritable output root does not prevent readiness: jobs without output.directory can run. */
 static void look_at_outputs(const http_context *c, finding *f)
 {
     if (output_place_unwritable(c->outputs)) f->state = "unwritable";
@@ -91,7 +91,8 @@ static const struct condition {
 } conditions[] = {{"jobs", look_at_jobs},       {"queue", look_at_queue},     {"outputs", look_at_outputs},
                   {"results", look_at_results}, {"storage", look_at_storage}, {"database", look_at_database}};
 
-/* The worst condition comes last and is the one that is reported. */
+/* Reports all conditions. The conditions are in the order of severity, so the code of the last failed one is
+ * reported. */
 void status_ready(const http_context *c, const http_request *request, reply *r)
 {
     (void)request;

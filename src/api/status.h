@@ -1,4 +1,4 @@
-/* status: the handlers that report on the service itself. */
+/* status: the handlers that report the state of the service, and those that drain and hold it. */
 #ifndef HEXAD_API_STATUS_H
 #define HEXAD_API_STATUS_H
 
@@ -6,12 +6,12 @@
 
 http_handler status_health, status_ready, status_version, status_workers, status_usage;
 
-/* Drain: the service accepts no jobs and starts no attempts; running ones continue. Resume ends that, and so
- * does a restart. */
+/* Drained, the service accepts no jobs and starts no attempts; running attempts continue. It lasts until
+ * status_resume or a restart. */
 http_handler status_drain, status_resume;
 
-/* Hold: the service accepts jobs but starts no attempts; running ones continue. Lasts until the release, also over a
- * restart. */
+/* Held, the service accepts jobs but starts no attempts; running attempts continue. It lasts until status_release, also
+ * over a restart. */
 http_handler status_hold, status_release;
 
 #endif

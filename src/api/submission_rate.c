@@ -12,7 +12,7 @@
 typedef struct bucket {
     char *user;
     double left;
-    int64_t at_ms; /* when `left` was that */
+    int64_t at_ms; /* monotonic time of `left` */
 } bucket;
 
 struct submission_rate {
@@ -45,7 +45,7 @@ static void fill(const submission_rate *r, bucket *b, int64_t now_ms)
     b->at_ms = now_ms;
 }
 
-/* Forgets users whose buckets are full. */
+/* Removes full buckets: they equal those of new users. */
 static void forget(submission_rate *r, int64_t now_ms)
 {
     size_t kept = 0;

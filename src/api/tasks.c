@@ -11,7 +11,7 @@
 #include "http/parameter.h"
 #include "results/result.h"
 
-#define PAGE_DEFAULT 50 /* as the table of parameters says */
+#define PAGE_DEFAULT 50 /* elements of a page without `limit`; parameters.c documents the same number */
 
 void tasks_list(const http_context *c, const http_request *request, reply *r)
 {
@@ -38,7 +38,7 @@ void tasks_list(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* The place of an attempt among those of its job, as one number. */
+/* The parameter `after` of a list of attempts is task * ATTEMPTS_OF_A_TASK + number of the attempt. */
 #define ATTEMPTS_OF_A_TASK ((int64_t)1 << 31)
 
 void tasks_list_attempts(const http_context *c, const http_request *request, reply *r)
@@ -66,7 +66,7 @@ void tasks_list_attempts(const http_context *c, const http_request *request, rep
     queue_job_clear(&job);
 }
 
-/* The log of an attempt lies in its directory, or in that of the result that this became. */
+/* Opens the log of an attempt: in its directory or, if the attempt gave the result, in the directory of the result. */
 static int open_log(const http_context *c, const queue_job *job, int frame, int attempt, int64_t *bytes)
 {
     char *own = result_attempt_directory(c->work_dir, job->id, frame, attempt);
@@ -78,8 +78,8 @@ static int open_log(const http_context *c, const queue_job *job, int frame, int 
     return fd;
 }
 
-/* The attempt that the query names, or the last one; an attempt of 0 when there is none. Of an array the query names the
- * frame. */
+/* Reads the query parameters `frame`, which an array requires, and `attempt`; without it, the last attempt. *attempt
+ * is 0 if the attempt does not exist. On failure sets a problem and returns false. */
 static bool choose_attempt(const http_context *c, const http_request *request, const queue_job *job,
                            int *frame, int *attempt, reply *r)
 {
@@ -141,7 +141,7 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
     queue_job_clear(&job);
 }
 
-/* The worker removes the file before its attempt ends, so the file is there while the attempt runs. */
+/* The worker removes the snapshot before its attempt ends, so it exists only while the attempt runs. */
 void tasks_send_snapshot(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
