@@ -27,9 +27,10 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_TARGET_AVX2
 #define ISA_TARGET_AVX512
 #endif
-/* A function in several versions, of which the loader selects the fastest: for functions whose instruction set nobody
- * has to choose. _OF_128: for functions with vectors of at most 128 bits. With AVX-512, GCC 12 moves these in whole
- * registers and leaves the upper parts dirty, which delays later code without AVX. A test finds such functions. */
+/* Attribute of a function that is compiled for several instruction sets; the loader selects the fastest version. Use
+ * it for functions whose instruction set is not a setting. _OF_128: for functions with vectors of at most 128 bits.
+ * With AVX-512, GCC 12 moves these in whole registers and leaves the upper parts dirty, which delays later code
+ * without AVX. A test finds such functions. */
 #ifdef __x86_64__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
 #define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))

@@ -1,7 +1,7 @@
-/* nearest_name: finds the known name that a misspelt one probably stands for.
+/* nearest_name: finds the known name that is most similar to a misspelt one.
  *
  * Up to a third of the letters of the given name may differ, and two in a short name. A transposition of adjacent
- * letters counts as 1 (optimal string alignment distance). Of several names with the same distance the first one is
+ * letters counts as 1 (optimal string alignment distance). If several names have the same distance, the first one is
  * kept. Any thread.
  */
 #ifndef HEXAD_BASE_NEAREST_NAME_H

@@ -211,8 +211,9 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
 
 /* ---- checks of copies */
 
-/* SQLite returns several faults in one text, below a line of asterisks that names the database. A page that could not
- * be read because of the disk or of missing memory is no fault of the database: then the function returns that code. */
+/* SQLite returns several faults in one text, below a line of asterisks that names the database. A page that could
+ * not be read because of the disk or of missing memory is not a fault of the database: then the function returns
+ * that code. */
 static int write_findings(FILE *findings, const char *text)
 {
     static const char unread[] = "unable to get the page. error code=";

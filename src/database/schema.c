@@ -80,7 +80,7 @@
 #define OUTCOME "outcome TEXT CHECK (outcome IN ('converged', 'unresolved', 'not_converged'))"
 #define UNRESOLVED "unresolved INTEGER NOT NULL DEFAULT 0"
 
-/* The id of a notification, and the end that it tells of. */
+/* The id of a notification, and the time of the end of the job that it reports. */
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
 
@@ -412,25 +412,25 @@ static const char add_outbox_event[] =
 static const char add_state_count[] =
     STATE_COUNT "INSERT INTO state_count SELECT state, count(*) FROM job GROUP BY state;";
 
-/* Migration from version 6, in which users had no turns: nobody has had one yet. */
+/* Migration from version 6, in which users had no turns: every user starts without one. */
 static const char add_turns[] = "DROP TABLE owner;" OWNER;
 static const char find_owners[] =
     "INSERT INTO owner (name, unfinished, running, pass) SELECT owner, count(*), sum(running), 0 FROM job"
     "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
     "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
-/* Migration from version 7, which knew two outcomes. */
-#define WIDEN_OUTCOME(table)                               \
-    "ALTER TABLE " table " RENAME COLUMN outcome TO told;" \
-    "ALTER TABLE " table " ADD COLUMN " OUTCOME ";"        \
-    "UPDATE " table " SET outcome = told;"                 \
-    "ALTER TABLE " table " DROP COLUMN told;"
+/* Migration from version 7, which had two outcomes. */
+#define WIDEN_OUTCOME(table)                                  \
+    "ALTER TABLE " table " RENAME COLUMN outcome TO earlier;" \
+    "ALTER TABLE " table " ADD COLUMN " OUTCOME ";"           \
+    "UPDATE " table " SET outcome = earlier;"                 \
+    "ALTER TABLE " table " DROP COLUMN earlier;"
 static const char add_unresolved[] =
     WIDEN_OUTCOME("job") WIDEN_OUTCOME("task") "ALTER TABLE job ADD COLUMN " UNRESOLVED ";";
 
 /* Migration from version 7, in which jobs depended on success only. */
 static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
 
-/* Migration from version 8, in which nothing was known of what jobs leave. It is measured later. */
+/* Migration from version 8, which did not store the disk space of jobs. It is measured later. */
 static const char add_usage[] = "ALTER TABLE job ADD COLUMN " RESULT_BYTES ";"
                                 "ALTER TABLE job ADD COLUMN " DELIVERED ";"
                                 "ALTER TABLE job ADD COLUMN " DELIVERED_MS ";"

@@ -1,7 +1,7 @@
 /* schema: the tables of the queue's database, and their version.
  *
  * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A newer
- * version is refused, because writing to it could lose data that this program does not know.
+ * version is refused, because writing to it could lose data that this program does not support.
  */
 #ifndef HEXAD_DATABASE_SCHEMA_H
 #define HEXAD_DATABASE_SCHEMA_H

@@ -435,7 +435,8 @@ static int box_pieces(const analytic_params *p, analytic_params *out)
     return 6;
 }
 
-/* The lateral surface comes first. It is extended to its apex, or so far that its ends are never the closest place. */
+/* The lateral surface comes first. It is extended to its apex or by `reach`, so that its ends are never the closest
+ * place. */
 static int frustum_pieces(const analytic_params *p, analytic_params *out)
 {
     vec3 axis = vec3_unit(p->axis);

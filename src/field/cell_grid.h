@@ -37,9 +37,9 @@ typedef struct cell_grid_oracle {
     bool (*may_cross)(const field *f, vec3 low, vec3 high);
 } cell_grid_oracle;
 
-/* Sets `crossing` and `count`; it is no error if no cell crosses. The result does not depend on the number of threads;
+/* Sets `crossing` and `count`; `count` 0 is not an error. The result does not depend on the number of threads;
  * the pool may be NULL. Errors: limit_memory (more than CELL_GRID_MOST crossing cells, which may be estimated from a
- * sample of the blocks; more than an eighth of that many blocks; more than 2^31 cells along an axis or 2^58 in total),
+ * sample of the blocks; more than CELL_GRID_MOST / 8 blocks; more than 2^31 cells along an axis or 2^58 in total),
  * not_supported (cells too small for the precision of their coordinates), cancelled. */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 

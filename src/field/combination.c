@@ -564,8 +564,8 @@ static bool find_surface(combination *c, int wall_levels, size_t memory, threads
     return true;
 }
 
-/* Whether the plane of a face of an open part's domain, which is no face of the combination's domain, meets the
- * surface. */
+/* Whether the plane of a face of an open part's domain meets the surface. False for a plane that is also a face of the
+ * combination's domain. */
 static bool is_cut_at(const combination *c, const part *p, int face)
 {
     int axis = face >> 1;

@@ -15,8 +15,9 @@
 #include "field/field.h"
 
 typedef struct field_patch {
-    /* F of the patch: zero on it, defined within some spacings of it. Beyond its curves the patch continues tangentially. Other patches are no
-     * zeros of it. Of the ops only `sample`, `sample_near` and `within` are called. */
+    /* F of the patch: zero on it, defined within some spacings of it. Beyond its curves the patch continues
+     * tangentially. It is not zero on other patches. Only the operations `sample`, `sample_near` and `within` are
+     * called. */
     const field *field;
     bool one_sided; /* not orientable (a Moebius strip): the sign of its normals is arbitrary */
     double area;    /* > 0 */

@@ -3,11 +3,11 @@
  * Private to src/queue. Call every function inside a change (database/database).
  *
  * Users take turns within a priority (stride scheduling: Waldspurger and Weihl 1995). The `pass` of a user determines
- * the user's next turn; each claim of one of the user's tasks increases it by 1 / weight. Of the users whose first job
- * has the highest priority, the one with the lowest pass is next. `service.turn` is the highest pass that has had a
- * turn. Turns do not accumulate: a new user starts at that turn, and a user who had no jobs or was skipped (by
- * priority, by a limit) continues from there. Debts do not expire: the row of a user without jobs remains until the
- * turn has reached the user's pass, or until no user has jobs.
+ * the user's next turn; each claim of one of the user's tasks increases it by 1 / weight. The next turn goes to the
+ * user with the lowest pass among those whose first job has the highest priority. `service.turn` is the highest pass
+ * that has had a turn. Turns do not accumulate: a new user starts at that turn, and a user who had no jobs or was
+ * skipped (by priority, by a limit) continues from there. Debts do not expire: the row of a user without jobs remains
+ * until the turn has reached the user's pass, or until no user has jobs.
  *
  * A row has the priority and the seq of the user's first job that may be claimed, so that a claim reads one index in
  * order, whatever the number of jobs and users.

@@ -17,7 +17,7 @@
  * blocked waits for the jobs that it depends on
  * paused no attempt is started until the job is resumed; while earlier attempts still run, the job is running
  * running an attempt runs
- * cancelling an attempt runs and was asked to end
+ * cancelling an attempt runs and was requested to end
  * succeeded, failed, timed_out, cancelled: every task has ended. If tasks ended differently, the job takes the first of
  * failed, timed_out, cancelled. A job that was cancelled is cancelled.
  * A task is queued, running, or in a final state. Only a retry leaves a final state.
@@ -186,7 +186,7 @@ typedef struct queue_receipt {
     size_t dependency;
 } queue_receipt;
 
-/* Stores the job if the verdict is QUEUE_CREATED, and nothing otherwise. */
+/* Stores the job if `receipt->verdict` is QUEUE_CREATED, and nothing otherwise. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
 /* Whether the owner has used this idempotency key. */
@@ -274,7 +274,7 @@ typedef struct queue_figures {
 bool queue_get_figures(queue *q, queue_figures *figures, error *e);
 
 typedef enum queue_command {
-    QUEUE_CANCEL, /* waiting tasks are cancelled; running ones are asked to end */
+    QUEUE_CANCEL, /* waiting tasks are cancelled; running ones are signalled to end */
     QUEUE_PAUSE,
     QUEUE_RESUME,
     /* For an ended job: its tasks without success are queued again, with all attempts available. */

@@ -3,8 +3,8 @@
  * The feature size at a place is the radius of the smallest ball, on either side, that touches the surface there and an
  * opposite wall: a place whose normal makes an angle of more than 114 degrees with that of the place. The centre of the
  * ball is on the medial axis. For two parallel planes the feature size is half of their distance, for a tube its
- * radius. Sharp convex edges are no features if their faces meet at more than 66 degrees: the medial axis touches the
- * surface there, but a packing does not need to be finer to separate the faces. Curvature alone is no feature.
+ * radius. Sharp convex edges are not features if their faces meet at more than 66 degrees: the medial axis touches the
+ * surface there, but a packing does not need to be finer to separate the faces. Curvature alone is not a feature.
  *
  * The search starts with cubes of the size of the surface's cells and continues with larger ones, until an opposite
  * wall is found. On round shapes sizes may be too small by a tenth; on flat ones they are exact. Sizes below about a

@@ -232,8 +232,8 @@ bool spacing_request_find(spacing_request *r, const double *over, double *spacin
         if (spacing_request_is_map(p))
             return error_set(
                 e, ERROR_INPUT_UNSUPPORTED,
-                "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
-                "surface is, and painted?");
+                "the map of sampling.grid requests no points anywhere on the surface: check that it "
+                "overlaps the surface and has values there");
         least = 1; /* flat everywhere */
     }
     for (size_t k = 0; k < scan->cells; k++)

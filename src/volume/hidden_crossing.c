@@ -586,7 +586,7 @@ static void flood_cells(void *context)
 bool hidden_crossing_find(const bricks *b, const int64_t size[3], double aspect, threads *pool,
                           uint8_t *crossed, hidden_crossing *out, error *e)
 {
-    const char *what = "the cells that the surface grazes";
+    const char *what = "the cells with hidden crossings";
     const block_map *map = b->map;
     const size_t bytes = (size_t)map->count * 64;
     search s = {.map = map,
