@@ -88,7 +88,7 @@ typedef struct engine {
     /* Reads the output of the worker. *progress: the newest complete line since the last call, or NULL; valid until the
      * next call. True: the attempt has ended. */
     bool (*poll)(engine_attempt *attempt, const char **progress);
-    /* Asks the attempt to end, or with `force` kills it. */
+    /* Requests the end of the attempt, or with `force` kills it. */
     void (*cancel)(engine_attempt *attempt, bool force);
     /* Writes worker.log to the attempt's directory, sets *ending and frees the attempt. */
     void (*settle)(engine_attempt *attempt, engine_ending *ending);

@@ -48,7 +48,7 @@
 /* Fraction of the machine's memory for attempts if host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
-/* Default limits of an attempt on another host; the engine knows the resources of its hosts. */
+/* Default limits of an attempt on another host; the engine manages the resources of its hosts. */
 #define NODE_THREADS 256
 #define NODE_MEMORY_MB (4 << 20)
 

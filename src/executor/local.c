@@ -148,7 +148,7 @@ static _Noreturn void run_child(launch *l)
         lower_limit(RLIMIT_FSIZE, l->file_size) && lower_limit(RLIMIT_NOFILE, l->open_files) &&
         dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
         dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
-        /* an older kernel does not know this flag; all descriptors are close-on-exec anyway */
+        /* an older kernel does not support this flag; all descriptors are close-on-exec anyway */
         close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
         execve(l->arguments[0], l->arguments, l->environment);
     }

@@ -22,7 +22,7 @@ typedef struct progress_ring_line {
     int64_t number;
     char id[ULID_SIZE]; /* of the job */
     char owner[QUEUE_OWNER_SIZE];
-    int frame, attempt; /* frame is QUEUE_NO_FRAME when the job is no array */
+    int frame, attempt; /* frame is QUEUE_NO_FRAME if the job is not an array */
     char *text;         /* one JSON object */
 } progress_ring_line;
 

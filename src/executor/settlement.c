@@ -406,7 +406,7 @@ static int64_t measure_left(const settlement_place *place, const queue_claimed *
     return bytes;
 }
 
-/* Stores the verdict in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
+/* Stores the decision in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {

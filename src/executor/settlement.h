@@ -65,7 +65,7 @@ void settlement_decide(const queue_claimed *claimed, settlement_stop stop, doubl
 /* The worker could not be started. That is a fault of the service, so the attempt does not count. */
 void settlement_decide_unstarted(const error *why, settlement *s);
 
-/* The job asks for more memory than this service has. */
+/* The job requests more memory than this service has. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
 
 /* Earlier attempts of the task have used up its time limit. */

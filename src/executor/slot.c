@@ -52,7 +52,7 @@ typedef struct work {
     publication *publication; /* in PUBLISHING */
     settlement verdict;
     int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
-    /* referenced by the verdict */
+    /* referenced by the settlement */
     char *copied;
     char cached_from[ULID_SIZE], *cache_inputs;
 } work;
@@ -284,7 +284,7 @@ static bool start_worker(slot *s, error *e)
     return w->attempt != NULL;
 }
 
-/* True when no worker is needed: the next phase is then SETTLING with a verdict, or PUBLISHING. */
+/* True if no worker is needed: the next phase is then SETTLING with a decision, or PUBLISHING. */
 static bool decide_at_once(slot *s)
 {
     const slot_context *x = s->context;
@@ -307,7 +307,7 @@ static bool decide_at_once(slot *s)
     return true;
 }
 
-/* The next phase is SETTLING with a verdict already, RUNNING, or PUBLISHING. */
+/* The next phase is RUNNING, PUBLISHING, or SETTLING with a decision. */
 static unsigned step_starting(slot *s)
 {
     const slot_context *x = s->context;
@@ -414,7 +414,7 @@ static void stop_if_due(slot *s)
     }
 }
 
-/* Of RUNNING and STOPPING. */
+/* The step in the phases RUNNING and STOPPING. */
 static unsigned step_running(slot *s)
 {
     work *w = &s->w;
@@ -511,7 +511,8 @@ static unsigned step_once(slot *s)
     return SLOT_NO_NEWS;
 }
 
-/* A worker that was just started or asked to end has no output yet: the next step follows when it has. */
+/* Performs steps until the phase is unchanged. A worker that was just started or signalled to end has no output yet,
+ * so the loop also ends at these phases; the next step follows when there is output. */
 unsigned slot_step(slot *s)
 {
     unsigned news = SLOT_NO_NEWS;

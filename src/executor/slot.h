@@ -32,10 +32,10 @@ typedef enum slot_phase {
     SLOT_FREE,
     SLOT_STARTING, /* a task was taken; its worker is to be started, unless the result exists or cannot be */
     SLOT_RUNNING,  /* the worker runs */
-    SLOT_STOPPING, /* the worker was asked to end, and is killed when the grace time is over */
+    SLOT_STOPPING, /* the worker was signalled to end, and is killed after the grace time */
     SLOT_DECIDING, /* the worker has ended; what it left is to be read */
     SLOT_PUBLISHING, /* the result is copied to output.directory */
-    SLOT_SETTLING    /* the verdict is to be carried out and stored in the queue */
+    SLOT_SETTLING    /* the decision is to be carried out and stored in the queue */
 } slot_phase;
 
 /* Data shared by all slots. The supervisor may change the second part between two steps. All pointers outlive the

@@ -65,7 +65,7 @@ static bool fits_memory(const job *j, double count, error *e)
     return plan_check_memory(j->spec, j->options->previous != NULL, count, left, e);
 }
 
-/* The instruction set that the spec asks for. */
+/* The instruction set that the spec requests. */
 static bool choose_isa(const spec *s, isa *out, error *e)
 {
 #define NAMED(prefix, name, word) [SPEC_ISA_##name] = prefix##_##name,

@@ -326,8 +326,8 @@ static bool repair(const results_input *in, const triangulation_input *sites, th
     return ok;
 }
 
-/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is no manifold,
- * along the mesh, which takes longer. */
+/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not a
+ * manifold, along the mesh, which takes longer. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {

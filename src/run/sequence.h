@@ -32,7 +32,7 @@ typedef struct sequence {
     uint32_t *id;
     vec3 *velocity; /* world units per frame */
     double drift_median, drift_p95,
-        drift_max; /* Of carried points: distance from `start` over the spacing. */
+        drift_max; /* distance of carried points from `start`, divided by the spacing */
 } sequence;
 
 /* Opens the results in a directory. Error: input_missing. */
