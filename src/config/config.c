@@ -517,9 +517,9 @@ void config_print_help(FILE *file)
         "  --help           prints this text\n"
         "  --version        prints the version\n"
         "\n"
-        "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
-        "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check failed.\n"
-        "Of --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
+        "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
+        "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
+        "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",
         file);
