@@ -18,7 +18,7 @@ TOKEN = re.compile(r"""\s+|(?P<asset>@@@.*?@@@|@[^@\n]*@)|(?P<path><[^>]*>)|"""
 
 
 class Usda:
-    """Prims by path: type, metadata, attributes {name: (type, value)}, relations; as the grammar of USD's text has them."""
+    """Prims by path: type, metadata, attributes {name: (type, value)}, relations; by the grammar of USD's text."""
 
     def __init__(self, text):
         assert text.startswith("#usda 1.0\n")
@@ -293,9 +293,9 @@ def instancer(**members):
 
 
 @pytest.mark.parametrize("output,words", [
-    ({"orient": {"twist": "heat"}}, '/output/orient/twist: the points have no attribute "heat": choose one of none, and '
-                                    'add it to /attributes'),
-    ({"orient": {"twist": "a", "seed": 1}}, "/output/orient: may have at most one of twist, seed (given both): remove "),
+    ({"orient": {"twist": "heat"}}, '/output/orient/twist: the points have no attribute "heat": choose one of none, '
+                                    'and add it to /attributes'),
+    ({"orient": {"twist": "a", "seed": 1}}, "/output/orient: may have at most one of twist, seed (given both): "),
     ({"orient": {"seed": -1}}, "/output/orient/seed: must be an integer from 0"),
     ({"orient": 3}, "/output/orient: "),
     (instancer(prototype="a.usd"), "/output/usd/instancer: requires points_usda: true"),

@@ -155,7 +155,8 @@ static json *document_for(const spec_row *row)
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
         {"/sampling/control", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
                               "\"sampling\":{\"control\":{\"min_count\":100,\"max_sigma\":0.1}}}"},
-        {"/output/usd", SPHERE ",\"output\":{\"points_usda\":true,\"usd\":{\"instancer\":{\"prototype\":\"a\"}}}}"},
+        {"/output/usd",
+         SPHERE ",\"output\":{\"points_usda\":true,\"usd\":{\"instancer\":{\"prototype\":\"a\"}}}}"},
         {"/output/order", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},"
                           "\"sampling\":{\"count\":100},\"queue\":{\"frames\":\"1-2\",\"coherent\":true}}"},
         {"/solver/witkin_heckbert", SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}"},

@@ -185,12 +185,9 @@ static void the_same_points_give_the_same_bytes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(points_are_read_back),
-        cmocka_unit_test(orientations_are_read_back),
-        cmocka_unit_test(what_differs_is_told),
-        cmocka_unit_test(ids_and_velocities_are_read_back),
-        cmocka_unit_test(other_values_are_read_back),
-        cmocka_unit_test(the_same_points_give_the_same_bytes),
+        cmocka_unit_test(points_are_read_back),       cmocka_unit_test(orientations_are_read_back),
+        cmocka_unit_test(what_differs_is_told),       cmocka_unit_test(ids_and_velocities_are_read_back),
+        cmocka_unit_test(other_values_are_read_back), cmocka_unit_test(the_same_points_give_the_same_bytes),
     };
     return cmocka_run_group_tests_name("vdb_points", tests, NULL, NULL);
 }
