@@ -62,11 +62,8 @@ static void read_values(reading *r, const json_at *at)
     json_elements(*at, values, count);
     for (size_t i = 0; i < count; i++) {
         json_at element = {values[i], at, NULL, i};
-        char given[READING_SHOWN_MAX + 8];
-        if (is_value(element)) continue;
-        reading_describe(element, given);
-        reading_add_fault(r, &element,
-                          "must be a number, a word, true, false or an array of numbers (given %s)", given);
+        if (!is_value(element))
+            reading_add_mismatch(r, &element, "must be a number, a word, true, false or an array of numbers");
     }
     free(values);
 }
@@ -76,9 +73,7 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
     size_t count = json_size(*at), before = r->total;
     char given[READING_SHOWN_MAX + 8];
     if (json_type_of(*at) != JSON_OBJECT || (double)count < row->low || (double)count > row->high) {
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an object with %.0f to %.0f JSON Pointers (given %s)", row->low,
-                          row->high, given);
+        reading_add_mismatch(r, at, "must be an object with %.0f to %.0f JSON Pointers", row->low, row->high);
         return;
     }
     for (size_t i = 0; i < count; i++) {
@@ -99,12 +94,9 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
         if (json_type_of(member) == JSON_ARRAY) {
             read_values(r, &member);
         } else if (!is_ramp(member)) {
-            reading_describe(member, given);
-            reading_add_fault(
+            reading_add_mismatch(
                 r, &member,
-                "must be an array of one value for each frame, or {\"from\": number, \"to\": number}"
-                " (given %s)",
-                given);
+                "must be an array of one value for each frame, or {\"from\": number, \"to\": number}");
         }
     }
     if (r->total > before) return;

@@ -58,10 +58,7 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
 {
     size_t count = json_size(*at);
     if (json_type_of(*at) != JSON_ARRAY || (double)count < row->low || (double)count > row->high) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an array of %.0f to %.0f surfaces (given %s)", row->low, row->high,
-                          given);
+        reading_add_mismatch(r, at, "must be an array of %.0f to %.0f surfaces", row->low, row->high);
         return;
     }
     set_surface_kind(r, spec_row_key(row));
@@ -85,9 +82,7 @@ static void read_attributes(reading *r, const json_at *at, const spec_row *row, 
     size_t count = json_size(*at);
     spec *s = r->s;
     if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an array of at most %.0f objects (given %s)", row->high, given);
+        reading_add_mismatch(r, at, "must be an array of at most %.0f objects", row->high);
         return;
     }
     json *list = json_put_array(normal, spec_row_key(row));
@@ -233,9 +228,7 @@ void group_read(reading *r, const json_at *at, const char *group, json *normal)
 {
     size_t before = r->total;
     if (at->node && json_type_of(*at) != JSON_OBJECT) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an object (given %s)", given);
+        reading_add_mismatch(r, at, "must be an object");
         return;
     }
     size_t count = 0;

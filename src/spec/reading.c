@@ -13,17 +13,24 @@ void *reading_target(reading *r, size_t offset)
     return (char *)r->s + offset;
 }
 
-void reading_add_fault(reading *r, const json_at *at, const char *format, ...)
+/* A further fault at this place without its text; NULL: there are too many. */
+static spec_fault *add(reading *r, const json_at *at)
 {
     r->total++;
-    if (r->faults.count == SPEC_MAX_FAULTS) return;
+    if (r->faults.count == SPEC_MAX_FAULTS) return NULL;
     spec_fault *fault = &r->faults.item[r->faults.count++];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
-    va_end(arguments);
     json_pointer(at, fault->pointer, sizeof fault->pointer);
     fault->code = ERROR_SPEC_INVALID;
+    return fault;
+}
+
+void reading_add_fault(reading *r, const json_at *at, const char *format, ...)
+{
+    spec_fault *fault = add(r, at);
+    va_list arguments;
+    va_start(arguments, format);
+    if (fault) vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+    va_end(arguments);
 }
 
 void reading_add_missing_part(reading *r, const json_at *at, const char *why)
@@ -46,7 +53,8 @@ void reading_shorten(const char *text, char out[READING_SHOWN_MAX + 4])
     memcpy(out + n, "...", 4);
 }
 
-void reading_describe(json_at at, char out[READING_SHOWN_MAX + 8])
+/* The value in a message: "7", "\"abc\"", "an object". */
+static void describe(json_at at, char out[READING_SHOWN_MAX + 8])
 {
     char *text;
     switch (json_type_of(at)) {
@@ -61,6 +69,20 @@ void reading_describe(json_at at, char out[READING_SHOWN_MAX + 8])
         reading_shorten(text, out);
         free(text);
     }
+}
+
+void reading_add_mismatch(reading *r, const json_at *at, const char *format, ...)
+{
+    char given[READING_SHOWN_MAX + 8];
+    spec_fault *fault = add(r, at);
+    if (!fault) return;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+    va_end(arguments);
+    const size_t length = strlen(fault->detail);
+    describe(*at, given);
+    snprintf(fault->detail + length, sizeof fault->detail - length, " (given %s)", given);
 }
 
 static void describe_range(const spec_row *row, char *out, size_t size)
@@ -82,13 +104,12 @@ static bool is_measure(const char *unit)
 
 void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind)
 {
-    char given[READING_SHOWN_MAX + 8], range[96];
+    char range[96];
     const bool has_unit = row->unit && is_measure(row->unit);
-    reading_describe(*at, given);
     describe_range(row, range, sizeof range);
     if (row->low == row->high)
-        reading_add_fault(r, at, "must be %s (given %s)", range, given);
+        reading_add_mismatch(r, at, "must be %s", range);
     else
-        reading_add_fault(r, at, "must be %s %s%s%s (given %s)", kind, range, has_unit ? " " : "",
-                          has_unit ? row->unit : "", given);
+        reading_add_mismatch(r, at, "must be %s %s%s%s", kind, range, has_unit ? " " : "",
+                             has_unit ? row->unit : "");
 }

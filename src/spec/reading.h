@@ -39,10 +39,11 @@ void reading_add_missing_part(reading *r, const json_at *at, const char *why);
 /* Notes that the value is not of this kind ("an integer") or is out of the row's range. */
 void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind);
 
+/* reading_add_fault, with the value behind the text: "(given 7)". */
+void reading_add_mismatch(reading *r, const json_at *at, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
 /* Copies a text, at most READING_SHOWN_MAX bytes of it and never a part of a character. */
 void reading_shorten(const char *text, char out[READING_SHOWN_MAX + 4]);
-
-/* The value in a message: "7", "\"abc\"", "an object". */
-void reading_describe(json_at at, char out[READING_SHOWN_MAX + 8]);
 
 #endif

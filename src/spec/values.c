@@ -83,9 +83,7 @@ static void read_vector(reading *r, const json_at *at, const spec_row *row, json
 static void read_numbers(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an array of numbers (given %s)", given);
+        reading_add_mismatch(r, at, "must be an array of numbers");
         return;
     }
     size_t count = json_size(*at);
@@ -134,9 +132,7 @@ static void read_integers(reading *r, const json_at *at, const spec_row *row, js
 static void read_lists(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an array of arrays of integers (given %s)", given);
+        reading_add_mismatch(r, at, "must be an array of arrays of integers");
         return;
     }
     const size_t count = json_size(*at);
@@ -181,7 +177,7 @@ static void read_size(reading *r, const json_at *at, const spec_row *row, json *
 
 static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
-    char allowed[256] = "", given[READING_SHOWN_MAX + 8];
+    char allowed[256] = "";
     const char *text = json_string(*at, "");
     for (int i = 0; row->words[i]; i++) {
         const char *word = row->words[i];
@@ -195,17 +191,13 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
         size_t n = strlen(allowed);
         snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
     }
-    reading_describe(*at, given);
-    reading_add_fault(r, at, "must be %s%s (given %s)", strchr(allowed, ',') ? "one of " : "", allowed,
-                      given);
+    reading_add_mismatch(r, at, "must be %s%s", strchr(allowed, ',') ? "one of " : "", allowed);
 }
 
 static void read_bool(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (json_type_of(*at) != JSON_BOOL) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be true or false (given %s)", given);
+        reading_add_mismatch(r, at, "must be true or false");
         return;
     }
     bool value = json_bool(*at, false);
@@ -225,9 +217,7 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
     const char *text = json_string(*at, NULL);
     size_t length = text ? characters(text) : 0;
     if (!text) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be a string (given %s)", given);
+        reading_add_mismatch(r, at, "must be a string");
     } else if ((double)length < row->low || (double)length > row->high) {
         reading_add_fault(r, at, "must be a string of %.16g to %.16g characters (given %zu)", row->low,
                           row->high, length);
@@ -242,9 +232,7 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     bool one = row->flags & SPEC_OR_ONE && json_type_of(*at) == JSON_STRING;
     size_t count = one ? 1 : json_size(*at);
     if (!one && (json_type_of(*at) != JSON_ARRAY || (double)count > row->high)) {
-        char given[READING_SHOWN_MAX + 8];
-        reading_describe(*at, given);
-        reading_add_fault(r, at, "must be an array of at most %.16g strings (given %s)", row->high, given);
+        reading_add_mismatch(r, at, "must be an array of at most %.16g strings", row->high);
         return;
     }
     char **labels = mem_alloc(count * sizeof *labels);
@@ -254,10 +242,8 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         json_at element = one ? *at : json_element(at, i);
         const char *text = json_string(element, NULL);
         if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
-            char given[READING_SHOWN_MAX + 8];
-            reading_describe(element, given);
-            reading_add_fault(r, &element, "must be a string of 1 to %d characters (given %s)",
-                              SPEC_LABEL_LENGTH_MAX, given);
+            reading_add_mismatch(r, &element, "must be a string of 1 to %d characters",
+                                 SPEC_LABEL_LENGTH_MAX);
             continue;
         }
         labels[(*(size_t *)reading_target(r, row->has))++] = mem_strdup(text);
