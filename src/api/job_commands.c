@@ -36,8 +36,7 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     if (!executor_apply_command(c->x, job.id, command, &found, &changed, &now, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
-                          job.id);
+        job_lookup_refuse(job.id, r);
     } else if (!changed && (wants_end || ended || queue_state_is_final(now))) {
         reply_set_problem(r, "conflict", NULL, "cannot %s the job %s: its state is %s. %s.", what, job.id,
                           queue_state_name(now), rule_of(command));
@@ -165,8 +164,7 @@ static void apply(const http_context *c, const http_request *request, const queu
     if (!queue_change(c->q, job->id, revision, edit, &edited, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (edited == QUEUE_NOT_THERE) {
-        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
-                          job->id);
+        job_lookup_refuse(job->id, r);
     } else if (edited == QUEUE_STALE) {
         reply_set_problem(r, "precondition_failed", NULL,
                           "the job %s has changed since it was read: get it again and repeat the change",
@@ -232,8 +230,7 @@ void job_commands_delete(const http_context *c, const http_request *request, rep
     if (!executor_delete(c->x, job.id, &found, &deleted, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs",
-                          job.id);
+        job_lookup_refuse(job.id, r);
     } else if (!deleted) {
         reply_set_problem(r, "conflict", NULL, "the job %s has not ended: cancel it first", job.id);
     } else {

@@ -1,5 +1,10 @@
 #include "api/job_lookup.h"
 
+void job_lookup_refuse(const char *id, reply *r)
+{
+    reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs", id);
+}
+
 bool job_lookup_find(const http_context *c, const http_request *request, queue_job *job, reply *r)
 {
     error e = {0};
@@ -9,8 +14,7 @@ bool job_lookup_find(const http_context *c, const http_request *request, queue_j
         reply_set_error(r, &e, NULL);
         return false;
     }
-    if (!found)
-        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs", id);
+    if (!found) job_lookup_refuse(id, r);
     return found;
 }
 

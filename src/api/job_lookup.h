@@ -11,4 +11,7 @@ bool job_lookup_find(const http_context *c, const http_request *request, queue_j
 /* Like job_lookup_find, and fails if the caller is neither the owner of the job nor an administrator. */
 bool job_lookup_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
+/* Answers that the job does not exist. */
+void job_lookup_refuse(const char *id, reply *r);
+
 #endif

@@ -79,7 +79,7 @@ void jobs_answer(const http_context *c, const http_request *request, const char 
     if (!queue_get(c->q, id, &job, &found, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {
-        reply_set_problem(r, "not_found", NULL, "the job %s does not exist: list the jobs for their IDs", id);
+        job_lookup_refuse(id, r);
     } else {
         answer_job(c, request, &job, status, r);
     }
