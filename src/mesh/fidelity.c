@@ -288,32 +288,42 @@ void fidelity_free(fidelity *f)
     f->thin_places = 0;
 }
 
-/* Whether a sample of triangle n has solids on both sides, whatever their orientation: it does not bound the union. */
-static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal)
-{
-    const vec3 d = vec3_unit(vec3_add(normal, tilt));
-    return line_tree_cross(tree, p, d, n).winding != 0 &&
-           line_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
-}
+/* Whether a property holds of a sample of triangle n, at p. */
+typedef bool sample_test(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width);
 
-bool fidelity_hidden(const mesh *m, double *share, error *e)
+/* The share of `sampled` samples, evenly over the area, for which the property holds. */
+static bool measure_share(const mesh *m, int sampled, sample_test *holds, double width, double *share,
+                          error *e)
 {
-    static const int sampled = 2048;
     line_tree *tree = line_tree_new(m, e);
     const double step = mesh_area(m) / sampled;
     double passed = 0, next = 0.5 * step;
-    int hidden = 0;
+    int found = 0;
     if (!tree) return false;
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
         const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
         passed += 0.5 * vec3_norm(normal);
         for (int k = 0; next < passed; k++, next += step)
-            hidden += is_hidden(tree, n, place_of(a, ab, ac, k), vec3_unit(normal));
+            found += holds(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), width);
     }
     line_tree_free(tree);
-    *share = (double)hidden / sampled;
+    *share = (double)found / sampled;
     return true;
+}
+
+/* Whether solids are on both sides, whatever their orientation: the sample does not bound the union. */
+static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
+{
+    const vec3 d = vec3_unit(vec3_add(normal, tilt));
+    (void)width;
+    return line_tree_cross(tree, p, d, n).winding != 0 &&
+           line_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
+}
+
+bool fidelity_hidden(const mesh *m, double *share, error *e)
+{
+    return measure_share(m, 2048, is_hidden, 0, share, e);
 }
 
 /* Whether the outside is on one side of a sample and, on the other side, at a distance of less than `width`. */
@@ -327,20 +337,5 @@ static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, doub
 
 bool fidelity_thin(const mesh *m, double voxel, double *share, error *e)
 {
-    static const int sampled = 1024;
-    line_tree *tree = line_tree_new(m, e);
-    const double step = mesh_area(m) / sampled;
-    double passed = 0, next = 0.5 * step;
-    int thin = 0;
-    if (!tree) return false;
-    for (uint32_t n = 0; n < m->triangle_count; n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
-        passed += 0.5 * vec3_norm(normal);
-        for (int k = 0; next < passed; k++, next += step)
-            thin += is_thin(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), voxels_across * voxel);
-    }
-    line_tree_free(tree);
-    *share = (double)thin / sampled;
-    return true;
+    return measure_share(m, 1024, is_thin, voxels_across * voxel, share, e);
 }
