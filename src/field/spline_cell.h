@@ -51,58 +51,35 @@ static inline void VERSION(bend_weights)(double t, double w[4])
     w[3] = t;
 }
 
-static inline __attribute__((always_inline)) void VERSION(gradient)(const support *c, const double t[3],
-                                                                    spline_jet *out)
+/* `bends`, a constant: the second derivatives as well. What they need is left out of a call without them. */
+static inline __attribute__((always_inline)) void VERSION(jet)(const support *c, const double t[3],
+                                                               bool bends, spline_jet *out)
 {
-    double vx[4], vy[4], sx[4], sy[4];
-    lanes vz, sz, value = {0}, along_x = {0}, along_y = {0};
+    double vx[4], vy[4], sx[4], sy[4], bx[4] = {0}, by[4] = {0};
+    lanes vz, sz, bz = {0}, vv = {0}, sv = {0}, vs = {0}, ss = {0}, bv = {0}, vb = {0};
     VERSION(value_weights)(t[0], vx);
     VERSION(value_weights)(t[1], vy);
     VERSION(value_weights)(t[2], (double *)&vz);
     VERSION(slope_weights)(t[0], sx);
     VERSION(slope_weights)(t[1], sy);
     VERSION(slope_weights)(t[2], (double *)&sz);
-#pragma GCC unroll 4
-    for (int i = 0; i < 4; i++) {
-        lanes r[4];
-        VERSION(load_rows)(c, i, r);
-        lanes v = r[0] * vy[0] + r[1] * vy[1] + r[2] * vy[2] + r[3] * vy[3];
-        lanes s = r[0] * sy[0] + r[1] * sy[1] + r[2] * sy[2] + r[3] * sy[3];
-        value += v * vx[i];
-        along_x += v * sx[i];
-        along_y += s * vx[i];
+    if (bends) {
+        VERSION(bend_weights)(t[0], bx);
+        VERSION(bend_weights)(t[1], by);
+        VERSION(bend_weights)(t[2], (double *)&bz);
     }
-    out->f = VERSION(dot)(&value, &vz);
-    out->d[0] = VERSION(dot)(&along_x, &vz);
-    out->d[1] = VERSION(dot)(&along_y, &vz);
-    out->d[2] = VERSION(dot)(&value, &sz);
-}
-
-static inline __attribute__((always_inline)) void VERSION(hessian)(const support *c, const double t[3],
-                                                                   spline_jet *out)
-{
-    double vx[4], vy[4], sx[4], sy[4], bx[4], by[4];
-    lanes vz, sz, bz, vv = {0}, sv = {0}, vs = {0}, ss = {0}, bv = {0}, vb = {0};
-    VERSION(value_weights)(t[0], vx);
-    VERSION(value_weights)(t[1], vy);
-    VERSION(value_weights)(t[2], (double *)&vz);
-    VERSION(slope_weights)(t[0], sx);
-    VERSION(slope_weights)(t[1], sy);
-    VERSION(slope_weights)(t[2], (double *)&sz);
-    VERSION(bend_weights)(t[0], bx);
-    VERSION(bend_weights)(t[1], by);
-    VERSION(bend_weights)(t[2], (double *)&bz);
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
         lanes r[4];
         VERSION(load_rows)(c, i, r);
         lanes v = r[0] * vy[0] + r[1] * vy[1] + r[2] * vy[2] + r[3] * vy[3];
         lanes s = r[0] * sy[0] + r[1] * sy[1] + r[2] * sy[2] + r[3] * sy[3];
-        lanes b = r[0] * by[0] + r[1] * by[1] + r[2] * by[2] + r[3] * by[3];
         vv += v * vx[i];
         sv += v * sx[i];
-        bv += v * bx[i];
         vs += s * vx[i];
+        if (!bends) continue;
+        const lanes b = r[0] * by[0] + r[1] * by[1] + r[2] * by[2] + r[3] * by[3];
+        bv += v * bx[i];
         ss += s * sx[i];
         vb += b * vx[i];
     }
@@ -110,6 +87,7 @@ static inline __attribute__((always_inline)) void VERSION(hessian)(const support
     out->d[0] = VERSION(dot)(&sv, &vz);
     out->d[1] = VERSION(dot)(&vs, &vz);
     out->d[2] = VERSION(dot)(&vv, &sz);
+    if (!bends) return;
     out->xx = VERSION(dot)(&bv, &vz);
     out->yy = VERSION(dot)(&vb, &vz);
     out->zz = VERSION(dot)(&vv, &bz);
@@ -121,25 +99,25 @@ static inline __attribute__((always_inline)) void VERSION(hessian)(const support
 static void VERSION(gradient_single)(const float *corner, size_t row, size_t slab, const double t[3],
                                      spline_jet *out)
 {
-    VERSION(gradient)(&(support){corner, NULL, row, slab}, t, out);
+    VERSION(jet)(&(support){corner, NULL, row, slab}, t, false, out);
 }
 
 static void VERSION(hessian_single)(const float *corner, size_t row, size_t slab, const double t[3],
                                     spline_jet *out)
 {
-    VERSION(hessian)(&(support){corner, NULL, row, slab}, t, out);
+    VERSION(jet)(&(support){corner, NULL, row, slab}, t, true, out);
 }
 
 static void VERSION(gradient_wide)(const double *corner, size_t row, size_t slab, const double t[3],
                                    spline_jet *out)
 {
-    VERSION(gradient)(&(support){NULL, corner, row, slab}, t, out);
+    VERSION(jet)(&(support){NULL, corner, row, slab}, t, false, out);
 }
 
 static void VERSION(hessian_wide)(const double *corner, size_t row, size_t slab, const double t[3],
                                   spline_jet *out)
 {
-    VERSION(hessian)(&(support){NULL, corner, row, slab}, t, out);
+    VERSION(jet)(&(support){NULL, corner, row, slab}, t, true, out);
 }
 
 /* ---- lanes, in single precision: VERSION_ROWS of a layer's four rows in one vector */
