@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
 #include "triangles/flat_triangles.h"
@@ -26,26 +27,15 @@ static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
     return listed;
 }
 
-static uint32_t root_of(uint32_t *parent, uint32_t k)
-{
-    while (parent[k] != k) k = parent[k] = parent[parent[k]];
-    return k;
-}
-
 /* Sets of triangles that share vertices; every vertex belongs to a triangle. */
 static bool count_components(const mesh *m, size_t *count, error *e)
 {
     uint32_t *parent = mem_array(m->vertex_count, sizeof *parent, "the parts of the mesh", e);
     if (!parent) return false;
-    for (size_t k = 0; k < m->vertex_count; k++) parent[k] = (uint32_t)k;
+    sets_reset(parent, m->vertex_count);
     *count = m->vertex_count;
     for (size_t k = 0; k < m->triangle_count; k++)
-        for (int i = 1; i < 3; i++) {
-            uint32_t a = root_of(parent, m->triangle[k][0]), b = root_of(parent, m->triangle[k][i]);
-            if (a == b) continue;
-            parent[b] = a;
-            --*count;
-        }
+        for (int i = 1; i < 3; i++) *count -= sets_join(parent, m->triangle[k][0], m->triangle[k][i]);
     free(parent);
     return true;
 }
@@ -54,21 +44,15 @@ static bool describe(const mesh *m, json *o, error *e)
 {
     size_t open = 0, parts = 0;
     bbox box = bbox_empty(), open_box;
-    double area = 0;
     if (!find_open_edges(m, &open, &open_box, e) || !count_components(m, &parts, e)) return false;
     for (size_t k = 0; k < m->vertex_count; k++) box = bbox_include(box, m->vertex[k]);
-    for (size_t k = 0; k < m->triangle_count; k++) {
-        const uint32_t *t = m->triangle[k];
-        vec3 a = m->vertex[t[0]];
-        area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
-    }
     json_put_integer(o, "vertices", (int64_t)m->vertex_count);
     json_put_integer(o, "triangles", (int64_t)m->triangle_count);
     json_put_integer(o, "components", (int64_t)parts);
     json_put_bool(o, "closed", open == 0);
     json_put_integer(o, "open_edges", (int64_t)open);
     if (open > 0) report_put_box(json_put_object(o, "open_at"), open_box);
-    json_put_number(o, "area", area);
+    json_put_number(o, "area", mesh_area(m));
     report_put_box(o, box);
     return true;
 }

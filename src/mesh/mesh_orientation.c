@@ -22,19 +22,10 @@ typedef struct open_edge {
     bool forwards; /* its triangle has it in the direction from `from` to `to` */
 } open_edge;
 
-static int compare_places(vec3 a, vec3 b)
-{
-    for (int axis = 0; axis < 3; axis++) {
-        const double p = vec3_get(a, axis), q = vec3_get(b, axis);
-        if (p != q) return p < q ? -1 : 1;
-    }
-    return 0;
-}
-
 static int compare_edges(const void *a, const void *b)
 {
     const open_edge *p = a, *q = b;
-    const int from = compare_places(p->from, q->from), to = compare_places(p->to, q->to);
+    const int from = vec3_compare(p->from, q->from), to = vec3_compare(p->to, q->to);
     return from != 0 ? from : to != 0 ? to : p->patch < q->patch ? -1 : p->patch > q->patch;
 }
 
@@ -42,7 +33,7 @@ static void add_open_edge(const mesh_patches *p, const mesh_side *s, uint32_t lo
                           open_edge *out)
 {
     const vec3 a = p->m.vertex[low], b = p->m.vertex[s->other];
-    const bool swap = compare_places(a, b) > 0;
+    const bool swap = vec3_compare(a, b) > 0;
     *out = (open_edge){swap ? b : a, swap ? a : b, patch, swap != (bool)s->upwards};
 }
 
@@ -108,8 +99,8 @@ static bool allocate_parts(const mesh_patches *p, parts *s, error *e)
 static size_t end_of_edge(const open_edge *edge, size_t count, size_t k)
 {
     size_t next = k + 1;
-    while (next < count && compare_places(edge[next].from, edge[k].from) == 0 &&
-           compare_places(edge[next].to, edge[k].to) == 0)
+    while (next < count && vec3_compare(edge[next].from, edge[k].from) == 0 &&
+           vec3_compare(edge[next].to, edge[k].to) == 0)
         next++;
     return next;
 }
