@@ -1,7 +1,6 @@
 /* The functions of reader.h that run in the process that reads, which may be a module. */
 #include "base/reader.h"
 
-#include <errno.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +8,8 @@
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
+
+#include "base/transfer.h"
 
 static rlim_t mapped_now(void)
 {
@@ -51,14 +52,7 @@ size_t reader_limit(int argc, char **argv, unsigned descriptors)
 
 bool reader_write(const void *from, size_t count)
 {
-    for (const char *p = from; count > 0;) {
-        ssize_t done = write(STDOUT_FILENO, p, count);
-        if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) return false;
-        p += done;
-        count -= (size_t)done;
-    }
-    return true;
+    return transfer_write(STDOUT_FILENO, from, count);
 }
 
 bool reader_receive(void *request, size_t size, int *file)

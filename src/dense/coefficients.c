@@ -1,6 +1,5 @@
 #include "dense/coefficients.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -9,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/transfer.h"
 
 /* As for coefficients in a spec: squares of derivatives stay finite. */
 static const double COEFFICIENT_MAX = 1e30;
@@ -16,15 +16,10 @@ static const double COEFFICIENT_MAX = 1e30;
 /* `bytes` bytes from the beginning. */
 static bool read_bytes(int fd, void *out, size_t bytes, error *e)
 {
-    for (size_t done = 0; done < bytes;) {
-        ssize_t n = pread(fd, (char *)out + done, bytes - done, (off_t)done);
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be read: %m");
-        if (n == 0)
-            return error_set(e, ERROR_INPUT_DAMAGED, "the file ended after %zu of %zu bytes", done, bytes);
-        done += (size_t)n;
-    }
-    return true;
+    const int64_t done = transfer_read_at(fd, out, bytes, 0);
+    if (done < 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be read: %m");
+    return (size_t)done == bytes ||
+           error_set(e, ERROR_INPUT_DAMAGED, "the file ended after %zu of %zu bytes", (size_t)done, bytes);
 }
 
 static double decode(const unsigned char *at, size_t width)

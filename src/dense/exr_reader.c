@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "base/transfer.h"
 #include "dense/dwa_image.h"
 
 /* Standard descriptors, a slice's, and one more for what the libraries open for a moment. */
@@ -53,17 +54,8 @@ static int64_t file_size(exr_const_context_t file, void *data)
 static int64_t read_at(exr_const_context_t file, void *data, void *to, uint64_t size, uint64_t offset,
                        exr_stream_error_func_ptr_t fail)
 {
-    int64_t done = 0;
     (void)file, (void)fail;
-    while ((uint64_t)done < size) {
-        ssize_t got = pread(((image *)data)->fd, (char *)to + done, size - (uint64_t)done,
-                            (off_t)(offset + (uint64_t)done));
-        if (got < 0 && errno == EINTR) continue;
-        if (got < 0) return -1;
-        if (got == 0) break;
-        done += got;
-    }
-    return done;
+    return transfer_read_at(((image *)data)->fd, to, size, offset);
 }
 
 static bool damaged(image *m, const char *what)

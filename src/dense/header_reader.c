@@ -1,6 +1,5 @@
 #include "dense/header.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -15,6 +14,7 @@
 #include <teem/nrrd.h>
 
 #include "base/reader.h"
+#include "base/transfer.h"
 #include "dense/meta_image.h"
 
 /* Headers are a page of text; more than this is none. */
@@ -598,15 +598,8 @@ static bool read_meta_image(answer *a, const char *head)
 
 static size_t read_head(char *to, size_t size)
 {
-    size_t count = 0;
-    for (ssize_t got = 1; got > 0 && count < size;) {
-        got = pread(STDIN_FILENO, to + count, size - count, (off_t)count);
-        if (got < 0 && errno == EINTR)
-            got = 1;
-        else if (got > 0)
-            count += (size_t)got;
-    }
-    return count;
+    const int64_t count = transfer_read_at(STDIN_FILENO, to, size, 0);
+    return count > 0 ? (size_t)count : 0;
 }
 
 /* Files that are not read, by the bytes that they begin with, and a program that converts each. */

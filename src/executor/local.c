@@ -19,6 +19,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "base/transfer.h"
 #include "base/worker_contract.h"
 #include "results/result.h"
 #include "store/file.h"
@@ -74,18 +75,12 @@ static int make_spec_fd(const char *spec)
 {
     int fd = raise_fd(memfd_create("spec", MFD_CLOEXEC));
     if (fd < 0) return -1;
-    size_t length = strlen(spec), done = 0;
-    while (done < length) {
-        ssize_t wrote = write(fd, spec + done, length - done);
-        if (wrote < 0 && errno == EINTR) continue;
-        if (wrote < 0) {
-            close(fd);
-            return -1;
-        }
-        done += (size_t)wrote;
+    if (transfer_write(fd, spec, strlen(spec))) {
+        lseek(fd, 0, SEEK_SET);
+        return fd;
     }
-    lseek(fd, 0, SEEK_SET);
-    return fd;
+    close(fd);
+    return -1;
 }
 
 /* Makes a pipe whose reading end does not block. */

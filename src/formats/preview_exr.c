@@ -10,6 +10,7 @@
 #include <openexr.h>
 
 #include "base/memory.h"
+#include "base/transfer.h"
 
 /* In the order of the file: sorted by name. */
 enum { A, B, G, N_X, N_Y, N_Z, P_X, P_Y, P_Z, R, Z, ID, KAPPA, SPACING, CHANNELS };
@@ -252,18 +253,10 @@ static int64_t on_write(exr_const_context_t context, void *place, const void *by
 /* Reads up to `count` bytes, fewer at the end of the file; -1: error. */
 static int64_t read_all(stream *s, unsigned char *bytes, size_t count, uint64_t at)
 {
-    size_t done = 0;
-    while (done < count) {
-        ssize_t n = pread(s->fd, bytes + done, count - done, (off_t)(at + done));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) {
-            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be read: %s", strerror(errno));
-            return -1;
-        }
-        if (n == 0) break;
-        done += (size_t)n;
-    }
-    return (int64_t)done;
+    const int64_t done = transfer_read_at(s->fd, bytes, count, at);
+    if (done < 0)
+        error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be read: %s", strerror(errno));
+    return done;
 }
 
 /* Returns fewer bytes at the end of the file, as the library requires. */

@@ -1,6 +1,5 @@
 #include "meshfile/mesh_reader.h"
 
-#include <errno.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "base/transfer.h"
 #include "meshfile/content_end.h"
 #include "meshfile/foreign_format.h"
 #include "meshfile/plain_mesh.h"
@@ -358,13 +358,9 @@ static bool read_bytes(bytes *b)
 {
     struct stat st;
     if (fstat(STDIN_FILENO, &st) != 0 || !(b->data = malloc((size_t)st.st_size + 1))) return false;
-    while (b->size < (size_t)st.st_size) {
-        ssize_t got = pread(STDIN_FILENO, b->data + b->size, (size_t)st.st_size - b->size, (off_t)b->size);
-        if (got < 0 && errno == EINTR) continue;
-        if (got < 0) return false;
-        if (got == 0) break;
-        b->size += (size_t)got;
-    }
+    const int64_t count = transfer_read_at(STDIN_FILENO, b->data, (size_t)st.st_size, 0);
+    if (count < 0) return false;
+    b->size = (size_t)count;
     b->data[b->size] = 0;
     return true;
 }

@@ -13,6 +13,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/transfer.h"
 
 /* A listing of a hundred thousand jobs has some 20 MB. */
 #define MOST_BYTES ((size_t)256 << 20)
@@ -37,13 +38,7 @@ static int make_input(const char *input)
 {
     if (!input) return open("/dev/null", O_RDONLY | O_CLOEXEC);
     int fd = memfd_create("input", MFD_CLOEXEC);
-    size_t length = strlen(input), done = 0;
-    while (fd >= 0 && done < length) {
-        ssize_t wrote = write(fd, input + done, length - done);
-        if (wrote > 0) done += (size_t)wrote;
-        if (wrote < 0 && errno != EINTR) break;
-    }
-    if (fd >= 0) lseek(fd, 0, SEEK_SET);
+    if (fd >= 0 && transfer_write(fd, input, strlen(input))) lseek(fd, 0, SEEK_SET);
     return fd;
 }
 

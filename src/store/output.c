@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/transfer.h"
 
 #define DIRECTORY (O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)
 
@@ -203,12 +204,7 @@ static bool copy_bytes(int from, int to)
     char block[1 << 16];
     for (ssize_t got; (got = read(from, block, sizeof block)) != 0;) {
         if (got < 0 && errno == EINTR) continue;
-        if (got < 0) return false;
-        for (ssize_t done = 0, wrote; done < got; done += wrote) {
-            wrote = write(to, block + done, (size_t)(got - done));
-            if (wrote < 0 && errno != EINTR) return false;
-            if (wrote < 0) wrote = 0;
-        }
+        if (got < 0 || !transfer_write(to, block, (size_t)got)) return false;
     }
     return true;
 }
