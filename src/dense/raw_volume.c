@@ -213,7 +213,7 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
-            if (size == sizeof(int64_t) && !is_scaled(s)) /* a scaled number is no whole one */
+            if (size == sizeof(int64_t) && !is_scaled(s)) /* a scaled number need not be whole */
                 numbers_note_inexact(one, (header_type)s->head.type, s->base.inexact);
             *values++ = slope * numbers_value(one, (header_type)s->head.type) + intercept;
         }

@@ -36,7 +36,7 @@ static double ratio_of(double a, double b)
     return ratio >= 1 ? whole : 1 / whole;
 }
 
-/* The micrometre has many names, with a micro sign in UTF-8, in Latin-1 and as an escape. A pixel is no unit of length. */
+/* The micrometre has many names, with a micro sign in UTF-8, in Latin-1 and as an escape. A pixel is not a unit of length. */
 static void copy_unit(const char *from, char to[TIFF_UNIT_SIZE])
 {
     static const char *const micrometres[] = {"\xc2\xb5m",  "\xce\xbcm",  "\xb5m",      "\\u00B5m",
@@ -140,7 +140,7 @@ static bool read_count(ome *o, const char **attributes, const char *name, int64_
     if (!text || *end || value < 1 || value > (long long)most_pages) {
         char why[TIFF_FAULT_SIZE];
         snprintf(why, sizeof why,
-                 "its OME-XML has the %s \"%.40s\", which is no number of pages from 1 to %.0f", name,
+                 "its OME-XML has the %s \"%.40s\", which is not a number of pages from 1 to %.0f", name,
                  text ? text : "", most_pages);
         stop(o, why);
         return false;

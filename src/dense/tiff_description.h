@@ -14,12 +14,12 @@ enum { TIFF_UNIT_SIZE = 40, TIFF_FAULT_SIZE = 256 };
 
 typedef struct tiff_description {
     const char *kind;                 /* "ImageJ" or "OME-XML"; NULL: the text is neither */
-    int64_t images;                   /* ImageJ: pages, also of a file with only one directory; 0: not said */
+    int64_t images;                   /* ImageJ: pages, also of a file with only one directory; 0: unknown */
     int64_t slices, channels, frames; /* at least 1, if `kind` */
     int64_t slice_step, channel_step, frame_step; /* pages from one to the next */
-    double size[3];                               /* of a voxel; 0: not said */
+    double size[3];                               /* of a voxel; 0: unknown */
     double origin[3];                             /* pixel at the world's origin, ImageJ */
-    char unit[TIFF_UNIT_SIZE];                    /* of size; "": not said */
+    char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */
 } tiff_description;
 
 /* False, and a message in `fault`: the text is OME-XML that is not valid, or describes what is not read. */

@@ -47,7 +47,7 @@ typedef struct tiff_file {
     size_t reduced;      /* pages that are left out */
     dense_warnings warnings;
     error fault;
-    char complaint[256]; /* what the library said first */
+    char complaint[256]; /* the first message of the library */
 } tiff_file;
 
 /* ---- the library */
@@ -134,7 +134,7 @@ static bool refuse(tiff_file *f, error_code code, const char *format, ...)
     return false;
 }
 
-/* Appends what the library said. */
+/* Appends the message of the library. */
 static bool damaged(tiff_file *f, const char *what)
 {
     return refuse(f, ERROR_INPUT_DAMAGED, "%s%s%s. Copy or save it again.", what, *f->complaint ? ": " : "",
@@ -343,7 +343,7 @@ static void find_contiguous(tiff_file *f)
     f->is_contiguous = true;
 }
 
-/* Of all pages: how many, and whether the file can have them. */
+/* Counts the pages, and checks that the file can have them. */
 static bool check_size(tiff_file *f)
 {
     const int64_t pages = f->is_contiguous ? f->description.images : (int64_t)f->count,

@@ -1,6 +1,6 @@
 /* tiff_reader: pages of TIFF files, read by libtiff in a process of its own (reader.h). The only user of libtiff.
  *
- * The process is asked over the socket that is its descriptor 0 and 1. A request is a struct tiff_request: TIFF_READER_OPEN, with an open
+ * Requests are sent to the process over the socket that is its descriptor 0 and 1. A request is a struct tiff_request: TIFF_READER_OPEN, with an open
  * file's descriptor beside it, or TIFF_READER_PAGE of the file that was opened last. The answer is a struct tiff_answer, then
  * `text_length` bytes of a message if `code` is an error. Otherwise, to TIFF_READER_PAGE, the numbers of the page follow, row by row, in
  * the machine's byte order.
@@ -32,9 +32,9 @@ typedef struct tiff_answer {
     int64_t slices, channels, frames;             /* of a file of several pages */
     int64_t slice_step, channel_step, frame_step; /* in pages */
     uint32_t type;                                /* a header_type */
-    double size[3];                               /* of a voxel; 0: not said */
+    double size[3];                               /* of a voxel; 0: unknown */
     double origin[3];                             /* the pixel at the world's origin */
-    char unit[TIFF_UNIT_SIZE];                    /* of size; "": not said */
+    char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */
     dense_warnings warnings;
 } tiff_answer;
 

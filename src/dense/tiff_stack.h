@@ -2,7 +2,7 @@
  * (tiff_reader.h).
  *
  * Pixel (x, y) of slice k lies at voxel size (x, y, k), less an origin that ImageJ may give. Voxel sizes come from ImageJ's
- * description, OME-XML or the tags of the resolution, in the unit of the file; what is not said is a warning.
+ * description, OME-XML or the tags of the resolution, in the unit of the file; a warning reports what is missing.
  */
 #ifndef HEXAD_DENSE_TIFF_STACK_H
 #define HEXAD_DENSE_TIFF_STACK_H

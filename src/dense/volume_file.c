@@ -45,7 +45,7 @@ slices *volume_file_open_vectors(const volume_file *file, error *e)
     return open_any(file, true, e);
 }
 
-/* The first image that is there tells. */
+/* The first existing image determines the format. */
 slices *volume_file_open_stack(const exr_stack_params *params, error *e)
 {
     for (size_t k = 0; k < params->count; k++) {

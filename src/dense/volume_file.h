@@ -1,4 +1,4 @@
-/* volume_file: a dense volume of any format by its path: one file, or a stack of images. The first bytes tell the format. */
+/* volume_file: a dense volume of any format by its path: one file, or a stack of images. The first bytes determine the format. */
 #ifndef HEXAD_DENSE_VOLUME_FILE_H
 #define HEXAD_DENSE_VOLUME_FILE_H
 

@@ -102,11 +102,11 @@ static bool read_sides(const reading *r, json_at list, const char *name, int64_t
 {
     const size_t n = json_size(list);
     if (json_type_of(list) != JSON_ARRAY || n < 1 || n > ZARR_AXES_MOST || (*count && n != (size_t)*count))
-        return damaged(r, "%s is no array of %d numbers", name, *count ? *count : ZARR_AXES_MOST);
+        return damaged(r, "%s is not an array of %d numbers", name, *count ? *count : ZARR_AXES_MOST);
     for (size_t k = 0; k < n; k++) {
         const double side = json_number(json_element(&list, k), -1);
         if (!(side >= 0 && side <= most && side == floor(side)))
-            return damaged(r, "%s has a number that is no size from 0 to %.0f", name, most);
+            return damaged(r, "%s has a number that is not a size from 0 to %.0f", name, most);
         out[k] = (int64_t)side;
     }
     *count = (int)n;
@@ -289,14 +289,14 @@ static bool read_sharding(reading *r, json_at configuration)
         return false;
     for (int k = 0; k < m->axes; k++)
         if (m->shard[k] % m->chunk[k])
-            return damaged(r, "the sides of shards are no multiples of those of their chunks");
+            return damaged(r, "the sides of shards are not multiples of those of their chunks");
     m->is_sharded = true;
     m->is_index_first = strcmp(location, "start") == 0;
     return read_index_codecs(r, json_member(&configuration, "index_codecs")) &&
            read_codecs_3(r, json_member(&configuration, "codecs"), true);
 }
 
-/* Of arrays to arrays, then to bytes, then of bytes. */
+/* The order of codecs: array to array, array to bytes, bytes to bytes. */
 static bool read_codecs_3(reading *r, json_at codecs, bool is_inner)
 {
     zarr_metadata *m = r->out;
@@ -526,8 +526,9 @@ static bool read_any(reading *r, int64_t level)
         const json_at root = json_root(group), attributes = json_member(&root, "attributes"),
                       ome = json_member(&attributes, "ome");
         if (strcmp(json_string(json_member(&root, "node_type"), ""), "array") != 0)
-            ok = read_group(r, ome.node ? ome : attributes, level, &is_ome) &&
-                 (is_ome || unsupported(r, "the group has no multiscales (OME-Zarr 0.5) and is no array"));
+            ok =
+                read_group(r, ome.node ? ome : attributes, level, &is_ome) &&
+                (is_ome || unsupported(r, "the group has no multiscales (OME-Zarr 0.5) and is not an array"));
         json_free(group);
     } else {
         r->file = ".zattrs";

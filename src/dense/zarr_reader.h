@@ -1,8 +1,8 @@
 /* zarr_reader: chunks of Zarr arrays, unpacked by zlib, blosc and zstd in a process of its own (reader.h). The only user of blosc and zstd.
  *
- * The process is asked over the socket that is its descriptor 0 and 1: a request is a struct zarr_request with an open file's descriptor
+ * Requests are sent to the process over the socket that is its descriptor 0 and 1: a request is a struct zarr_request with an open file's descriptor
  * beside it. The answer is a struct zarr_answer, then `text_length` bytes of a message if `code` is an error, otherwise the bytes that
- * were asked for.
+ * were requested.
  */
 #ifndef HEXAD_DENSE_ZARR_READER_H
 #define HEXAD_DENSE_ZARR_READER_H

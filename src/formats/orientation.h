@@ -6,7 +6,7 @@
 
 #include "geometry/vec3.h"
 
-/* `normal` is a unit vector, `twist` in radians. w >= 0. Of a normal along -z the shortest way is that about +x. */
+/* `normal` is a unit vector, `twist` in radians. w >= 0. For a normal along -z the rotation is about +x. */
 void orientation_of_normal(vec3 normal, double twist, double out[4]);
 
 /* The twist with which +x turns to the direction of `along`, projected onto the plane of the normal. 0 if this has no length. */

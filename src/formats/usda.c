@@ -70,7 +70,7 @@ static bool is_primvar(const property *p, prim_kind kind)
     }
 }
 
-/* The type of a primvar that is no color and no texture coordinate. */
+/* The type of a primvar that is neither a color nor a texture coordinate. */
 static const char *primvar_type(const property *p)
 {
     static const char *const types[] = {"float", "float2", "float3", "float4"};

@@ -1,8 +1,8 @@
 /* box_tree: a hierarchy of bounding boxes over triangles, segments, boxes or other hierarchies, which are its items.
  *
  * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A search is a walk: it returns
- * the leaves that may have items of interest, and the caller tests these items. Of the children of a node, box_tree_next_near visits the nearer
- * one first; the other walks visit the first one first.
+ * the leaves that may have items of interest, and the caller tests these items. box_tree_next_near visits the nearer child of a node
+ * first; the other walks visit the first one first.
  * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 < m < 2 n is the number of nodes; a search
  * O(log n + items found) if few boxes overlap, O(n) at worst.
  * Searches: any number of threads, while box_tree_extend does not run.

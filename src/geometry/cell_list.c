@@ -26,7 +26,7 @@ struct cell_list {
     int32_t cells[3];      /* along each axis */
     uint32_t *begin;       /* cell k has item[begin[k]] .. item[begin[k + 1] - 1], ascending */
     uint32_t *item;
-    point_tree *tree; /* NULL: the points are not crowded */
+    point_tree *tree; /* NULL: the points are not over-dense */
 };
 
 static size_t cells_of(vec3 size, double edge, int32_t cells[3])
@@ -95,7 +95,7 @@ static void sort_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Sorts the points by cell. False: they are crowded, and are not sorted. */
+/* Sorts the points by cell. False: they are over-dense, and are not sorted. */
 static bool fill(cell_list *l, size_t count, size_t total, threads *pool, uint32_t *cell)
 {
     fill_job job = {l, cell};

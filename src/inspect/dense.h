@@ -13,7 +13,7 @@ int dense_open_beside(void *context, const char *path, error *e);
 bool dense_describe(const contents_input *in, slices *s, const char *kind, const json *file, json *o,
                     json *suggestions, error *e);
 
-/* Adds `volume`, with what dense_describe tells, and the format. `file`: the members of surface.volume that name the volume; `index` is
+/* Adds `volume`, with the members of dense_describe, and the format. `file`: the members of surface.volume that name the volume; `index` is
  * added to them. */
 bool dense_describe_volume(const contents_input *in, slices *s, json *file, json *inspection, error *e);
 

@@ -35,8 +35,8 @@ typedef struct progressive_order_input {
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
 } progressive_order_input;
 
-/* order[k]: the k-th point; order[0] is 0. Of equally far points the one of the lowest index comes first. Runs on the calling thread; the
- * pool tells it to stop. Errors: limit_memory, cancelled. */
+/* order[k]: the k-th point; order[0] is 0. Among equally far points the one with the lowest index comes first. Runs on the calling thread; the
+ * pool can stop it. Errors: limit_memory, cancelled. */
 bool progressive_order(const progressive_order_input *in, const threads *pool, uint32_t *order, error *e);
 
 #endif

@@ -148,9 +148,10 @@ static void begin_array(gifti *g, const char **attributes)
         a->side[k] = strtod(text, &end);
         if (end == text || *end || !(a->side[k] >= 0 && a->side[k] <= UINT32_MAX) ||
             a->side[k] != (double)(uint32_t)a->side[k]) {
-            refuse(g, ERROR_INPUT_DAMAGED,
-                   "array %d of the GIfTI file has the %s \"%.40s\", which is no number of rows or columns",
-                   a->number, name, text);
+            refuse(
+                g, ERROR_INPUT_DAMAGED,
+                "array %d of the GIfTI file has the %s \"%.40s\", which is not a number of rows or columns",
+                a->number, name, text);
             return;
         }
     }

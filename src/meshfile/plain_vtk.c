@@ -260,7 +260,7 @@ static bool read_cells(vtk *v, vtk_cells_kind kind)
                           : read_counted_cells(v, kind, cells, size);
 }
 
-/* Strings have a line each, or in binary files a length of 1, 2, 4 or 8 bytes, whose first two bits say which. */
+/* Strings have a line each, or in binary files a length of 1, 2, 4 or 8 bytes, whose first two bits determine the size. */
 static bool skip_strings(vtk *v, size_t count)
 {
     skip_line(v);

@@ -91,8 +91,9 @@ static bool read_count(vtp *v, const char **attributes, const char *name, size_t
     const long long number = text ? strtoll(text, &end, 10) : 0;
     *out = number > 0 ? (size_t)number : 0;
     if (text && (end == text || end[strspn(end, " \t\r\n")] || number < 0))
-        return refuse(v, ERROR_INPUT_DAMAGED, "line %lu of the VTK file has %s=\"%.40s\", which is no number",
-                      line_of(v), name, text);
+        return refuse(v, ERROR_INPUT_DAMAGED,
+                      "line %lu of the VTK file has %s=\"%.40s\", which is not a number", line_of(v), name,
+                      text);
     return true;
 }
 

@@ -17,7 +17,7 @@ typedef struct instances {
  * values of the set are not used. Errors: attribute_missing, spec_invalid. */
 bool instances_check(const spec *s, const points *set, error *e);
 
-/* Of a set in the order of the outputs, with attributes. Free also after failure. Error: limit_memory. */
+/* The instances of a set in the order of the outputs, with attributes. Free also after failure. Error: limit_memory. */
 bool instances_make(const spec *s, const points *set, instances *out, error *e);
 void instances_free(instances *i);
 

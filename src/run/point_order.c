@@ -29,7 +29,7 @@ void point_order_free_known(point_order_known *known)
     *known = (point_order_known){0};
 }
 
-/* Of each patch the two labels that it separates, to be freed. */
+/* The two labels that each patch separates. The caller frees the array. */
 static uint32_t (*patch_labels_of(const label_surface *labels, error *e))[2]
 {
     const mesh_patches *p = label_surface_patches(labels);

@@ -27,7 +27,7 @@ typedef struct source_input {
     char *path;              /* as written in the spec, or in a file that the spec names */
     store_facts facts;       /* known once the source is open */
     store_identity identity; /* when it was first opened */
-    store_tree *tree;        /* while the source opens: the files of a directory, of which `facts` tell */
+    store_tree *tree;        /* while the source opens: the files of a directory, described by `facts` */
     bool changed;            /* while the source opened, or it cannot be examined */
 } source_input;
 

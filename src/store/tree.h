@@ -16,12 +16,12 @@ typedef struct store_tree store_tree;
 store_tree *store_tree_new(int directory, bool hashes);
 void store_tree_free(store_tree *t); /* accepts NULL */
 
-/* Opens a regular file for reading, close-on-exec: its descriptor, or -1. *is_missing: there is none by this path, which is no error.
+/* Opens a regular file for reading, close-on-exec: its descriptor, or -1. *is_missing: there is none by this path, which is not an error.
  * Otherwise *e: path_forbidden (a link, or a path that leads out), input_missing (it cannot be read), input_unsupported (no regular
  * file); the messages begin with the path. */
 int store_tree_open(store_tree *t, const char *path, bool *is_missing, error *e);
 
-/* Of the files that were opened: their hash and bytes in all. *has_changed: one of them was another one when it was opened again. */
+/* The hash and the number of bytes of all files that were opened. *has_changed: one of them was another one when it was opened again. */
 void store_tree_facts(store_tree *t, store_facts *out, bool *has_changed);
 
 #endif

@@ -159,7 +159,7 @@ XML_FAULTS = {
     "a document type": ({"extra": '<!DOCTYPE a [<!ENTITY b "c">]>'}, None, "document type"),
     "a compressor": ({"packed": True, "mode": "binary"}, (b"vtkZLib", b"vtkLZ4"), "vtkLZ4DataCompressor"),
     "xml": ({}, (b"</Points>", b"</Point>"), "is not valid XML (mismatched tag)"),
-    "a number of points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="5x"'), 'NumberOfPoints="5x", which is no number'),
+    "a number of points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="5x"'), 'NumberOfPoints="5x", which is not a number'),
     "more points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="6"'), "array Points of piece 0 of the VTK file has 15 numbers, and 18"),
     "many points": ({"mode": "binary"}, (b'NumberOfPoints="5"', b'NumberOfPoints="400000000"'), "has at most"),
     "more bytes": ({"mode": "binary"}, (b'NumberOfPoints="5"', b'NumberOfPoints="4"'), "has 120 bytes, and 96 are expected"),

@@ -241,7 +241,7 @@ REFUSED = {
     "type 3": (fault_3(data_type="float16"), "input_unsupported", 'type "float16"'),
     "grid": (fault_3(chunk_grid={"name": "rectangular"}), "input_unsupported", 'chunk_grid "rectangular"'),
     "no json": (replaced(fault_2(), ".zarray", b"{", b"["), "input_damaged", ".zarray"),
-    "shape": (fault_2(shape=[14, 13]), "input_damaged", "chunks is no array of 2 numbers"),
+    "shape": (fault_2(shape=[14, 13]), "input_damaged", "chunks is not an array of 2 numbers"),
     "large shape": (fault_2(shape=[14, 13, 2000000]), "input_damaged", "claims 2000000 samples"),
     "large chunks": (fault_2(chunks=[100000, 100000, 1]), "input_unsupported", "a chunk has 10000000000 numbers"),
     "no chunks": (fault_2(chunks=[4, 0, 6]), "input_damaged", "a side of 0"),

@@ -38,14 +38,14 @@ typedef struct merging {
     size_t segment_count;
     /* per sample of a curve: the segment that starts and the segment that ends there, or NONE */
     uint32_t (*segments_of)[2];
-    box_tree tree;      /* of the segments */
-    bbox *box;          /* per segment */
-    uint32_t *at;       /* per segment: its place in the order of the tree */
-    uint32_t *found;    /* the segments that the last search found */
-    size_t *first_copy; /* per sample and one more: its first copy */
-    uint32_t *target;   /* per sample: the sample it is merged into; itself if it remains */
-    uint32_t *ends;     /* per corner: number of curve ends */
-    uint32_t *joined;   /* per patch: the least patch of its connected component */
+    box_tree tree;        /* of the segments */
+    bbox *box;            /* per segment */
+    uint32_t *at;         /* per segment: its place in the order of the tree */
+    uint32_t *found;      /* the segments that the last search found */
+    size_t *first_copy;   /* per sample and one more: its first copy */
+    uint32_t *target;     /* per sample: the sample it is merged into; itself if it remains */
+    uint32_t *ends;       /* per corner: number of curve ends */
+    uint32_t *joined;     /* per patch: the least patch of its connected component */
     new_copy *new_copies; /* ascending by sample */
     size_t new_count, new_capacity;
     size_t *first_new; /* per sample and one more: its first new copy; a sample that was merged has none */
