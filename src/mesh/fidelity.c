@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "geometry/bbox.h"
-#include "mesh/line_tree.h"
+#include "mesh/triangle_tree.h"
 
 /* Samples of a triangle: one per area_per_point square voxels, at most most_points. */
 static const double area_per_point = 4;
@@ -53,7 +53,7 @@ typedef struct measuring {
     const mesh *m;
     const field *f;
     const double *index_to_world;
-    line_tree *tree;
+    triangle_tree *tree;
     double touching_vox;
     tally *tallies;
     deviation *deviations;
@@ -178,7 +178,8 @@ static void classify(const measuring *w, deviation *d)
 {
     const places on = places_on(w->m, d->triangle);
     const vec3 p = place_of(on.a, on.ab, on.ac, d->place);
-    const line_crossings c = line_tree_cross(w->tree, p, vec3_unit(vec3_add(on.normal, tilt)), d->triangle);
+    const line_crossings c =
+        triangle_tree_cross(w->tree, p, vec3_unit(vec3_add(on.normal, tilt)), d->triangle);
     const double width = fmin(c.ahead, c.behind);
     d->width = c.winding != 0 || width < w->touching_vox ? HIDDEN : width > thinnest_vox ? INFINITY : width;
 }
@@ -218,7 +219,7 @@ static bool sample_mesh(measuring *w, threads *pool, error *e)
     bool ok = gather_tallies(w, chunks, e);
     for (size_t k = 0; k < chunks; k++) free(w->tallies[k].deviations);
     if (!ok || w->deviation_count == 0) return ok;
-    if (!(w->tree = line_tree_new(w->m, e))) return false;
+    if (!(w->tree = triangle_tree_new(w->m, e))) return false;
     threads_run(pool, w->deviation_count, CHUNK / 16, classify_chunk, w);
     return list_gaps(w, e);
 }
@@ -274,7 +275,7 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
                           .tenth_voxel = size * voxels_wanted(&w, 0, w.thin / 10)};
         ok = keep_places(&w, out, e);
     }
-    line_tree_free(w.tree);
+    triangle_tree_free(w.tree);
     free(w.tallies);
     free(w.deviations);
     free(w.gaps);
@@ -289,13 +290,13 @@ void fidelity_free(fidelity *f)
 }
 
 /* Whether a property holds of a sample of triangle n, at p. */
-typedef bool sample_test(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width);
+typedef bool sample_test(const triangle_tree *tree, uint32_t n, vec3 p, vec3 normal, double width);
 
 /* The share of `sampled` samples, evenly over the area, for which the property holds. */
 static bool measure_share(const mesh *m, int sampled, sample_test *holds, double width, double *share,
                           error *e)
 {
-    line_tree *tree = line_tree_new(m, e);
+    triangle_tree *tree = triangle_tree_new(m, e);
     const double step = mesh_area(m) / sampled;
     double passed = 0, next = 0.5 * step;
     int found = 0;
@@ -307,18 +308,18 @@ static bool measure_share(const mesh *m, int sampled, sample_test *holds, double
         for (int k = 0; next < passed; k++, next += step)
             found += holds(tree, n, place_of(a, ab, ac, k), vec3_unit(normal), width);
     }
-    line_tree_free(tree);
+    triangle_tree_free(tree);
     *share = (double)found / sampled;
     return true;
 }
 
 /* Whether solids are on both sides, whatever their orientation: the sample does not bound the union. */
-static bool is_hidden(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
+static bool is_hidden(const triangle_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
 {
     const vec3 d = vec3_unit(vec3_add(normal, tilt));
     (void)width;
-    return line_tree_cross(tree, p, d, n).winding != 0 &&
-           line_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
+    return triangle_tree_cross(tree, p, d, n).winding != 0 &&
+           triangle_tree_cross(tree, p, vec3_scale(d, -1), n).winding != 0;
 }
 
 bool fidelity_hidden(const mesh *m, double *share, error *e)
@@ -327,11 +328,11 @@ bool fidelity_hidden(const mesh *m, double *share, error *e)
 }
 
 /* Whether the outside is on one side of a sample and, on the other side, at a distance of less than `width`. */
-static bool is_thin(const line_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
+static bool is_thin(const triangle_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
 {
     const vec3 d = vec3_unit(vec3_add(normal, tilt));
-    const line_crossings ahead = line_tree_cross(tree, p, d, n),
-                         behind = line_tree_cross(tree, p, vec3_scale(d, -1), n);
+    const line_crossings ahead = triangle_tree_cross(tree, p, d, n),
+                         behind = triangle_tree_cross(tree, p, vec3_scale(d, -1), n);
     return (ahead.winding == 0 || behind.winding == 0) && fmin(ahead.ahead, behind.ahead) < width;
 }
 

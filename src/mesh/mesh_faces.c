@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "mesh/line_tree.h"
 #include "mesh/triangle_tree.h"
 
 /* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it cuts off. */
@@ -30,7 +29,7 @@ struct mesh_faces {
     mesh *group;  /* ranges of m */
     triangle_tree **tree;
     triangle_forest *trees;
-    line_tree *lines; /* NULL: nothing is hidden */
+    bool hides; /* parts of the mesh are inside its solids */
 };
 
 /* The lattice. */
@@ -131,7 +130,8 @@ mesh_faces *mesh_faces_new(mesh *m, const double index_to_world[16], bool hides,
     *m = (mesh){0};
     f->voxel = index_to_world[0];
     f->origin = vec3_make(index_to_world[3], index_to_world[7], index_to_world[11]);
-    if (make_trees(f, pool, e) && (!hides || (f->lines = line_tree_new(&f->m, e)))) return f;
+    f->hides = hides;
+    if (make_trees(f, pool, e)) return f;
     mesh_faces_free(f);
     return NULL;
 }
@@ -143,7 +143,6 @@ void mesh_faces_free(mesh_faces *f)
     for (size_t k = 0; f->tree && k < f->count; k++) triangle_tree_free(f->tree[k]);
     free(f->tree);
     free(f->group);
-    line_tree_free(f->lines);
     mesh_free(&f->m);
     free(f);
 }
@@ -152,8 +151,7 @@ size_t mesh_faces_bytes(const mesh_faces *f)
 {
     size_t trees = triangle_forest_bytes(f->trees);
     for (size_t k = 0; k < f->count; k++) trees += triangle_tree_bytes(f->tree[k]);
-    return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle + trees +
-           line_tree_bytes(f->lines);
+    return f->m.vertex_count * sizeof *f->m.vertex + f->m.triangle_count * sizeof *f->m.triangle + trees;
 }
 
 /* A point to be projected, voxels. */
@@ -175,7 +173,7 @@ static bool looks_out(const void *context, size_t n, const triangle *t)
     if (!looks_its_way(context, n, t)) return false;
     const vec3 from = vec3_axpy(in_front, l->normal, triangle_nearest(t, l->x)),
                way = vec3_unit(vec3_add(l->normal, tilt));
-    return line_tree_cross(l->f->lines, from, way, LINE_TREE_NO_TRIANGLE).winding == 0;
+    return triangle_forest_cross(l->f->trees, from, way).winding == 0;
 }
 
 static vec3 to_voxels(const mesh_faces *f, vec3 x)
@@ -187,7 +185,7 @@ vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal)
 {
     const projection l = {f, to_voxels(f, x), vec3_unit(normal)};
     vec3 place = l.x;
-    if (!(f->lines && triangle_forest_find_accepted(f->trees, l.x, farthest, looks_out, &l, &place)) &&
+    if (!(f->hides && triangle_forest_find_accepted(f->trees, l.x, farthest, looks_out, &l, &place)) &&
         !triangle_forest_find_accepted(f->trees, l.x, farthest, looks_its_way, &l, &place))
         triangle_forest_find_accepted(f->trees, l.x, INFINITY, NULL, NULL, &place);
     return mesh_faces_to_world(f, place);
@@ -195,7 +193,7 @@ vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal)
 
 bool mesh_faces_has_hidden(const mesh_faces *f)
 {
-    return f->lines != NULL;
+    return f->hides;
 }
 
 const mesh *mesh_faces_mesh(const mesh_faces *f)

@@ -188,6 +188,44 @@ bool triangle_tree_find_accepted(const triangle_tree *n, vec3 p, double within, 
     return true;
 }
 
+/* Source: Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection". */
+static inline void cross_triangle(const triangle *t, vec3 p, vec3 d, line_crossings *out)
+{
+    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a);
+    const vec3 q = vec3_cross(d, ac), from = vec3_sub(p, t->a);
+    const double det = vec3_dot(ab, q), u = vec3_dot(from, q) / det;
+    if (!(u >= 0 && u <= 1)) return; /* true also for a parallel triangle */
+    const vec3 r = vec3_cross(from, ab);
+    const double v = vec3_dot(d, r) / det, at = vec3_dot(ac, r) / det;
+    if (!(v >= 0 && u + v <= 1)) return;
+    if (at < 0) {
+        out->behind = fmin(out->behind, -at);
+        return;
+    }
+    out->ahead = fmin(out->ahead, at);
+    out->winding += det < 0 ? 1 : -1; /* det = -d . normal */
+}
+
+/* Adds the crossings with the triangles of a tree. */
+static void cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip, line_crossings *out)
+{
+    const box_tree *tree = tree_of(n);
+    box_tree_walk w;
+    box_tree_begin(tree, &w);
+    while (box_tree_next_crossed(tree, &w, p, d))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
+            if (tree->order[k] != skip) cross_triangle(&t, p, d, out);
+        }
+}
+
+line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip)
+{
+    line_crossings out = {INFINITY, INFINITY, 0};
+    cross(n, p, d, skip, &out);
+    return out;
+}
+
 size_t triangle_tree_bytes(const triangle_tree *n)
 {
     return box_tree_bytes(n->mesh->triangle_count);
@@ -288,6 +326,17 @@ bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double with
         }
     if (is_found) *place = triangle_nearest(&found, p);
     return is_found;
+}
+
+line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d)
+{
+    line_crossings out = {INFINITY, INFINITY, 0};
+    box_tree_walk w;
+    box_tree_begin(&n->boxes, &w);
+    while (box_tree_next_crossed(&n->boxes, &w, p, d))
+        for (size_t k = w.first; k < w.end; k++)
+            cross(n->tree[n->boxes.order[k]], p, d, TRIANGLE_TREE_NONE, &out);
+    return out;
 }
 
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest)

@@ -1,4 +1,5 @@
-/* triangle_tree: the triangles of a mesh in a box_tree (geometry/box_tree.h, with its complexity), to find the closest triangle. Immutable after construction, any thread. Lengths are those of the mesh. */
+/* triangle_tree: the triangles of a mesh in a box_tree (geometry/box_tree.h, with its complexity), to find the closest triangle and the
+ * intersections with a line. Immutable after construction, any thread. Lengths are those of the mesh. */
 #ifndef HEXAD_MESH_TRIANGLE_TREE_H
 #define HEXAD_MESH_TRIANGLE_TREE_H
 
@@ -30,6 +31,19 @@ typedef bool triangle_tree_accept(const void *context, size_t n, const triangle 
 bool triangle_tree_find_accepted(const triangle_tree *n, vec3 p, double within, triangle_tree_accept *accept,
                                  const void *context, vec3 *place);
 
+#define TRIANGLE_TREE_NONE UINT32_MAX /* no triangle */
+
+/* Intersections of a line, seen from one of its points. */
+typedef struct line_crossings {
+    /* distances of the nearest crossings in both directions; INFINITY: there is none */
+    double ahead, behind;
+    /* sum over the crossings ahead: +1 where the line leaves through a triangle, -1 where it enters */
+    int winding;
+} line_crossings;
+
+/* Intersects the line through p in the direction of the unit vector d with all triangles except `skip` (or TRIANGLE_TREE_NONE). */
+line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip);
+
 size_t triangle_tree_bytes(const triangle_tree *n);
 
 /* A box_tree over several trees. */
@@ -45,6 +59,9 @@ size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest);
 /* triangle_tree_find_accepted over all trees. */
 bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
                                    triangle_tree_accept *accept, const void *context, vec3 *place);
+
+/* triangle_tree_cross over all triangles of all trees. */
+line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d);
 
 /* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another tree has a closer triangle, or is
  * earlier at the same distance. */

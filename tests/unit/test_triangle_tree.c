@@ -1,0 +1,196 @@
+/* Searches of trees of triangles return the same as a comparison with all triangles. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "mesh/triangle_tree.h"
+#include "mesh_fixture.h"
+#include "shapes.h"
+
+enum { PLACES = 400, PARTS = 9 };
+static const double ROUNDING = 1e-12;
+
+static triangle triangle_of(const mesh *m, size_t n)
+{
+    const uint32_t *t = m->triangle[n];
+    return (triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
+}
+
+/* The squared distance of the closest triangle. */
+static double least_distance2(const mesh *m, vec3 p)
+{
+    double least = INFINITY;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const triangle t = triangle_of(m, n);
+        least = fmin(least, triangle_distance2(&t, p));
+    }
+    return least;
+}
+
+/* A mesh, its tree, and a forest of its parts. */
+typedef struct fixture {
+    mesh m, part[PARTS];
+    triangle_tree *tree, *of_part[PARTS];
+    triangle_forest *forest;
+} fixture;
+
+static void setup(fixture *f, mesh m)
+{
+    error e = {0};
+    f->m = m;
+    f->tree = triangle_tree_new(&f->m, &e);
+    assert_non_null(f->tree);
+    for (size_t k = 0; k < PARTS; k++) {
+        const size_t first = k * m.triangle_count / PARTS, end = (k + 1) * m.triangle_count / PARTS;
+        f->part[k] = m;
+        f->part[k].triangle = m.triangle + first;
+        f->part[k].triangle_count = end - first;
+        f->of_part[k] = k % 2 ? triangle_tree_new(&f->part[k], &e) : triangle_tree_new_lazy(&f->part[k]);
+    }
+    f->forest = triangle_forest_new((const triangle_tree *const *)f->of_part, PARTS, &e);
+    assert_non_null(f->forest);
+}
+
+static void teardown(fixture *f)
+{
+    triangle_forest_free(f->forest);
+    for (size_t k = 0; k < PARTS; k++) triangle_tree_free(f->of_part[k]);
+    triangle_tree_free(f->tree);
+    mesh_free(&f->m);
+}
+
+static vec3 random_place(rng *r)
+{
+    return random_between(r, (vec3){-2, -2, -2}, (vec3){2, 2, 2});
+}
+
+static void the_closest_triangle_is_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    fixture f;
+    setup(&f, mesh_fixture_ball((vec3){0, 0, 0}, 1, 3));
+    for (int p = 0; p < PLACES; p++) {
+        const vec3 x = random_place(&r);
+        const double least = least_distance2(&f.m, x);
+        double weight[3], bound = 2 * least + 1e-6;
+        const size_t start = (size_t)(rng_uniform(&r) * (double)f.m.triangle_count);
+        size_t found = triangle_tree_find(f.tree, x, weight), in_part = 0;
+        triangle t = triangle_of(&f.m, found);
+        assert_true(fabs(triangle_distance2(&t, x) - least) <= ROUNDING * least);
+        assert_true(fabs(weight[0] + weight[1] + weight[2] - 1) < 1e-12);
+        assert_int_equal(triangle_tree_find_from(f.tree, x, start, weight), found);
+        assert_true(triangle_tree_find_nearer(f.tree, x, &bound, &found) &&
+                    fabs(bound - least) <= ROUNDING * least);
+        assert_false(
+            triangle_tree_find_nearer(f.tree, x, &bound, &found)); /* none is nearer than the nearest */
+        size_t tree = triangle_forest_find(f.forest, x, &in_part);
+        t = triangle_of(&f.part[tree], in_part);
+        assert_true(fabs(triangle_distance2(&t, x) - least) <= ROUNDING * least);
+        size_t other = (tree + 4) % PARTS, in_other = 0;
+        triangle_forest_improve(f.forest, x, &other, &in_other);
+        assert_int_equal(other, tree);
+        assert_int_equal(in_other, in_part);
+    }
+    teardown(&f);
+}
+
+static bool is_upper(const void *context, size_t n, const triangle *t)
+{
+    (void)context, (void)n;
+    return t->a.z + t->b.z + t->c.z > 0;
+}
+
+static void the_closest_accepted_place_is_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    fixture f;
+    setup(&f, mesh_fixture_ball((vec3){0, 0, 0}, 1, 3));
+    for (int p = 0; p < PLACES; p++) {
+        const vec3 x = random_place(&r);
+        const double within = 3 * rng_uniform(&r);
+        double least = INFINITY;
+        for (size_t n = 0; n < f.m.triangle_count; n++) {
+            const triangle t = triangle_of(&f.m, n);
+            if (is_upper(NULL, n, &t)) least = fmin(least, triangle_distance2(&t, x));
+        }
+        vec3 place, in_forest;
+        const bool is_found = triangle_tree_find_accepted(f.tree, x, within, is_upper, NULL, &place);
+        assert_int_equal(is_found, least < within * within);
+        assert_int_equal(is_found,
+                         triangle_forest_find_accepted(f.forest, x, within, is_upper, NULL, &in_forest));
+        if (!is_found) continue;
+        assert_true(fabs(vec3_norm(vec3_sub(place, x)) - sqrt(least)) < 1e-12);
+        assert_true(fabs(vec3_norm(vec3_sub(in_forest, x)) - sqrt(least)) < 1e-12);
+    }
+    teardown(&f);
+}
+
+/* The crossing of a line with a triangle, by the volumes that the line spans with its sides. False: there is none. */
+static bool crosses(const triangle *t, vec3 p, vec3 d, double *at, int *sign)
+{
+    const vec3 a = vec3_sub(t->a, p), b = vec3_sub(t->b, p), c = vec3_sub(t->c, p),
+               normal = vec3_cross(vec3_sub(b, a), vec3_sub(c, a));
+    const double u = vec3_dot(d, vec3_cross(a, b)), v = vec3_dot(d, vec3_cross(b, c)),
+                 w = vec3_dot(d, vec3_cross(c, a));
+    *sign = vec3_dot(d, normal) > 0 ? 1 : -1;
+    *at = vec3_dot(a, normal) / vec3_dot(d, normal);
+    return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
+}
+
+static void assert_same_crossings(line_crossings a, line_crossings b)
+{
+    assert_int_equal(a.winding, b.winding);
+    assert_true(a.ahead == b.ahead || fabs(a.ahead - b.ahead) < 1e-9);
+    assert_true(a.behind == b.behind || fabs(a.behind - b.behind) < 1e-9);
+}
+
+/* Two balls that overlap. */
+static void crossings_of_lines_are_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    fixture f;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3);
+    mesh_fixture_append(&m, mesh_fixture_ball((vec3){0.8, 0.1, 0.2}, 0.7, 2));
+    setup(&f, m);
+    for (int p = 0; p < PLACES; p++) {
+        const vec3 x = random_place(&r), d = vec3_unit(random_place(&r));
+        const uint32_t skip =
+            p % 2 ? TRIANGLE_TREE_NONE : (uint32_t)(rng_uniform(&r) * (double)f.m.triangle_count);
+        line_crossings all = {INFINITY, INFINITY, 0}, others = all;
+        for (size_t n = 0; n < f.m.triangle_count; n++) {
+            const triangle t = triangle_of(&f.m, n);
+            double at;
+            int sign;
+            if (!crosses(&t, x, d, &at, &sign)) continue;
+            for (int k = 0; k < (n == skip ? 1 : 2); k++) {
+                line_crossings *c = k ? &others : &all;
+                if (at < 0) c->behind = fmin(c->behind, -at);
+                if (at >= 0) c->ahead = fmin(c->ahead, at);
+                c->winding += at >= 0 ? sign : 0;
+            }
+        }
+        const double in_first = vec3_norm(x), in_second = vec3_norm(vec3_sub(x, (vec3){0.8, 0.1, 0.2}));
+        if (fabs(in_first - 1) > 0.05 && fabs(in_second - 0.7) > 0.05)
+            assert_int_equal(all.winding, (in_first < 1) + (in_second < 0.7));
+        assert_same_crossings(triangle_tree_cross(f.tree, x, d, skip), others);
+        assert_same_crossings(triangle_forest_cross(f.forest, x, d), all);
+    }
+    teardown(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_closest_triangle_is_found),
+        cmocka_unit_test(the_closest_accepted_place_is_found),
+        cmocka_unit_test(crossings_of_lines_are_found),
+    };
+    return cmocka_run_group_tests_name("triangle_tree", tests, NULL, NULL);
+}
