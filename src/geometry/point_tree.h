@@ -1,6 +1,9 @@
-/* point_tree: the nearest of some points to any place, by a tree of halves (Bentley 1975).
+/* point_tree: a k-d tree of points of any distribution, to find the point nearest to any place and the points within a distance of it.
  *
- * Looking is safe in any number of threads. The points stay the caller's, and where they are.
+ * Complexity for n points: construction O(n log n); memory 5 n bytes; a search O(log n + points found) for places near the points, O(n) at
+ * worst.
+ * Searches: any number of threads. The points are not owned and must not move. Source: Bentley 1975, "Multidimensional Binary Search Trees
+ * Used for Associative Searching".
  */
 #ifndef HEXAD_GEOMETRY_POINT_TREE_H
 #define HEXAD_GEOMETRY_POINT_TREE_H
@@ -13,19 +16,19 @@
 
 typedef struct point_tree point_tree;
 
-/* Of 1 to 2^32 - 1 points. NULL and limit_memory when memory is out. */
+/* `count`: 1 to 2^32 - 2. NULL: limit_memory. */
 point_tree *point_tree_new(const vec3 *points, size_t count, error *e);
-void point_tree_free(point_tree *n);
+void point_tree_free(point_tree *n); /* accepts NULL */
 
-/* The point nearest to x, and how far it is; or any that is no farther than `enough`, which is found sooner. */
+/* Returns the point nearest to x, or any point within the distance `enough`, which takes less time. *distance: its distance from x. */
 uint32_t point_tree_nearest(const point_tree *n, vec3 x, double enough, double *distance);
 
-/* Calls `visit` for each point within `reach` of x, ends included. */
+/* Calls `visit` for each point whose distance from x is at most `reach`, in no particular order. */
 typedef void (*point_tree_visit)(void *context, uint32_t point);
 void point_tree_within(const point_tree *n, vec3 x, double reach, point_tree_visit visit, void *context);
 
-/* Halves points for a tree: puts order[count / 2] in its place along the longest side of their box, no point before it higher and
- * none after it lower. Returns that axis. `count` > 0. */
+/* Partitions points for a tree along the longest side of their box: order[count / 2] becomes the median, no point before it is higher and no
+ * point after it is lower. Returns the axis. `count` > 0. O(count) on average. */
 int point_tree_halve(const vec3 *points, uint32_t *order, size_t count);
 
 #endif
