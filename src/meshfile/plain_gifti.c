@@ -142,7 +142,7 @@ static void begin_array(gifti *g, const char **attributes)
     const double dimensions = strtod(find(attributes, "Dimensionality"), NULL);
     a->dimensions = dimensions >= 1 && dimensions <= SIDES ? (int)dimensions : 0;
     for (int k = 0; k < a->dimensions; k++) {
-        char name[8], *end;
+        char name[16], *end;
         snprintf(name, sizeof name, "Dim%d", k);
         const char *text = find(attributes, name);
         a->side[k] = strtod(text, &end);
