@@ -84,7 +84,7 @@ def test_no_file_is_passed_over(build, tmp_path):
 def build_fuzzer(target, build, source, clang, where):
     """Instruments the modules of SMOKE only, since clang takes minutes for all of them."""
     settings = (build / "Makefile").read_text()
-    libs = " ".join(re.findall(r"^(?:CJSON|MINIZIP|SECCOMP|SYSTEMD)_LIBS = (.*)$", settings, re.M)).split()
+    libs = " ".join(re.findall(r"^(?:CJSON|EXPAT|MINIZIP|ZLIB|SECCOMP|SYSTEMD)_LIBS = (.*)$", settings, re.M)).split()
     modules = [path for pattern in SMOKE[target] for path in sorted(source.glob(pattern))]
     subprocess.run([clang, "-std=gnu11", "-g", "-O1", "-fsanitize=fuzzer,address", "-D_GNU_SOURCE", "-DHAVE_CONFIG_H",
                     f"-I{build}", f"-I{source}", f"-I{source}/src", source / "fuzz" / f"{target}.c", *modules,
