@@ -32,7 +32,7 @@ static bool make_room(void **items, size_t *room, size_t n, size_t size)
     return n <= *room || resize(items, room, n < 512 ? 1024 : 2 * n, size);
 }
 
-static bool refuse_memory(plain_mesh *m)
+bool plain_mesh_refuse_memory(plain_mesh *m)
 {
     return plain_mesh_refuse(m, ERROR_LIMIT_MEMORY,
                              "reading it takes more memory than the limit: raise limits.memory_mb");
@@ -44,7 +44,7 @@ bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles)
              resize((void **)&m->vertex, &m->vertex_room, vertices, sizeof *m->vertex)) &&
             (triangles <= m->triangle_room ||
              resize((void **)&m->triangle, &m->triangle_room, triangles, sizeof *m->triangle))) ||
-           refuse_memory(m);
+           plain_mesh_refuse_memory(m);
 }
 
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
@@ -53,14 +53,15 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
         return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED,
                                  "the mesh has more than %zu vertices: cut it into parts", m->vertices);
     if (!make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
-        return refuse_memory(m);
+        return plain_mesh_refuse_memory(m);
     memcpy(m->vertex[m->vertices++], at, sizeof *m->vertex);
     return true;
 }
 
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
 {
-    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner) || refuse_memory(m);
+    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner) ||
+           plain_mesh_refuse_memory(m);
 }
 
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
@@ -70,7 +71,7 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
         return true;
     }
     if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
-        return refuse_memory(m);
+        return plain_mesh_refuse_memory(m);
     const polygon_result result =
         polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
     if (result != POLYGON_CUT && result != POLYGON_CROSSED)

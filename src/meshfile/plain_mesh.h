@@ -60,6 +60,9 @@ bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
 bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
+/* Refuses the file with limit_memory. Returns false. */
+bool plain_mesh_refuse_memory(plain_mesh *m);
+
 /* Text as strings have it: without a byte order mark, and to its end. NULL, and the file is refused: it is UTF-16, or
  * has a byte 0 before other bytes. */
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);

@@ -1,5 +1,5 @@
-/* VTK's legacy files of PolyData, as text and binary (big-endian), of versions 1.0 to 5.1. Values of points and cells change no place and are
- * not read. */
+/* VTK's legacy files of PolyData, as text and binary (big-endian), of versions 1.0 to 5.1. Only positions and
+ * cells are read, not the values of points and cells. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 
 typedef struct vtk {
     const char *data, *at, *end;
-    bool is_binary, has_offsets; /* cells as of version 5.0 on */
+    bool is_binary, has_offsets; /* has_offsets: cells in the layout of version 5.0 and later */
     bool has_points;
     plain_mesh *out;
 } vtk;
@@ -30,12 +30,6 @@ static bool refuse(vtk *v, const char *format, ...)
     return v->is_binary ? plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED, "byte %zu of the VTK file %s",
                                             (size_t)(v->at - v->data), text)
                         : plain_mesh_refuse_line(v->out, v->data, v->at, "of the VTK file %s", text);
-}
-
-static bool refuse_memory(vtk *v)
-{
-    return plain_mesh_refuse(v->out, ERROR_LIMIT_MEMORY,
-                             "reading it takes more memory than the limit: raise limits.memory_mb");
 }
 
 /* ---- words */
@@ -113,12 +107,13 @@ static bool read_type(vtk *v, vtk_type *out)
 
 /* ---- numbers */
 
-/* Whether the file can have `count` numbers, before room is made for them. Binary ones begin behind the end of the line. */
+/* Whether the file can have `count` numbers, before memory is allocated for them. Binary numbers begin after the end of the line. As text each
+ * takes two characters, but the last one of a file. */
 static bool expect_numbers(vtk *v, vtk_type type, size_t count, const char *of)
 {
     if (v->is_binary) skip_line(v);
-    const size_t left = (size_t)(v->end - v->at), each = v->is_binary ? vtk_type_bytes(type) : 2;
-    if (count <= (left + 1) / each) return true;
+    const size_t left = (size_t)(v->end - v->at);
+    if (count <= (v->is_binary ? left / vtk_type_bytes(type) : (left + 1) / 2)) return true;
     return refuse(v,
                   "begins %zu numbers of %s, and the file has %zu bytes more: it is damaged or truncated. "
                   "Copy or save it again.",
@@ -196,7 +191,7 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
         if ((size_t)count > room) {
             int64_t *grown = realloc(vertex, (size_t)count * sizeof *grown);
             if (!grown) {
-                ok = refuse_memory(v);
+                ok = plain_mesh_refuse_memory(v->out);
                 break;
             }
             vertex = grown;
@@ -225,7 +220,7 @@ static int64_t *read_list(vtk *v, const char *word, const char *of, size_t count
     }
     if (!expect_numbers(v, type, count, of)) return NULL;
     int64_t *list = malloc((count > 0 ? count : 1) * sizeof *list);
-    if (!list) refuse_memory(v);
+    if (!list) plain_mesh_refuse_memory(v->out);
     for (size_t k = 0; list && k < count; k++)
         if (!read_whole(v, type, of, &list[k])) {
             free(list);

@@ -142,6 +142,18 @@ LEGACY_FAULTS = {
 }
 
 
+def test_a_binary_field_that_ends_early_is_refused(read, tmp_path):
+    """By one byte: in a text file the last number needs no blank behind it, in a binary one each byte counts."""
+    for count, is_whole in ((8, True), (7, False)):
+        write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary=True,
+                     behind=b"FIELD FieldData 1\nx 1 1 double\n" + struct.pack(">d", 0.5)[:count])
+        answer = read(tmp_path / "v.vtk")
+        if is_whole:
+            assert_pyramid((*answer[:2], "", answer[3]))  # but for the warning of points and lines
+        else:
+            assert "begins 1 numbers of a field, and the file has 7 bytes more" in answer
+
+
 @pytest.mark.parametrize("fault", LEGACY_FAULTS)
 def test_legacy_files_that_are_refused(read, tmp_path, fault):
     find, put, words = LEGACY_FAULTS[fault]
