@@ -385,7 +385,6 @@ static int open_in_roots(const store_roots *roots, const char *path, int flags, 
     return -1;
 }
 
-/* In a sandbox a directory can be gone through, and not be read. */
 static int open_place(const store_roots *roots, const char *path, int flags, error *e)
 {
     if (roots) return open_in_roots(roots, path, flags, e);
@@ -402,13 +401,19 @@ int store_open_place(const store_roots *roots, const char *path, bool *is_direct
         error_set(e, ERROR_INPUT_MISSING, "the path is empty: give the path of a file");
         return -1;
     }
-    int fd = open_place(roots, path, O_PATH | O_DIRECTORY | O_CLOEXEC, NULL);
-    *is_directory = fd >= 0;
-    if (fd < 0) fd = open_place(roots, path, OPEN_FLAGS, e);
-    if (fd < 0 || *is_directory || (fstat(fd, &info) == 0 && S_ISREG(info.st_mode))) return fd;
-    close(fd);
-    error_set(e, ERROR_INPUT_UNSUPPORTED, "%s is not a regular file: give the path of a file", path);
-    return -1;
+    error failed = {0};
+    const int fd = open_place(roots, path, OPEN_FLAGS, &failed);
+    if (fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) return fd;
+    if (fd >= 0) {
+        close(fd);
+        error_set(&failed, ERROR_INPUT_UNSUPPORTED, "%s is not a regular file: give the path of a file",
+                  path);
+    }
+    /* in a sandbox a directory can be passed through, and not be read */
+    const int directory = open_place(roots, path, O_PATH | O_DIRECTORY | O_CLOEXEC, NULL);
+    *is_directory = directory >= 0;
+    if (directory < 0 && e) *e = failed;
+    return directory;
 }
 
 int store_open_input(const store_roots *roots, const char *path, error *e)

@@ -54,9 +54,8 @@ bool store_find_input(const store_roots *roots, const char *path, struct stat *i
 /* The path of a root as configured, NULL behind the last one. *directory: it is not a single file. */
 const char *store_roots_name(const store_roots *roots, size_t index, bool *directory);
 
-/* The walk that follows no link, which kernels without openat2 get at once; here so that it is tested on every
- * kernel: the file at the relative `path` beneath `directory`, or -1 and errno (EXDEV: leads out, or a symbolic
- * link). */
+/* Opens the file at the relative `path` beneath `directory` by a walk that follows no link, as on kernels without openat2. -1 and errno on
+ * failure (EXDEV: leads out, or a symbolic link). */
 int store_open_walking(int directory, const char *path);
 
 #endif
