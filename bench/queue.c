@@ -108,7 +108,7 @@ static double percentile(double *s)
 static latency measure_looks(queue *q, int users)
 {
     static double list[LOOKS], status[LOOKS], claim[LOOKS];
-    const queue_room room = {.threads = 8, .all_threads = 8, .memory_mb = 65536, .all_memory_mb = 65536};
+    const queue_resources room = {.threads = 8, .all_threads = 8, .memory_mb = 65536, .all_memory_mb = 65536};
     const queue_ending ending = {
         .state = QUEUE_SUCCEEDED, .outcome = QUEUE_CONVERGED, .exit_status = 0, .signal = -1};
     for (int i = 0; i < LOOKS; i++) {

@@ -1,6 +1,6 @@
 /* A TIFF file, as the process that reads them does: its directories and description, and its pages, by libtiff.
  *
- * That is one program in one file (tiff_reader.c), of which the part behind its socket is taken here as it is. */
+ * That process is one source file (tiff_reader.c). The target includes it and calls the functions below its socket. */
 #include <math.h>
 #include <sys/mman.h>
 
@@ -26,7 +26,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         unsigned char *numbers = read_page(&f, (uint32_t)page);
         expect(numbers || (f.fault.code != ERROR_NONE && *f.fault.message));
         unsigned sum = 0; /* every number is there */
-        const size_t bytes = (size_t)a.width * (size_t)a.height * (size_t)bytes_of(f.type);
+        const size_t bytes = (size_t)a.width * (size_t)a.height * (size_t)numbers_bytes(f.type);
         for (size_t k = 0; numbers && k < bytes; k++) sum += numbers[k];
         (void)sum;
         free(numbers);

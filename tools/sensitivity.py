@@ -144,7 +144,7 @@ def effect(before, after):
         parts.append(f"coverage {100 * (coverage_now / coverage - 1):+.0f} %")
     if abs(work_now / work - 1) > max(WORK_NOISE, noise[3] / work):
         parts.append(f"work {work_now / work:.2f}")
-    elif abs(cpu_now / cpu - 1) > CPU_NOISE:
+    elif abs(cpu_now / cpu - 1) > max(CPU_NOISE, noise[4] / cpu):
         parts.append(f"CPU {cpu_now / cpu:.2f}")
     return ", ".join(parts)
 
@@ -162,17 +162,17 @@ def scaled(text, number, factor):
     """The source with this number times the factor in all schedules. Whole numbers stay whole."""
     name, _, index = number.partition(".")
 
-    def change(match):
-        value = float(match[0]) * factor
-        whole = "." not in match[0] and "e" not in match[0]
+    def change(number):
+        value = float(number) * factor
+        whole = "." not in number and "e" not in number
         return str(round(value)) if whole and value >= 1 else repr(value)
 
     def member(match):
         values = re.findall(r"[-\d.e]+", match[2])
         if index:
-            values[int(index)] = change(re.match(r".*", values[int(index)]))
+            values[int(index)] = change(values[int(index)])
             return match[1] + "{" + ", ".join(values) + "}"
-        return match[1] + change(re.match(r".*", values[0]))
+        return match[1] + change(values[0])
 
     return re.sub(rf"(\.{name} = )(\{{[^}}]*\}}|[-\d.e]+)", member, text)
 
@@ -183,8 +183,8 @@ class Builds:
     def __init__(self, work, build):
         self.tree = work / "source" / build.relative_to(SOURCE)
         shutil.copytree(SOURCE, work / "source", symlinks=True, ignore=shutil.ignore_patterns(".git", "node_modules"))
-        self.text = (work / "source" / SCHEDULE).read_text()
         self.path = work / "source" / SCHEDULE
+        self.text = self.path.read_text()
         self.worker("unchanged", self.text)
 
     def worker(self, name, text):

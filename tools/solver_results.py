@@ -114,12 +114,13 @@ def missed(clean, before, after):
     found = []
     if after["outcome"] not in ORDER or (before["outcome"] in ORDER and ORDER.index(after["outcome"]) > ORDER.index(before["outcome"])):
         found.append("outcome")
+    if after["cpu_s"] > CPU_LARGEST * before["cpu_s"]:
+        found.append("CPU")
     if before.get("hex_fraction") is None or after.get("hex_fraction") is None:
         return found
     if after["hex_fraction"] < before["hex_fraction"] - (HEX_CLEAN if clean else HEX_OTHER):
         found.append("hex_fraction")
-    found += [n for n in LOWER_IS_BETTER if before.get(n) and after.get(n) is not None and after[n] > (1 + WORSE) * before[n]]
-    return found + ["CPU"] * (after["cpu_s"] > CPU_LARGEST * before["cpu_s"])
+    return found + [n for n in LOWER_IS_BETTER if before.get(n) and after.get(n) is not None and after[n] > (1 + WORSE) * before[n]]
 
 
 def row(name, before, after, words):

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/memory.h"
 
 enum { DIGITS_MOST = 9 };
@@ -25,19 +26,13 @@ static bool skip(const char **at, char c)
     return true;
 }
 
-static int compare(const void *a, const void *b)
-{
-    const int *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
-}
-
 /* A number that occurs twice, or -1. */
 static int find_repeated(const int *numbers, size_t count)
 {
     int repeated = -1;
     int *sorted = mem_alloc((count + 1) * sizeof *sorted);
     memcpy(sorted, numbers, count * sizeof *sorted);
-    qsort(sorted, count, sizeof *sorted, compare);
+    qsort(sorted, count, sizeof *sorted, compare_ints);
     for (size_t i = 1; i < count && repeated < 0; i++)
         if (sorted[i] == sorted[i - 1]) repeated = sorted[i];
     free(sorted);

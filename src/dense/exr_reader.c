@@ -1,6 +1,5 @@
 #include "dense/exr_reader.h"
 
-#include <errno.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>

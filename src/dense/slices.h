@@ -30,7 +30,7 @@ struct slices {
     double index_to_world[16];  /* row-major, column vectors */
     char format[12], space[64]; /* as in header.h */
     const char *type;           /* of the numbers in the file, "uint8" for example; NULL: unknown */
-    int64_t volumes;            /* that the file has, of which this is one; 0 counts as 1 */
+    int64_t volumes;            /* number of volumes in the file; 0 counts as 1 */
     bool fine;                  /* values may need more than the 24 bits of a float */
     char inexact[24]; /* the first whole number beyond PRECISION_WHOLE_MOST that was read, as text; or "" */
     dense_warnings warnings;

@@ -114,7 +114,7 @@ typedef struct ome {
     tiff_description *out;
     dense_warnings *warnings;
     char *fault;
-    int images, pixels; /* elements so far */
+    int images, pixels; /* elements read */
     bool elsewhere;     /* the pixels are described by another file */
     char order[8];
 } ome;

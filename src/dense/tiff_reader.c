@@ -1,6 +1,5 @@
 #include "dense/tiff_reader.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -16,7 +15,9 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "base/transfer.h"
 #include "dense/header.h"
+#include "dense/numbers.h"
 
 /* Standard descriptors, the file, and one more for what the libraries open for a moment. */
 enum { DESCRIPTORS = 5 };
@@ -73,23 +74,10 @@ typedef struct place {
     int64_t at;
 } place;
 
-static int64_t read_at(const tiff_file *f, void *to, int64_t count, int64_t at)
-{
-    int64_t done = 0;
-    while (done < count) {
-        const ssize_t got = pread(f->fd, (char *)to + done, (size_t)(count - done), (off_t)(at + done));
-        if (got < 0 && errno == EINTR) continue;
-        if (got < 0) return -1;
-        if (got == 0) break;
-        done += got;
-    }
-    return done;
-}
-
 static tmsize_t read_bytes(thandle_t handle, void *to, tmsize_t count)
 {
     place *p = handle;
-    const int64_t got = read_at(p->file, to, count, p->at);
+    const int64_t got = transfer_read_at(p->file->fd, to, (size_t)count, (uint64_t)p->at);
     if (got > 0) p->at += got;
     return (tmsize_t)got;
 }
@@ -185,12 +173,6 @@ static header_type type_of(const layout *l, bool *known)
         }
     *known = false;
     return HEADER_UINT8;
-}
-
-static int bytes_of(header_type type)
-{
-    static const int bytes[HEADER_TYPE_COUNT] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
-    return bytes[type];
 }
 
 static const char *format_name(uint16_t format)
@@ -291,11 +273,10 @@ static bool is_whole(const tiff_file *f, uint64_t directory)
 {
     unsigned char head[8];
     uint64_t count = 0;
-    if (read_at(f, head, sizeof head, 0) != sizeof head) return false;
+    if (transfer_read_at(f->fd, head, sizeof head, 0) != sizeof head) return false;
     const bool is_little = head[0] == 'I', is_big_file = (is_little ? head[2] : head[3]) == 43;
     const uint64_t size = is_big_file ? 8 : 2;
-    if (directory > (uint64_t)f->bytes ||
-        read_at(f, head, (int64_t)size, (int64_t)directory) != (int64_t)size)
+    if (directory > (uint64_t)f->bytes || transfer_read_at(f->fd, head, size, directory) != (int64_t)size)
         return false;
     for (uint64_t k = 0; k < size; k++) count = count << 8 | head[is_little ? size - 1 - k : k];
     const uint64_t after = directory + size, entry = is_big_file ? 20 : 12, link = is_big_file ? 8 : 4;
@@ -348,7 +329,7 @@ static bool check_size(tiff_file *f)
 {
     const int64_t pages = f->is_contiguous ? f->description.images : (int64_t)f->count,
                   bytes = page_bytes(&f->layout);
-    const double answered = (double)f->layout.width * f->layout.height * bytes_of(f->type);
+    const double answered = (double)f->layout.width * f->layout.height * numbers_bytes(f->type);
     if (answered > (double)f->memory)
         return refuse(f, ERROR_LIMIT_MEMORY,
                       "a page of %u x %u pixels requires %.0f MiB, and %zu MiB of the limit are left: raise "
@@ -467,7 +448,8 @@ static unsigned char *make_room(tiff_file *f, tmsize_t size)
 static bool read_strips(tiff_file *f, unsigned char *to)
 {
     const uint32_t width = f->layout.width, height = f->layout.height;
-    const size_t row = (size_t)TIFFScanlineSize(f->tiff), own = (size_t)width * (size_t)bytes_of(f->type);
+    const size_t row = (size_t)TIFFScanlineSize(f->tiff),
+                 own = (size_t)width * (size_t)numbers_bytes(f->type);
     uint32_t rows = height;
     unsigned char *strip = make_room(f, TIFFStripSize(f->tiff));
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_ROWSPERSTRIP, &rows);
@@ -488,7 +470,7 @@ static bool read_strips(tiff_file *f, unsigned char *to)
 static bool read_tiles(tiff_file *f, unsigned char *to)
 {
     const uint32_t width = f->layout.width, height = f->layout.height;
-    const size_t number = (size_t)bytes_of(f->type), own = width * number,
+    const size_t number = (size_t)numbers_bytes(f->type), own = width * number,
                  row = (size_t)TIFFTileRowSize(f->tiff);
     uint32_t wide = 0, high = 0;
     const tmsize_t size = TIFFTileSize(f->tiff);
@@ -518,7 +500,8 @@ static bool read_contiguous(tiff_file *f, uint32_t page, unsigned char *to)
     const int64_t bytes = page_bytes(&f->layout);
     unsigned char *packed = make_room(f, (tmsize_t)bytes);
     bool ok = packed != NULL;
-    if (ok && read_at(f, packed, bytes, (int64_t)f->first_byte + page * bytes) != bytes)
+    if (ok &&
+        transfer_read_at(f->fd, packed, (size_t)bytes, f->first_byte + (uint64_t)(page * bytes)) != bytes)
         ok = damaged(f, "the file ends before its last page");
     const size_t numbers = (size_t)f->layout.width * f->layout.height;
     if (ok && TIFFIsByteSwapped(f->tiff)) {
@@ -535,7 +518,7 @@ static bool read_contiguous(tiff_file *f, uint32_t page, unsigned char *to)
 static unsigned char *read_page(tiff_file *f, uint32_t page)
 {
     layout own;
-    const size_t bytes = (size_t)f->layout.width * f->layout.height * (size_t)bytes_of(f->type);
+    const size_t bytes = (size_t)f->layout.width * f->layout.height * (size_t)numbers_bytes(f->type);
     unsigned char *to = bytes <= f->memory ? malloc(bytes) : NULL;
     if (!to) {
         refuse(f, ERROR_LIMIT_MEMORY, "a page exceeds the memory limit: raise limits.memory_mb");
@@ -597,7 +580,8 @@ static bool answer(tiff_file *f, const tiff_request *request)
         a.text_length = (uint32_t)strnlen(f->fault.message, TIFF_READER_TEXT_MAX);
     bool written = reader_write(&a, sizeof a) && reader_write(f->fault.message, a.text_length);
     if (written && page)
-        written = reader_write(page, (size_t)f->layout.width * f->layout.height * (size_t)bytes_of(f->type));
+        written =
+            reader_write(page, (size_t)f->layout.width * f->layout.height * (size_t)numbers_bytes(f->type));
     free(page);
     return written;
 }

@@ -1,6 +1,5 @@
 #include "dense/zarr_metadata.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -10,12 +9,13 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/transfer.h"
 #include "json/json.h"
 
-/* A metadata file of more is none. */
+/* Larger metadata files are refused. */
 static const off_t largest_file = 4 << 20;
 
-/* A side of an array that is longer is a file that lies; products of three fit into 64 bits. */
+/* Longer sides are refused as damaged: those of spatial axes, whose product fits into 64 bits, and of others. */
 static const double largest_side = 1 << 20, largest_other = 1 << 30;
 
 /* What is read, for messages. */
@@ -59,7 +59,7 @@ static bool unsupported(const reading *r, const char *format, ...)
 /* The document in a file; NULL with *is_missing or an error. json_free. */
 static json *read_json(const slices_directory *d, const char *path, bool *is_missing, error *e)
 {
-    struct stat st;
+    struct stat st = {0};
     json *document = NULL;
     const int fd = d->open(d->context, path, is_missing, e);
     if (fd < 0) return NULL;
@@ -68,16 +68,9 @@ static json *read_json(const slices_directory *d, const char *path, bool *is_mis
         error_set(e, ERROR_INPUT_UNSUPPORTED, "%s: the file has %lld bytes, and metadata have at most %lld",
                   path, (long long)st.st_size, (long long)largest_file);
     } else {
-        off_t done = 0;
         text = mem_alloc((size_t)st.st_size + 1);
-        for (ssize_t got = 1; got > 0 && done < st.st_size;) {
-            got = pread(fd, text + done, (size_t)(st.st_size - done), done);
-            if (got < 0 && errno == EINTR)
-                got = 1;
-            else if (got > 0)
-                done += got;
-        }
-        document = json_parse(text, (size_t)done, e);
+        const int64_t count = transfer_read_at(fd, text, (size_t)st.st_size, 0);
+        document = json_parse(text, count > 0 ? (size_t)count : 0, e);
         if (!document) {
             if (e) e->code = ERROR_INPUT_DAMAGED;
             error_prefix(e, "%s", path);
@@ -86,13 +79,6 @@ static json *read_json(const slices_directory *d, const char *path, bool *is_mis
     free(text);
     close(fd);
     return document;
-}
-
-static json *read_beside(reading *r, const char *folder, const char *name, bool *is_missing)
-{
-    char path[ZARR_PATH_SIZE + 16];
-    snprintf(path, sizeof path, "%s%s", folder, name);
-    return read_json(r->directory, path, is_missing, r->e);
 }
 
 /* ---- arrays */
@@ -519,7 +505,7 @@ static bool read_bare(reading *r, int64_t level)
 static bool read_any(reading *r, int64_t level)
 {
     bool is_missing, is_ome = false, ok = true;
-    json *group = read_beside(r, "", "zarr.json", &is_missing);
+    json *group = read_json(r->directory, "zarr.json", &is_missing, r->e);
     if (!group && !is_missing) return false;
     if (group) {
         r->file = "zarr.json";
@@ -532,7 +518,7 @@ static bool read_any(reading *r, int64_t level)
         json_free(group);
     } else {
         r->file = ".zattrs";
-        json *attributes = read_beside(r, "", ".zattrs", &is_missing);
+        json *attributes = read_json(r->directory, ".zattrs", &is_missing, r->e);
         if (!attributes && !is_missing) return false;
         if (attributes) ok = read_group(r, json_root(attributes), level, &is_ome);
         json_free(attributes);

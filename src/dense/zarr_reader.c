@@ -1,7 +1,6 @@
 #include "dense/zarr_reader.h"
 
 #include <endian.h>
-#include <errno.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +12,7 @@
 #include <zstd.h>
 
 #include "base/reader.h"
+#include "base/transfer.h"
 
 /* Standard descriptors, a chunk's file, and one more for what the libraries open for a moment. */
 enum { DESCRIPTORS = 5 };
@@ -152,13 +152,9 @@ static bool read_packed(chunk *c, int file, const zarr_request *r)
 {
     if (r->length > c->memory || !(c->bytes = malloc(r->length > 0 ? r->length : 1)))
         return refuse(c, ERROR_LIMIT_MEMORY, "a chunk exceeds the memory limit: raise limits.memory_mb");
-    while (c->count < r->length) {
-        const ssize_t got =
-            pread(file, c->bytes + c->count, r->length - c->count, (off_t)(r->offset + c->count));
-        if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) return damaged(c, "the file of the chunk ends early");
-        c->count += (size_t)got;
-    }
+    if (transfer_read_at(file, c->bytes, r->length, r->offset) != (int64_t)r->length)
+        return damaged(c, "the file of the chunk ends early");
+    c->count = r->length;
     return true;
 }
 

@@ -1,6 +1,7 @@
 #include "formats/property.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 /* Adds a property of the set, if the set has it. */
@@ -8,6 +9,25 @@ static void add(property *list, size_t *count, const char *name, property_role r
                 const void *values, double scale)
 {
     if (values) list[(*count)++] = (property){name, role, false, 0, components, values, scale, NULL};
+}
+
+const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name)
+{
+    for (size_t k = 0; k < count; k++)
+        if (strcmp(list[k].name, name) == 0) return &list[k];
+    return NULL;
+}
+
+bool property_refuse_missing(const point_attribute *list, size_t count, const char *pointer, const char *name,
+                             error *e)
+{
+    char names[400] = "";
+    for (size_t k = 0; k < count; k++) {
+        const size_t used = strlen(names);
+        snprintf(names + used, sizeof names - used, "%s\"%s\"", k ? ", " : "", list[k].name);
+    }
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "%s: the points have no attribute \"%s\": choose one of %s",
+                     pointer, name, *names ? names : "none, and add it to /attributes");
 }
 
 bool property_is_velocity(const point_attribute *a)

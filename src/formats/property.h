@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "base/error.h"
 #include "formats/points.h"
 
 /* Roles for which formats have special names. */
@@ -45,6 +46,13 @@ enum { PROPERTIES_OWN = 17 };
 /* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per attribute. Returns
  * the number of properties. */
 size_t property_list(const points *set, property *list);
+
+/* The attribute with this name; NULL: there is none. */
+const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name);
+
+/* Sets attribute_missing, with the pointer of the member that names the attribute and the names of those in the list. Returns false. */
+bool property_refuse_missing(const point_attribute *list, size_t count, const char *pointer, const char *name,
+                             error *e);
 
 /* Whether an attribute is a velocity: a vector called v, vel or velocity. */
 bool property_is_velocity(const point_attribute *a);

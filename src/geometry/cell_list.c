@@ -138,10 +138,10 @@ cell_list *cell_list_new(const vec3 *points, size_t count, threads *pool, error 
     l->item = mem_array(count, sizeof *l->item, what, e);
     uint32_t *cell = mem_array(count, sizeof *cell, what, e);
     bool ok = l->begin && l->item && cell;
-    const bool is_crowded = ok && !fill(l, count, total, pool, cell);
+    const bool is_dense = ok && !fill(l, count, total, pool, cell);
     free(cell);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
-    if (ok && is_crowded) {
+    if (ok && is_dense) {
         free(l->begin);
         free(l->item);
         l->begin = l->item = NULL;
@@ -161,7 +161,7 @@ void cell_list_free(cell_list *l)
     free(l);
 }
 
-bool cell_list_is_crowded(const cell_list *l)
+bool cell_list_is_dense(const cell_list *l)
 {
     return l->tree != NULL;
 }

@@ -4,7 +4,7 @@
  * replaces the cells (geometry/point_tree.h).
  * Complexity for n points that are spread evenly over a surface: construction O(n), a tenth of the time of a point_tree; memory 12 n bytes; a
  * search from a place near the surface O(1), plus O(1) per point found. A search from a place at distance d visits about (d / edge)^3 cells.
- * Searches: any number of threads. The points are not owned. They must not move, except those of a list with moving points.
+ * Searches: any number of threads, while no point moves. The points are not owned. Only the moving points of a moving_cell_list may move.
  */
 #ifndef HEXAD_GEOMETRY_CELL_LIST_H
 #define HEXAD_GEOMETRY_CELL_LIST_H
@@ -24,7 +24,7 @@ cell_list *cell_list_new(const vec3 *points, size_t count, threads *pool, error 
 void cell_list_free(cell_list *l); /* accepts NULL */
 
 /* Whether a point_tree replaces the cells. */
-bool cell_list_is_crowded(const cell_list *l);
+bool cell_list_is_dense(const cell_list *l);
 
 /* Returns the point nearest to x, or any point within the distance `enough`, which takes less time. *distance: its distance from x. At equal
  * distances any point is returned. */
@@ -34,7 +34,7 @@ uint32_t cell_list_nearest(const cell_list *l, vec3 x, double enough, double *di
 typedef void (*cell_list_visit)(void *context, uint32_t point);
 void cell_list_within(const cell_list *l, vec3 x, double reach, cell_list_visit visit, void *context);
 
-/* A cell list of points of which some move between searches. */
+/* A cell list in which some of the points move between searches. */
 typedef struct moving_cell_list moving_cell_list;
 
 /* `moving`: the ascending indices of the points that may move; not owned. A search takes O(moving_count) more time. NULL: limit_memory,

@@ -56,7 +56,7 @@ static bool describe_levels(const slices_directory *d, json *list, int64_t *chos
 
 bool contents_read_zarr(const contents_input *in, json *inspection, error *e)
 {
-    store_tree *tree = store_tree_new(dup(in->fd), true);
+    store_tree *tree = store_tree_new(dup(in->fd), false);
     const slices_directory directory = {open_below, tree};
     error fault = {0};
     int64_t level = 0;

@@ -183,6 +183,17 @@ void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2])
     out[1] = s->labels.material[kind & 0xffff].value;
 }
 
+uint32_t (*label_surface_materials(const label_surface *s, const char *what, error *e))[2]
+{
+    const mesh_patches *p = mesh_surface_patches(s->surface);
+    uint32_t(*out)[2] = mem_array(p->count, sizeof *out, what, e);
+    for (uint32_t k = 0; out && k < p->count; k++) { /* a kind consists of two materials, 16 bits each */
+        out[k][0] = p->kind[k] >> 16;
+        out[k][1] = p->kind[k] & 0xffff;
+    }
+    return out;
+}
+
 size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out)
 {
     size_t count = 0;

@@ -32,6 +32,10 @@ size_t label_surface_bytes(const label_surface *s);                /* 0 for NULL
 /* The labels on both sides of a patch; the normal points from the first to the second. */
 void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);
 
+/* The numbers of the two materials that each patch separates, in the order of label_surface_sides. The caller frees the array; `what` is named
+ * by the error. NULL: limit_memory. */
+uint32_t (*label_surface_materials(const label_surface *s, const char *what, error *e))[2];
+
 /* The labels but the background, ascending: the first `most` into `out`. Returns how many there are. */
 size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out);
 

@@ -10,7 +10,7 @@
 
 /* Points in a leaf of the tree, at most. With 8 a million points take a tenth longer. */
 enum { LEAF = 16 };
-/* Points between two looks at whether the job is to stop. */
+/* Points between two checks for cancellation. */
 enum { BETWEEN_STOPS = 4096 };
 
 static const char what[] = "the order of the points";
@@ -19,8 +19,7 @@ static const char what[] = "the order of the points";
 typedef struct entry {
     vec3 position;
     double spacing;
-    double
-        far; /* square of the distance from the nearest earlier point, in spacings; TAKEN: it is one itself */
+    double far; /* squared distance from the nearest chosen point, in spacings; TAKEN: this point is chosen */
     uint32_t index, piece;
 } entry;
 
@@ -28,9 +27,9 @@ static const double TAKEN = -1;
 
 typedef struct node {
     float low[3], high[3], largest_spacing;
-    uint32_t current; /* the place of that point among the entries */
-    double far;       /* the largest of its points */
-    uint32_t index;   /* the point that has it; the lowest index if several have */
+    double far;           /* the largest of its points */
+    uint32_t index;       /* the point that has it; the lowest index if several have */
+    uint32_t entry_index; /* the entry of that point */
 } node;
 
 typedef struct order_tree {
@@ -57,13 +56,13 @@ static bool is_before(double far, uint32_t index, const node *than)
 static void take_farthest_entry(order_tree *t, size_t k, size_t begin, size_t end)
 {
     node *n = &t->node[k];
-    n->far = 2 * TAKEN;
+    n->far = -INFINITY;
     for (size_t i = begin; i < end; i++) {
         const entry *p = &t->entry[i];
         if (!is_before(p->far, p->index, n)) continue;
         n->far = p->far;
         n->index = p->index;
-        n->current = (uint32_t)i;
+        n->entry_index = (uint32_t)i;
     }
 }
 
@@ -74,7 +73,7 @@ static void take_farther_child(order_tree *t, size_t k)
     node *n = &t->node[k];
     n->far = from->far;
     n->index = from->index;
-    n->current = from->current;
+    n->entry_index = from->entry_index;
 }
 
 /* The normal of a point that has one, whose sign has a meaning and is that of its surface; else NaN. */
@@ -169,10 +168,7 @@ static bool make_tree(const progressive_order_input *in, uint32_t *order, order_
         return false;
     const sites_copies list = {copies, in->copy_normal, in->copy_point, in->copy_patch, in->copy_flags};
     sites_gather(&list, n, t->side, t->normal, t->one_sided, t->patch);
-    t->sites = (sites){.count = n,
-                       .position = in->position,
-                       .spacing = in->spacing,
-                       .side = t->side,
+    t->sites = (sites){.side = t->side,
                        .normal = t->normal,
                        .one_sided = t->one_sided,
                        .patch = t->patch,
@@ -193,7 +189,7 @@ static bool make_tree(const progressive_order_input *in, uint32_t *order, order_
 typedef struct choice {
     vec3 position, local; /* relative to the middle */
     double spacing;
-    uint32_t index, current, piece;
+    uint32_t index, entry_index, piece;
     vec3 facing;
 } choice;
 
@@ -234,12 +230,13 @@ static bool is_reached(const order_tree *t, const choice *c, size_t k, size_t be
 {
     const node *n = &t->node[k];
     const double mean = 0.5 * (n->largest_spacing + c->spacing);
-    return box_distance2(n, c->local) < n->far * mean * mean || (c->current >= begin && c->current < end);
+    return box_distance2(n, c->local) < n->far * mean * mean ||
+           (c->entry_index >= begin && c->entry_index < end);
 }
 
 static bool update_leaf(order_tree *t, const choice *c, size_t k, size_t begin, size_t end)
 {
-    bool changed = c->current >= begin && c->current < end;
+    bool changed = c->entry_index >= begin && c->entry_index < end;
     for (size_t i = begin; i < end; i++) changed |= bring_nearer(t, c, i);
     if (changed) take_farthest_entry(t, k, begin, end);
     return changed;
@@ -262,11 +259,10 @@ bool progressive_order(const progressive_order_input *in, const threads *pool, u
     bool ok = make_tree(in, order, &t, e);
     for (size_t k = 0; ok && k < in->count; k++) {
         const node *root = &t.node[0];
-        entry *next = &t.entry[root->current];
-        const choice c = {next->position,         vec3_sub(next->position, t.middle),
-                          next->spacing,          next->index,
-                          root->current,          next->piece,
-                          t.facing[root->current]};
+        entry *next = &t.entry[root->entry_index];
+        const choice c = {
+            next->position, vec3_sub(next->position, t.middle), next->spacing, next->index, root->entry_index,
+            next->piece,    t.facing[root->entry_index]};
         order[k] = next->index;
         next->far = TAKEN;
         update(&t, &c, 0, 0, in->count);

@@ -27,10 +27,6 @@ bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2
 /* Whether triangle n, with the corners *t, is accepted by a search. */
 typedef bool triangle_tree_accept(const void *context, size_t n, const triangle *t);
 
-/* Finds the closest point of the accepted triangles that is nearer than `within`. False: there is none. */
-bool triangle_tree_find_accepted(const triangle_tree *n, vec3 p, double within, triangle_tree_accept *accept,
-                                 const void *context, vec3 *place);
-
 #define TRIANGLE_TREE_NONE UINT32_MAX /* no triangle */
 
 /* Intersections of a line, seen from one of its points. */
@@ -56,7 +52,7 @@ void triangle_forest_free(triangle_forest *n); /* accepts NULL */
 /* Returns the tree with the closest triangle, the first one at equal distances, and sets *nearest to that triangle. */
 size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest);
 
-/* triangle_tree_find_accepted over all trees. */
+/* Finds the closest point of the accepted triangles of all trees that is nearer than `within`. False: there is none. */
 bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
                                    triangle_tree_accept *accept, const void *context, vec3 *place);
 

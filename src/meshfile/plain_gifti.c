@@ -1,7 +1,6 @@
 /* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. expat finds the arrays; what they hold is
  * read here. libgiftiio 1.0.9 is not used: it takes data that end early without an error, and crashes on damaged files. */
 #include <ctype.h>
-#include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,7 +51,7 @@ typedef struct gifti {
     XML_Parser parser;
     plain_mesh *out;
     wanted points, triangles;
-    int arrays, depth; /* depth of elements in an array */
+    int arrays;
     bool has_root;
     wanted *open; /* the array that is open, if it is one of these */
     char *text;   /* where characters go; NULL: nowhere */
@@ -401,8 +400,9 @@ static void warn_of_transform(gifti *g)
     bool is_other = false;
     for (int k = 0; k < NUMBERS_OF_MATRIX && *at; k++) {
         char *end;
-        is_other |= strtod(at, &end) != (k % 5 == 0);
+        const double value = strtod(at, &end);
         if (end == at) break;
+        is_other |= value != (k % 5 == 0);
         at = end;
     }
     if (is_other)

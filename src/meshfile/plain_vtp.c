@@ -1,7 +1,6 @@
 /* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. expat finds the
  * arrays; what they hold is read here. Values of points and cells change no place and are not read. */
 #include <ctype.h>
-#include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +12,7 @@
 #include "meshfile/base64.h"
 #include "meshfile/vtk_data.h"
 
-enum { NAME_SIZE = 40, DEEPEST = 64, SECTIONS = VTK_CELLS_KINDS + 1, POINTS = VTK_CELLS_KINDS };
+enum { SECTIONS = VTK_CELLS_KINDS + 1, POINTS = VTK_CELLS_KINDS };
 
 /* Pieces of a file. */
 static const size_t most_pieces = 1 << 16;
@@ -38,7 +37,7 @@ typedef struct piece {
 
 typedef struct vtp {
     const char *data;
-    size_t size, fed; /* bytes, and those that expat has had before the chunk at hand */
+    size_t size; /* bytes */
     XML_Parser parser;
     plain_mesh *out;
     piece *pieces;

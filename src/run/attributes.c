@@ -181,16 +181,9 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
 
 static bool check_preview(const spec *s, const attributes *a, error *e)
 {
-    char list[400] = "";
-    if (!s->has_preview || !s->preview_attribute) return true;
-    for (size_t k = 0; k < a->count; k++) {
-        size_t used = strlen(list);
-        if (strcmp(a->values[k].name, s->preview_attribute) == 0) return true;
-        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", a->values[k].name);
-    }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING,
-                     "/output/preview/attribute: the points have no attribute \"%s\": choose one of %s",
-                     s->preview_attribute, *list ? list : "none, and add it to /attributes");
+    return !s->has_preview || !s->preview_attribute ||
+           property_find_attribute(a->values, a->count, s->preview_attribute) ||
+           property_refuse_missing(a->values, a->count, "/output/preview/attribute", s->preview_attribute, e);
 }
 
 /* Checks that the points will have what the outputs require, by a set of zero points with the same arrays. */

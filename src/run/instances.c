@@ -7,38 +7,32 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "formats/orientation.h"
+#include "formats/property.h"
 
+/* NULL: the spec names no attribute, or the points have no such one. */
 static const point_attribute *find(const points *set, const char *name)
 {
-    for (size_t k = 0; name && k < set->attribute_count; k++)
-        if (strcmp(set->attributes[k].name, name) == 0) return &set->attributes[k];
-    return NULL;
+    return name ? property_find_attribute(set->attributes, set->attribute_count, name) : NULL;
 }
 
-/* One number or three are suitable; `use` says what for. */
+/* Attributes of one or three components are suitable; `use` describes them in the message. */
 static bool check_attribute(const points *set, const char *pointer, const char *name, const char *use,
                             error *e)
 {
     const point_attribute *a = find(set, name);
-    char list[400] = "";
     if (!name) return true;
     if (a && (a->components == 1 || a->components == 3)) return true;
     if (a)
         return error_set(e, ERROR_SPEC_INVALID, "%s: the attribute \"%s\" has %d components: name %s",
                          pointer, name, a->components, use);
-    for (size_t k = 0; k < set->attribute_count; k++) {
-        const size_t used = strlen(list);
-        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", set->attributes[k].name);
-    }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "%s: the points have no attribute \"%s\": choose one of %s",
-                     pointer, name, *list ? list : "none, and add it to /attributes");
+    return property_refuse_missing(set->attributes, set->attribute_count, pointer, name, e);
 }
 
 bool instances_check(const spec *s, const points *set, error *e)
 {
-    return check_attribute(set, "/output/orient/twist", s->has_orient ? s->orient.twist : NULL,
+    return check_attribute(set, "/output/orient/twist", s->orient.twist,
                            "a number, which is an angle in radians, or a vector of three components", e) &&
-           check_attribute(set, "/output/usd/instancer/scale", s->has_instancer ? s->instancer.scale : NULL,
+           check_attribute(set, "/output/usd/instancer/scale", s->instancer.scale,
                            "a number, or a vector of three components", e);
 }
 
@@ -55,7 +49,7 @@ static double twist_of(const spec *s, const points *set, const point_attribute *
     if (a)
         return orientation_twist_along(
             set->normal[i], vec3_make(a->values[3 * i], a->values[3 * i + 1], a->values[3 * i + 2]));
-    return s->has_orient && s->orient.has_seed ? random_angle(s->orient.seed, set->id ? set->id[i] : i) : 0;
+    return s->orient.has_seed ? random_angle(s->orient.seed, set->id ? set->id[i] : i) : 0;
 }
 
 static double scale_of(const spec *s, const points *set, const point_attribute *a, size_t i, int axis)
@@ -71,8 +65,7 @@ bool instances_make(const spec *s, const points *set, instances *out, error *e)
     static const char what[] = "the orientations of the points";
     *out = (instances){0};
     if (!s->has_orient && !s->has_instancer) return true;
-    const point_attribute *twist = find(set, s->has_orient ? s->orient.twist : NULL),
-                          *scale = find(set, s->instancer.scale);
+    const point_attribute *twist = find(set, s->orient.twist), *scale = find(set, s->instancer.scale);
     out->orient = mem_array(set->count, 4 * sizeof *out->orient, what, e);
     if (!out->orient) return false;
     for (size_t i = 0; i < set->count; i++)

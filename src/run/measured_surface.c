@@ -46,13 +46,7 @@ static bool use_labels(const label_surface *labels, measured_surface *out, error
 {
     const mesh_patches *p = label_surface_patches(labels);
     if (!use_patches(p, label_surface_field(labels)->patches, out, e)) return false;
-    out->patch_labels = mem_array(p->count, sizeof *out->patch_labels, what, e);
-    /* a kind consists of two materials, 16 bits each */
-    for (uint32_t k = 0; out->patch_labels && k < p->count; k++) {
-        out->patch_labels[k][0] = p->kind[k] >> 16;
-        out->patch_labels[k][1] = p->kind[k] & 0xffff;
-    }
-    return out->patch_labels != NULL;
+    return (out->patch_labels = label_surface_materials(labels, what, e)) != NULL;
 }
 
 static const mesh_faces *faces_of(const source *s)

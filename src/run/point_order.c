@@ -29,24 +29,12 @@ void point_order_free_known(point_order_known *known)
     *known = (point_order_known){0};
 }
 
-/* The two labels that each patch separates. The caller frees the array. */
-static uint32_t (*patch_labels_of(const label_surface *labels, error *e))[2]
-{
-    const mesh_patches *p = label_surface_patches(labels);
-    uint32_t(*out)[2] = mem_array(p->count, sizeof *out, what, e);
-    for (uint32_t k = 0; out && k < p->count; k++) { /* a kind is the two materials */
-        out[k][0] = p->kind[k] >> 16;
-        out[k][1] = p->kind[k] & 0xffff;
-    }
-    return out;
-}
-
 static bool order_progressively(const solver_points *solved, const point_order_known *known,
                                 const label_surface *labels, const threads *pool, uint32_t *order, error *e)
 {
     const solver_patch_points *copies = &solved->patch_points;
     uint32_t(*patch_labels)[2] = NULL;
-    if (labels && !(patch_labels = patch_labels_of(labels, e))) return false;
+    if (labels && !(patch_labels = label_surface_materials(labels, what, e))) return false;
     const progressive_order_input in = {.count = solved->count,
                                         .position = solved->position,
                                         .spacing = known->spacing,
@@ -100,8 +88,8 @@ bool point_order_find(const spec *s, const points *set, const solver_points *sol
     return ok;
 }
 
-/* The arrays of a set, and the bytes of an element. */
-static const struct array {
+/* The arrays of a set, and the bytes of an element. The array with elements of 4 bytes is the last one, so that all are aligned. */
+static const struct {
     size_t member, size;
 } arrays[] = {
     {offsetof(points, position), sizeof(vec3)},  {offsetof(points, normal), sizeof(vec3)},

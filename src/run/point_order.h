@@ -11,7 +11,7 @@
 #include "solver/solver.h"
 #include "spec/spec.h"
 
-/* What the measures know of each point; NULL unless the order is progressive. */
+/* Values of each point that measures_take computes for the progressive order; otherwise NULL. */
 typedef struct point_order_known {
     uint32_t *piece; /* of the surface */
     double *spacing; /* by which distances are divided */

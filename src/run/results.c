@@ -220,7 +220,7 @@ static bool write_formats(const char *directory, const results_input *in, const 
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
     const scene place = {in->y_up, origin, NULL, frames.count, in->frame, frames.frames, frames.folders};
-    scene instanced = place; /* positions of instances always have an origin of their own */
+    scene instanced = place; /* instances always have an origin: that of the job, or origin_of */
     if (in->instancer) {
         instanced.instancer = in->instancer;
         if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
@@ -229,8 +229,8 @@ static bool write_formats(const char *directory, const results_input *in, const 
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
         if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
-        const bool of_points = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE;
-        ok = write_format(directory, f, set, of_points ? &instanced : &place, outputs, e);
+        const bool is_points_usda = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE;
+        ok = write_format(directory, f, set, is_points_usda ? &instanced : &place, outputs, e);
     }
     layout_free(&frames);
     return ok;
@@ -401,19 +401,14 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
 
 static bool has_attribute(const points *set, const char *name)
 {
-    bool found = false;
-    for (size_t k = 0; k < set->attribute_count; k++) found |= strcmp(set->attributes[k].name, name) == 0;
-    return found;
+    return property_find_attribute(set->attributes, set->attribute_count, name) != NULL;
 }
-
-/* Largest number of values in points.vdb besides the attributes. */
-enum { MORE_VDB_VALUES = 2 };
 
 /* Renames attributes for readers of VDB points: v is the velocity (an attribute of a file takes precedence over the
  * velocity between frames), Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
-    vdb_point_values *values = mem_alloc((set->attribute_count + MORE_VDB_VALUES) * sizeof *values);
+    vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values); /* and the rows */
     bool has_color = has_attribute(set, "Cd");
     *has_velocity = has_attribute(set, "v");
     for (size_t k = 0; k < set->attribute_count; k++) {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/frames.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
@@ -158,19 +159,13 @@ static void check_sampling(reading *r, const json_at *at)
         reading_add_fault(r, &grid, "requires a path, because the surface is not a VDB file");
 }
 
-static int compare_numbers(const void *a, const void *b)
-{
-    const double *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
-}
-
 /* Whether a list has from low to high numbers, none of them twice. */
 static bool is_set(const spec_list *list, size_t low, size_t high)
 {
     bool good = list->count >= low && list->count <= high;
     double *sorted = mem_alloc((list->count + 1) * sizeof *sorted);
     for (size_t i = 0; i < list->count; i++) sorted[i] = list->number[i];
-    qsort(sorted, list->count, sizeof *sorted, compare_numbers);
+    qsort(sorted, list->count, sizeof *sorted, compare_doubles);
     for (size_t i = 1; good && i < list->count; i++) good = sorted[i] != sorted[i - 1];
     free(sorted);
     return good;

@@ -44,7 +44,7 @@ static int by_path(const void *a, const void *b)
     return strcmp(((const entry *)a)->path, ((const entry *)b)->path);
 }
 
-/* Files come mostly in rounds of all of them: after the first round they are sorted. */
+/* Callers usually open all files, and then all of them again: entries are sorted by the second time. */
 static entry *find_entry(store_tree *t, const char *path)
 {
     const entry key = {.path = (char *)path};
@@ -79,7 +79,8 @@ static bool note(store_tree *t, const char *path, int fd, error *e)
     entry *new = &t->entries[t->count];
     *new = (entry){.identity = identity};
     t->has_changed |= !is_known;
-    if (!store_file_hash(fd, new->facts.sha256, &new->facts.bytes, e)) return false;
+    new->facts.bytes = identity.bytes;
+    if (t->hashes && !store_file_hash(fd, new->facts.sha256, &new->facts.bytes, e)) return false;
     new->path = mem_strdup(path);
     t->count++;
     sort_if_many(t);
@@ -107,7 +108,7 @@ int store_tree_open(store_tree *t, const char *path, bool *is_missing, error *e)
         close(fd);
         return -1;
     }
-    if (!t->hashes || note(t, path, fd, e)) return fd;
+    if (note(t, path, fd, e)) return fd;
     close(fd);
     return -1;
 }

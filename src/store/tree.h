@@ -12,7 +12,8 @@
 
 typedef struct store_tree store_tree;
 
-/* Takes over the descriptor of the directory. `hashes`: files are hashed when they are opened for the first time. Never NULL. */
+/* Takes over the descriptor of the directory. `hashes`: files are hashed when they are opened for the first time; otherwise the
+ * hash of store_tree_facts has no meaning. Never NULL. */
 store_tree *store_tree_new(int directory, bool hashes);
 void store_tree_free(store_tree *t); /* accepts NULL */
 

@@ -2,6 +2,7 @@
 #ifndef HEXAD_TESTS_SHAPES_H
 #define HEXAD_TESTS_SHAPES_H
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -26,8 +27,8 @@ static const analytic_params shapes[SHAPE_COUNT] = {
 static const char *const shape_names[SHAPE_COUNT] = {"sphere",    "torus",   "box",
                                                      "ellipsoid", "quartic", "gyroid"};
 
-/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one; printed, so that a failure can be had
- * again. */
+/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one; printed, so that a failure can be
+ * reproduced. */
 static inline uint64_t test_seed(void)
 {
     const char *text = getenv("HEXAD_TEST_SEED");
@@ -40,6 +41,13 @@ static inline vec3 random_between(rng *r, vec3 low, vec3 high)
 {
     double x = rng_uniform(r), y = rng_uniform(r), z = rng_uniform(r);
     return (vec3){low.x + x * (high.x - low.x), low.y + y * (high.y - low.y), low.z + z * (high.z - low.z)};
+}
+
+/* A unit vector, uniformly distributed. */
+static inline vec3 random_direction(rng *r)
+{
+    const double z = 2 * rng_uniform(r) - 1, turn = 2 * M_PI * rng_uniform(r), side = sqrt(1 - z * z);
+    return vec3_make(side * cos(turn), side * sin(turn), z);
 }
 
 #endif

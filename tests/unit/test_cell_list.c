@@ -121,7 +121,7 @@ static void all_within_reach_are_visited_once(void **state)
 }
 
 /* Points of two distant clusters share cells, points of a plane do not. The nearest point is found in both cases. */
-static void crowded_points_are_detected(void **state)
+static void over_dense_points_are_detected(void **state)
 {
     (void)state;
     enum { SIDE = 64, POINTS = SIDE * SIDE };
@@ -133,7 +133,7 @@ static void crowded_points_are_detected(void **state)
             if (clusters) x[k] = vec3_add(x[k], vec3_scale((vec3){1, 1, 1}, k % 2 ? 10000 : 0));
         }
         cell_list *n = cell_list_new(x, POINTS, NULL, &e);
-        assert_true(cell_list_is_crowded(n) == clusters);
+        assert_true(cell_list_is_dense(n) == clusters);
         for (size_t k = 0; k < POINTS; k += 7) {
             double distance;
             const vec3 place = vec3_add(x[k], (vec3){0.25, -0.25, 0.5});
@@ -156,7 +156,7 @@ int main(void)
         cmocka_unit_test(the_nearest_is_found),
         cmocka_unit_test(the_nearest_is_found_while_some_move),
         cmocka_unit_test(all_within_reach_are_visited_once),
-        cmocka_unit_test(crowded_points_are_detected),
+        cmocka_unit_test(over_dense_points_are_detected),
     };
     return cmocka_run_group_tests_name("cell_list", tests, NULL, NULL);
 }

@@ -5,12 +5,12 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
-#include <time.h>
 #include <cmocka.h>
 
 #include "base/rng.h"
 #include "close.h"
 #include "formats/orientation.h"
+#include "shapes.h"
 
 static const double EXACT = 1e-14;
 
@@ -44,25 +44,11 @@ static void check(vec3 normal, double twist)
     }
 }
 
-static rng seeded(uint64_t stream)
-{
-    const char *given = getenv("HEXAD_TEST_SEED");
-    const uint64_t seed = given ? strtoull(given, NULL, 10) : (uint64_t)time(NULL);
-    print_message("HEXAD_TEST_SEED=%llu\n", (unsigned long long)seed);
-    return rng_seed(seed, stream);
-}
-
-static vec3 direction(rng *r)
-{
-    const double z = 2 * rng_uniform(r) - 1, turn = 2 * M_PI * rng_uniform(r), side = sqrt(1 - z * z);
-    return vec3_make(side * cos(turn), side * sin(turn), z);
-}
-
 static void any_normal_is_that_of_plus_z(void **state)
 {
     (void)state;
-    rng r = seeded(0);
-    for (int k = 0; k < 2000; k++) check(direction(&r), 20 * rng_uniform(&r) - 10);
+    rng r = rng_seed(test_seed(), 0);
+    for (int k = 0; k < 2000; k++) check(random_direction(&r), 20 * rng_uniform(&r) - 10);
 }
 
 static void normals_along_and_against_z_have_a_shortest_way(void **state)
@@ -81,9 +67,9 @@ static void normals_along_and_against_z_have_a_shortest_way(void **state)
 static void a_vector_is_where_plus_x_turns(void **state)
 {
     (void)state;
-    rng r = seeded(1);
+    rng r = rng_seed(test_seed(), 1);
     for (int k = 0; k < 500; k++) {
-        const vec3 n = direction(&r), v = vec3_scale(direction(&r), 3);
+        const vec3 n = random_direction(&r), v = vec3_scale(random_direction(&r), 3);
         const vec3 tangent = vec3_unit(vec3_axpy(-vec3_dot(v, n), n, v));
         double q[4];
         orientation_of_normal(n, orientation_twist_along(n, v), q);

@@ -7,12 +7,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <cmocka.h>
 
 #include "base/rng.h"
 #include "measures/progressive_order.h"
 #include "packing/packing.h"
+#include "shapes.h"
 
 enum { MOST = 900, SIDES = 3 };
 /* As sites.h has it; written out, since the test shares no code with the order. */
@@ -110,30 +110,16 @@ static void check(const cloud *c)
     }
 }
 
-static vec3 direction(rng *r)
-{
-    const double z = 2 * rng_uniform(r) - 1, turn = 2 * M_PI * rng_uniform(r), side = sqrt(1 - z * z);
-    return vec3_make(side * cos(turn), side * sin(turn), z);
-}
-
-static uint64_t seed(void)
-{
-    const char *given = getenv("HEXAD_TEST_SEED");
-    const uint64_t value = given ? strtoull(given, NULL, 10) : (uint64_t)time(NULL);
-    print_message("HEXAD_TEST_SEED=%llu\n", (unsigned long long)value);
-    return value;
-}
-
 /* ---- tests */
 
 static void each_point_of_a_sphere_is_the_farthest(void **state)
 {
     (void)state;
     static cloud c;
-    rng r = rng_seed(seed(), 0);
+    rng r = rng_seed(test_seed(), 0);
     memset(&c, 0, sizeof c);
     for (int i = 0; i < MOST; i++) {
-        const vec3 n = direction(&r);
+        const vec3 n = random_direction(&r);
         add(&c, n, n, 0.1, 0);
     }
     check(&c);
@@ -143,10 +129,10 @@ static void graded_spacings_count_by_their_mean(void **state)
 {
     (void)state;
     static cloud c;
-    rng r = rng_seed(seed(), 1);
+    rng r = rng_seed(test_seed(), 1);
     memset(&c, 0, sizeof c);
     for (int i = 0; i < 600; i++) {
-        const vec3 n = direction(&r);
+        const vec3 n = random_direction(&r);
         add(&c, n, n, exp(2 * n.x), 0);
     }
     check(&c);
@@ -157,7 +143,7 @@ static void walls_and_pieces_and_creases_count_as_the_measures_have_them(void **
 {
     (void)state;
     static cloud c;
-    rng r = rng_seed(seed(), 2);
+    rng r = rng_seed(test_seed(), 2);
     memset(&c, 0, sizeof c);
     for (int i = 0; i < 300; i++) {
         const double up = i % 2 ? 1 : -1;
@@ -181,11 +167,11 @@ static void few_points_are_ordered_too(void **state)
 {
     (void)state;
     static cloud c;
-    rng r = rng_seed(seed(), 3);
+    rng r = rng_seed(test_seed(), 3);
     for (size_t count = 1; count < 40; count++) {
         memset(&c, 0, sizeof c);
         for (size_t i = 0; i < count; i++) {
-            const vec3 n = direction(&r);
+            const vec3 n = random_direction(&r);
             add(&c, n, n, 1, 0);
         }
         check(&c);

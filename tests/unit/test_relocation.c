@@ -117,7 +117,7 @@ static void relocation_separates_random_points(void **state)
     free(place);
 }
 
-/* Relocations do not depend on how near points are found: many points far away make bins crowded, and a tree is used. */
+/* Relocations do not depend on how near points are found: many points far away make cells over-dense, and a tree is used. */
 static void points_far_away_change_nothing(void **state)
 {
     (void)state;
@@ -140,7 +140,7 @@ static void points_far_away_change_nothing(void **state)
         const size_t count = heap ? ALL : COUNT;
         relocation_input in = {x, size, count, 1, place, PLACES, near, 0, NULL, 0};
         cell_list *cells = cell_list_new(x, count, NULL, &e);
-        assert_true(cell_list_is_crowded(cells) == heap);
+        assert_true(cell_list_is_dense(cells) == heap);
         cell_list_free(cells);
         assert_true(relocation_choose(&in, NULL, &chosen[heap], &moves[heap], &e));
     }

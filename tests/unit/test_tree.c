@@ -15,22 +15,19 @@
 #include "base/memory.h"
 #include "store/tree.h"
 
-static char *place;
+static char place[32];
 
 static int make_place(void **state)
 {
-    char pattern[] = "/tmp/hexad.XXXXXX";
     (void)state;
-    place = mem_strdup(mkdtemp(pattern));
-    return place ? 0 : -1;
+    strcpy(place, "/tmp/hexad-tree-XXXXXX");
+    return mkdtemp(place) ? 0 : -1;
 }
 
 static int remove_place(void **state)
 {
     (void)state;
-    const bool ok = store_remove(place, NULL);
-    free(place);
-    return ok ? 0 : -1;
+    return store_remove(place, NULL) ? 0 : -1;
 }
 
 static void write_file(const char *name, const char *text)
