@@ -107,7 +107,7 @@ void mem_begin(void)
     mallopt(M_MMAP_THRESHOLD, (int)VERY_LARGE);
 }
 
-/* Threads share the arenas, each of which keeps freed memory below blocks in use. */
+/* Threads share the arenas. Each arena keeps freed memory below blocks in use. */
 enum { ARENAS = 4 };
 /* Blocks from MAPPED_BYTES are returned to the kernel when freed; KEPT_BYTES are kept at the top of an arena. Explicit
  * values are not raised by the library. */

@@ -57,7 +57,7 @@ static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
 }
 
 /* Sets the parent of k to its root, while other threads do so for other numbers, after all joins. It does not shorten
- * other paths: they would then not end at a root. */
+ * other paths: that could replace a root that another thread has stored by a number that is not a root. */
 static inline void sets_flatten_shared(uint32_t *parent, uint32_t k)
 {
     uint32_t root = k, up;

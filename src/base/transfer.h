@@ -1,5 +1,5 @@
-/* transfer: reads and writes blocks as a whole: repeats calls that signals interrupt or that transfer a part. On failure errno is set. Any
- * thread. */
+/* transfer: reads and writes blocks as a whole: repeats calls that signals interrupt or that transfer a part. On failure errno is
+ * set, except after a write of 0 bytes. Any thread. */
 #ifndef HEXAD_BASE_TRANSFER_H
 #define HEXAD_BASE_TRANSFER_H
 

@@ -4,7 +4,7 @@
  * file (INI, parsed by libinih), the command line, --help and the sample file etc/hexad.conf are derived from it. Each
  * key is a key of the file and an option, `--key VALUE` or `--key=VALUE`; `-` and `_` are equivalent. Options take
  * precedence over the file. One thread reads the settings at the start. Afterwards only config_take_over changes them,
- * and only settings with `reloads` in their row: numbers, the log level, and lists of which other modules keep copies.
+ * and only settings with `reloads` in their row: numbers, the log level, and lists that other modules copy.
  * Texts do not reload, because other modules keep pointers to them.
  */
 #ifndef HEXAD_CONFIG_CONFIG_H

@@ -2,8 +2,8 @@
  *
  * The decision depends only on how the attempt ended and on its files. settlement_apply moves the result into place and
  * updates the queue, in an order that can be recovered after a crash at any point:
- * the attempt's directory is renamed to results/ID and both parents are flushed,
- * then the queue's transaction ends the task.
+ *     the attempt's directory is renamed to results/ID and both parents are flushed,
+ *     then the queue's transaction ends the task.
  * After a crash the task is still running in the queue. If results/ID is complete, only the second step is missing.
  * Only the supervisor thread calls these functions.
  */

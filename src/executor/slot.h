@@ -3,10 +3,10 @@
  * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return when the next
  * step is useful:
  *
- * free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
- * | ^ ^
- * +-- the result exists already --------------------+ |
- * +-- no worker is started ----------------------------------------+
+ *     free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
+ *                |                                                 ^              ^
+ *                +-- the result exists already --------------------+              |
+ *                +-- no worker is started ----------------------------------------+
  *
  * deciding and settling are repeated after a delay if the disk or the database is at fault. The supervisor thread calls
  * these functions, except for those at the end of this file.
@@ -38,8 +38,8 @@ typedef enum slot_phase {
     SLOT_SETTLING    /* the decision is to be carried out and stored in the queue */
 } slot_phase;
 
-/* Data shared by all slots. The supervisor may change the second part between two steps. All pointers outlive the
- * slots. */
+/* Data shared by all slots. The supervisor may change the second part between two steps. All objects that pointers refer to
+ * outlive the slots. */
 typedef struct slot_context {
     const settlement_place *place; /* the queue and the state directory, too */
     const engine *engine;

@@ -4,7 +4,7 @@
  * function of coefficient i, from 0, is centred at min + (i - 1) w and is non-zero within two spans. The first and the
  * last coefficient are therefore centred one span outside the domain, and at every place of the domain four basis
  * functions per axis add up to 1:
- * F(x, y, z) = sum c[i + nx (j + ny k)] B(u - i) B(v - j) B(w - k), u = (x - min.x) / w.x + 1, ...
+ *     F(x, y, z) = sum c[i + nx (j + ny k)] B(u - i) B(v - j) B(w - k),  u = (x - min.x) / w.x + 1, ...
  * with B the cubic B-spline on [-2, 2]; x is fastest. F is C2, and not defined outside the domain. F < 0 inside. Where
  * the zero set meets a face of the domain the surface is open. Immutable after construction, any thread.
  */

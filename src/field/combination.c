@@ -44,6 +44,7 @@ typedef struct wall {
     float thickness, spread, area;
 } wall;
 
+/* F of the combination = sense * min over parts k of sign_k F_k / slope_k; slope: mean |grad F_k| on the part's surface. */
 typedef struct part {
     const field *field;
     double sign, slope;

@@ -21,7 +21,7 @@ typedef struct projection_limits {
  * such as the spacing. */
 projection_limits projection_draft(double length);
 
-/* The length of which tolerances are fractions: the spacing, but at most 5 cells. Over more cells, a field may approach
+/* The length that tolerances are relative to: the spacing, but at most 5 cells. Over more cells, a field may approach
  * zero without a surface. */
 double projection_scale(const field *f, double spacing);
 

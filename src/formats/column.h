@@ -3,8 +3,10 @@
  * Columns are chosen by name, or by the name of an application, which stands for the columns that it reads. An
  * attribute `v` of three components has the columns v_x, v_y and v_z (a color _r _g _b _a, texture coordinates _s _t).
  * The points also have:
- * red green blue the color, 0 to 255 s t the first texture coordinates
- * radius pscale half the achieved spacing quality kappa
+ *     red green blue   the color, 0 to 255
+ *     s t              the first texture coordinates
+ *     radius pscale    half the achieved spacing
+ *     quality          kappa
  */
 #ifndef HEXAD_FORMATS_COLUMN_H
 #define HEXAD_FORMATS_COLUMN_H
@@ -55,7 +57,7 @@ bool columns_suits(const char *name, column_type type);
 /* Whether the name is reserved: the points have a property of that name in one of the formats. */
 bool columns_is_own(const char *name);
 
-/* columns_is_own for points with orientations. */
+/* Whether the name is reserved if the points have orientations: orient or one of its columns. */
 bool columns_is_of_orient(const char *name);
 
 /* Allocates the arrays of a set of set->count points that the columns fill, zeroed, and sets the pointers in both. A

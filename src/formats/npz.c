@@ -12,7 +12,7 @@
 #include "base/memory.h"
 #include "formats/property.h"
 
-/* Numbers converted at a time; and bytes of the header of an array, of which PREAMBLE precede the text. */
+/* Numbers converted at a time; bytes of the header of an array; bytes of it before the text. */
 enum { BLOCK = 4096, HEADER = 128, PREAMBLE = 10 };
 
 /* ---- the library's callbacks on the file, which the caller owns */

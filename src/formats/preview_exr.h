@@ -1,14 +1,14 @@
 /* preview_exr: writes a preview with its data as OpenEXR, with OpenEXR's C core: one part, scanlines. The same image
  * gives the same bytes: no date, no path.
  *
- * channels type contents
- * R G B A half linear light (Rec. 709 primaries), premultiplied by coverage, no legend
- * Z float depth along the camera's axis; PREVIEW_FAR if empty
- * id uint index of the point in points.ply plus 1; 0 if empty
- * with all_channels also
- * P.X P.Y P.Z float the place on the disc, world space
- * N.X N.Y N.Z float its normal, out of the solid
- * kappa, spacing float the point's kappa and achieved spacing
+ *     channels            type   contents
+ *     R G B A             half   linear light (Rec. 709 primaries), premultiplied by coverage, no legend
+ *     Z                   float  depth along the camera's axis; PREVIEW_FAR if empty
+ *     id                  uint   index of the point in points.ply plus 1; 0 if empty
+ *  with all_channels also
+ *     P.X P.Y P.Z         float  the place on the disc, world space
+ *     N.X N.Y N.Z         float  its normal, out of the solid
+ *     kappa, spacing      float  the point's kappa and achieved spacing
  *
  * All channels except RGBA are those of the centre of the pixel, never averaged, and 0 if empty (except Z). Standard
  * attributes: worldToCamera is the matrix from world to camera space (right, up, forward: left-handed); worldToNDC is

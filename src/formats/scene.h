@@ -1,4 +1,4 @@
-/* scene: the orientation of a point set, and the sequence of which it is a frame. */
+/* scene: the orientation of a point set, and the sequence that it belongs to. */
 #ifndef HEXAD_FORMATS_SCENE_H
 #define HEXAD_FORMATS_SCENE_H
 

@@ -218,7 +218,7 @@ static bool write_triangles(FILE *file, const points *set, const scene *place)
     return good && fputs(behind, file) >= 0;
 }
 
-/* What the schema of instances has instead of orient. */
+/* Number of properties that a PointInstancer has in addition; orient is omitted. */
 enum { OF_INSTANCES = 4 };
 
 static size_t list_properties(const points *set, const scene *place, property **out)
@@ -234,6 +234,7 @@ static size_t list_properties(const points *set, const scene *place, property **
         {"orientations", PROPERTY_INSTANCE_ORIENT_HALF, false, 0, 4, i->orient, 1, NULL},
         {"orientationsf", PROPERTY_INSTANCE_ORIENT, false, 0, 4, i->orient, 1, NULL},
         {"scales", PROPERTY_INSTANCE_SCALE, false, 0, 3, i->scale, 1, NULL},
+        /* scale 0: all prototypes have index 0 */
         {"protoIndices", PROPERTY_INSTANCE_PROTOTYPE, true, 0, 1, set->spacing_local, 0, NULL}};
     memcpy(list + kept, more, sizeof more);
     return kept + OF_INSTANCES;

@@ -54,7 +54,7 @@ static inline bool bbox_overlap(bbox a, bbox b)
     return c.min.x < c.max.x && c.min.y < c.max.y && c.min.z < c.max.z;
 }
 
-/* Whether they have a common point; also a point of their faces. */
+/* Whether they have a common point; touching faces count. */
 static inline bool bbox_meet(const bbox *a, const bbox *b)
 {
     return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&

@@ -3,7 +3,7 @@
  * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A search is a walk: it returns
  * the leaves that may have items of interest, and the caller tests these items. box_tree_next_near visits the nearer child of a node
  * first; the other walks visit the first one first.
- * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 < m < 2 n is the number of nodes; a search
+ * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 - 1 <= m <= n is the number of nodes; a search
  * O(log n + items found) if few boxes overlap, O(n) at worst.
  * Searches: any number of threads, while box_tree_extend does not run.
  */

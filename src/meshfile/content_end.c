@@ -111,7 +111,7 @@ static const char *skip_row(const ply_header *h, const ply_element *e, const cha
     return at;
 }
 
-/* The end of a text element, a row of which is a line, and of a binary one. */
+/* The end of the elements of a PLY file. In a text file each row is a line. */
 static const char *end_of_ply(const char *data, size_t size)
 {
     ply_header *h = malloc(sizeof *h);

@@ -4,8 +4,8 @@
 
 #include <stddef.h>
 
-/* A sentence that names the format of the file and a program that converts it; NULL: the format is none of these, or the one that
- * `ending`, the end of the file's name, stands for. data[size] is 0. */
+/* A sentence that names the format of the file and a program that converts it; NULL: the format is none of these, or the one
+ * that `ending`, the extension of the file's name, denotes. data[size] is 0. */
 const char *foreign_format(const char *ending, const char *data, size_t size);
 
 #endif

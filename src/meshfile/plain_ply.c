@@ -1,4 +1,4 @@
-/* PLY: text and binary of both orders. Vertices come before the faces, each of which is one list of indices; other properties
+/* PLY: text and binary of both orders. Vertices come before the faces. A face is one list of indices; other properties
  * of an element are skipped. Triangle strips are faces before this reads them (ply_strips). */
 #include <endian.h>
 #include <math.h>

@@ -354,7 +354,7 @@ static void link_corners(cutting *c)
     }
 }
 
-/* About as many cells as reflex corners. The state of the remaining corners, of which `tip` is one. */
+/* About as many cells as reflex corners. `tip` is one of the remaining corners. */
 static bool make_grid(cutting *c, uint32_t tip)
 {
     const size_t left = c->count - c->made;

@@ -33,13 +33,13 @@ bool vtk_type_is_whole(vtk_type type);
 double vtk_number(const void *at, vtk_type type, bool swapped);
 int64_t vtk_whole(const void *at, vtk_type type, bool swapped); /* of whole types */
 
-/* Cells of one kind: vertices of a cell lie behind each other, from the end of the cell before on. */
+/* Kinds of cells. The vertex lists of the cells of a kind are stored one after the other. */
 typedef enum vtk_cells_kind { VTK_VERTS, VTK_LINES, VTK_STRIPS, VTK_POLYS, VTK_CELLS_KINDS } vtk_cells_kind;
 
 /* The word for the kind in an XML file: "Verts". */
 const char *vtk_cells_name(vtk_cells_kind kind);
 
-/* The next cell, whose vertices are numbers of m->vertex, `first` added to each. `where` names the kind, `cell` its number, counted from 0.
+/* The next cell, whose vertices are numbers of m->vertex, `first` added to each. `cell`: its number among the cells of `kind`, counted from 0.
  * Polygons are cut into triangles and strips become triangles; verts and lines are counted as others. False: the file is refused. */
 bool vtk_add_cell(plain_mesh *m, vtk_cells_kind kind, int64_t cell, const int64_t *vertex, size_t count,
                   size_t first);

@@ -43,7 +43,7 @@ bool job_state_save(database *d, const job_state *before, job_state *j, int64_t 
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
                            const char *message, int64_t now, error *e);
 
-/* Counts the jobs for which this one still waits. *lost: one of them had to succeed and did not. */
+/* Counts the jobs for which this one still waits. *lost: one of them had to succeed and has ended without success. */
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
 
 /* Fails all waiting tasks, because the job `need`, which this one depends on, ended in the state `how`. */

@@ -4,7 +4,7 @@
  * connection writes; others read without waiting for changes (database/database.h). Any thread may call any function.
  * When a function returns true, its change is on disk (WAL, synchronous=FULL). Concurrent changes of several threads
  * share one transaction and one flush. No reader sees a change before it is durable. If the database fails, the error
- * has the code internal and outputs are unchanged. The first failed change, and the first successful change after it,
+ * has the code internal, storage_full or database_damaged, and outputs are unchanged. The first failed change, and the first successful change after it,
  * are logged.
  *
  * A job has one task, or one task per frame. A task is executed by attempts. Every claim of a task increments its
@@ -13,13 +13,13 @@
  *
  * The state of a job follows from its tasks and from the commands it was given. It is updated in the transaction that
  * changes them:
- * queued waits for a claim; between two frames a job stays running
- * blocked waits for the jobs that it depends on
- * paused no attempt is started until the job is resumed; while earlier attempts still run, the job is running
- * running an attempt runs
- * cancelling an attempt runs and was requested to end
- * succeeded, failed, timed_out, cancelled: every task has ended. If tasks ended differently, the job takes the first of
- * failed, timed_out, cancelled. A job that was cancelled is cancelled.
+ *     queued      waits for a claim; between two frames a job stays running
+ *     blocked     waits for the jobs that it depends on
+ *     paused      no attempt is started until the job is resumed; while earlier attempts still run, the job is running
+ *     running     an attempt runs
+ *     cancelling  an attempt runs and was requested to end
+ *     succeeded, failed, timed_out, cancelled: every task has ended. If tasks ended differently, the job takes the
+ *                 first of failed, timed_out, cancelled. A job that was cancelled is cancelled.
  * A task is queued, running, or in a final state. Only a retry leaves a final state.
  */
 #ifndef HEXAD_QUEUE_QUEUE_H
@@ -64,9 +64,8 @@ bool queue_state_is_final(queue_state state);
 const char *queue_outcome_name(queue_outcome outcome);   /* NULL for no outcome */
 queue_outcome queue_outcome_from_name(const char *name); /* QUEUE_NO_OUTCOME for NULL and other words */
 
-/* Opens or creates the queue in an existing directory. Error: internal, if another process has locked the directory, if
- * it is on a network file system, or if a newer version of the program created the database; the message has the
- * reason. */
+/* Opens or creates the queue in an existing directory. Errors: internal (another process has locked the directory, it is
+ * on a network file system, or a newer version of the program created the database), database_damaged, storage_full. */
 queue *queue_open(const char *state_dir, error *e);
 /* Opens a copy of a database (database/backup) for reading. The copy is migrated if it has an older version. */
 queue *queue_open_copy(const char *path, error *e);

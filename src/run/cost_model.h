@@ -1,11 +1,11 @@
 /* cost_model: predicts the time of a run from runs with fewer points, and how many points fit into the time that is
  * left.
  *
- * cost_model p = cost_model_begin(most);
- * for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, left_s)) {
- * ...;
- * cost_model_note(&p, ...);
- * }
+ *     cost_model p = cost_model_begin(most);
+ *     for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, left_s)) {
+ *         ...;
+ *         cost_model_note(&p, ...);
+ *     }
  *
  * The model: time is a power of the count. The last two runs give the exponent. Each run has at most a few times as
  * many points as the one before, so that the prediction is accurate. Pure arithmetic; reads no clock.

@@ -291,7 +291,6 @@ static solver *start_solve(const job *j, solver_params params, error *e)
     return s;
 }
 
-/* */
 bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
@@ -378,7 +377,6 @@ static void show_progress(job *j, const solver *s, const solver_sweep *last, siz
                                         last->rms_step, last->mean_log10_lambda});
 }
 
-/* */
 bool job_relax(job *j, solver *s, double reserve_s, error *e)
 {
     while (!solver_ended(s)) {

@@ -22,13 +22,13 @@ bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome
 
 /* Estimates the resources of a job; the caller frees the object with json_free. Loads and scans the surface, and runs
  * the job with few points. Trial runs end after two seconds of CPU time of all threads, at the end of the current step.
- * count points; null if the target is a time
- * area, bounding_box {min, max} of the surface, world units
- * memory_bytes peak
- * seconds on `threads` processors, without writing the results; null if there is no estimate
- * seconds_missing reason, or null
- * threads
- * warnings, advice as in the report, as far as known before the run
+ *     count             points; null if the target is a time
+ *     area, bounding_box {min, max}   of the surface, world units
+ *     memory_bytes      peak
+ *     seconds           on `threads` processors, without writing the results; null if there is no estimate
+ *     seconds_missing   reason, or null
+ *     threads
+ *     warnings, advice  as in the report, as far as known before the run
  * Errors: those of run_job before the first point is placed. Writes no file. */
 json *run_estimate(const spec *s, const run_options *options, error *e);
 

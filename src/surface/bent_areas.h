@@ -33,8 +33,8 @@ bent_samples bent_choose(double cells);
 /* Whether cell k is in the sample of one of `every` cells. */
 bool bent_is_drawn(size_t k, uint32_t every);
 
-/* Areas of `cells` cells, of which those below 0 are estimates with the sign reversed: by half of the parts if the cell
- * is drawn for that, else by its triangles. They are scaled by the ratios of the sampled cells of the same stretch,
+/* `area`: of `cells` cells. Values below 0 are estimates with the sign reversed: by half of the parts if the cell is
+ * in the sample for that, else by its triangles. They are scaled by the ratios of the sampled cells of the same stretch,
  * since the shape of a surface varies by place. `sums`: of each `grain` cells. */
 void bent_settle(double *area, size_t cells, size_t grain, const bent_sums *sums, bent_samples every);
 

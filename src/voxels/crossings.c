@@ -125,8 +125,8 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
     return crossings_add(out, block, &corners, e);
 }
 
-/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of them.
- *  */
+/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of them
+ * in the order of `near`. */
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
     const int32_t *leaf = l->leaves.blocks[n];

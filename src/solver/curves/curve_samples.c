@@ -475,7 +475,7 @@ static bool sample_at_most(layout *l, const field *f, size_t most, curve_samples
     return sample_all(l, f, out, e);
 }
 
-/* The same where near samples are merged: the samples that remain count. If they need a spacing above MAX_STRETCH, the curves have no
+/* sample_all, and merges near samples: only remaining samples are counted. If they need a spacing above MAX_STRETCH, the curves have no
  * samples. */
 static bool sample_and_merge(layout *l, const field *f, size_t most, curve_samples *out, error *e)
 {

@@ -177,7 +177,7 @@ static bool were_on_one_side(const merging *m, uint32_t i, uint32_t j)
     return false;
 }
 
-/* The same with the copies that they have got. Samples on opposite walls have copies on one side once a curve between them was merged. */
+/* Whether present copies of two samples are on one side. Samples on opposite walls have such copies once a curve between them was merged. */
 static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
 {
     for (size_t a = m->first_new[i]; a < m->first_new[i + 1]; a++)
@@ -363,7 +363,7 @@ static bool list_copies(merging *m, error *e)
     return true;
 }
 
-/* Merges until no two remaining samples can be merged with the copies that they have got. */
+/* Merges until no two remaining samples can be merged with their present copies. */
 static bool merge_all(merging *m, error *e)
 {
     size_t remaining = m->samples->count, before;

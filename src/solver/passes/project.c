@@ -172,7 +172,7 @@ static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double l
         normal = n;
     }
     if (!found) return false;
-    /* no force of its patch has held it so far: the last rounds relax the particles around it */
+    /* the forces of its patch did not keep it on the surface: fix it, and relax the particles around it in the last rounds */
     if (s->state.p->patch && s->scratch.lost[i] && s->state.continuations >= SOLVER_CONTINUATIONS_MOST - 1)
         s->state.p->place[i] = PARTICLES_PINNED;
     solver_mark_displaced(s, i);
