@@ -92,7 +92,7 @@ const REMEDIES = {
   dependency_failed: "Retry the job that it depends on first.",
   storage_full: "Retry it once the disk has room.",
   storage_failed: "Retry it once the disk works.",
-  interrupted: "Retry runs it again.",
+  interrupted: "Find out why the daemon or its host ended repeatedly, then retry it.",
   internal: "Retry runs it again; its log may say more.",
 };
 

@@ -255,7 +255,7 @@ const config_row config_table[] = {
          "are deleted, in the order of their delivery, until less is used. A job is delivered when its "
          "owner has fetched each file of its results, or they were copied to output.directory, or it has "
          "none. When no job may be deleted, no job starts and new ones are refused (results_full). Jobs "
-         "that are running may exceed it. 0: four fifths of the disk of state_dir."},
+         "that are running may exceed it. 0: four fifths of the disk of work_dir."},
     {SETTING(results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
      .unit = "results", .reloads = true,
      .help =
@@ -303,7 +303,7 @@ const config_row config_table[] = {
      .help = "The longest file that a client may upload for its jobs. 0: only empty files."},
     {SETTING(upload_total_bytes), .type = CONFIG_INTEGER, .default_text = "137438953472", .low = 0,
      .high = 1e15, .unit = "bytes",
-     .help = "The total size of all uploaded files, in the directory inputs of state_dir."},
+     .help = "The total size of all uploaded files, in the directory inputs of work_dir."},
     {SETTING(user_upload_bytes), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1e15,
      .unit = "bytes",
      .help =

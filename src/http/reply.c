@@ -41,7 +41,7 @@ static const reply_problem problems[] = {
     {"grid_ambiguous", 422, "The input has more than one such grid"},
     {"isovalue_required", 422, "The input needs an isovalue"},
     {"no_surface", 422, "There is no surface"},
-    {"too_many_requests", 429, "The client has too many connections"},
+    {"too_many_requests", 429, "The client or user has reached a limit of simultaneous requests"},
     {"unavailable", 503, "The service cannot do this now"},
     {"database_damaged", 503, "The database of the service is damaged"},
     {"output_unwritable", 422, "The service cannot write to the output directory"},

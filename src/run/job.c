@@ -451,7 +451,7 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 
 /* Maximum deviation of the triangles from the mesh, in spacings. The documented limit is a third of the feature size. */
 static const double MOST_DEVIATION = 0.3;
-/* Maximum rounds of pinning. Maximum pinned points: one in PINNED_OF of all, plus PINNED_FEW. One of five pinned points
+/* Maximum rounds of pinning. Maximum pinned points: one in PINNED_OF of all, or PINNED_FEW if that is more. One of five pinned points
  * causes a narrow triangle. */
 enum { PIN_ROUNDS = 4, PINNED_OF = 400, PINNED_FEW = 50 };
 

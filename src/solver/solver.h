@@ -100,7 +100,7 @@ typedef struct solver_particles {
 
 solver_particles solver_current_particles(const solver *s);
 
-/* Projects every particle onto the surface to rounding and computes the result. A particle whose projection and relocation fail is
+/* Refines to the requested count if the solve was stopped on a coarser level, projects every particle onto the surface to rounding and computes the result. A particle whose projection and relocation fail is
  * lost. Errors: limit_memory, cancelled. */
 bool solver_finalize(solver *s, error *e);
 
@@ -146,9 +146,9 @@ typedef struct solver_points {
 const solver_points *solver_result_points(const solver *s);
 
 /* After solver_finalize of a converged solve on a surface with patches. Moves the nearest particle to each of `count` places and fixes it there. The
- * place must be within 1.5 spacings of the particle and on its patch; no particle is fixed within 0.3 spacings of another fixed one. Other places are
- * ignored. *goes_on: a particle was fixed. The caller must then run the solve to its end again, and previous results are invalid. Nothing is done
- * if at least half of max_sweeps is used. After an error previous results are invalid. Error: limit_memory. */
+ * place must be within 1.5 spacings of the particle and on its patch; no particle is fixed within 0.3 spacings of another fixed one of the same side
+ * (normals with a positive product). Other places are ignored. *goes_on: a particle was fixed. The caller must then run the solve to its end again, and previous results are invalid. Nothing is done
+ * if at least half of max_sweeps is used, if the solve started at given positions, or if the surface is under-resolved. After an error previous results are invalid. Error: limit_memory. */
 bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error *e);
 
 /* Positions of the result's patch points, for callers that move the points off the zero set. */

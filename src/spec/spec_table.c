@@ -89,9 +89,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A triangle mesh. A mesh that is open, has sharp edges or is used with "
-              "sampling.resolve is sampled on its triangles. Any other mesh is converted to a "
-              "level set with exact distances."},
+     .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level "
+              "set with exact distances if voxel_size, resolution or on_mesh false asks for it, in offsets "
+              "and combinations, and if too much of its area is inside its solids."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -856,7 +856,7 @@ const spec_row spec_rows[] = {
      AT(resolve),
      .prose = "true: hexad chooses the count that resolves the surface, from the spacing that "
               "feature and grid require, at most max_spacing. The report and the estimate state "
-              "the count. A closed mesh is then sampled on its triangles, including those inside "
+              "the count. Requires feature; excludes curvature. A closed mesh is then sampled on its triangles, including those inside "
               "its solids, as with sharp edges (/surface/mesh/features), and mesh.ply has the "
               "topology of the mesh."},
     {.pointer = "/sampling/feature",
@@ -867,7 +867,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
          "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
-         "edges are not thin. The job fails if the count is too small, and names the count that it needs."},
+         "edges are not thin. The job fails if the count is too small, and names the count that it needs. Excludes alpha."},
     {.pointer = "/sampling/feature/ratio",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1046,7 +1046,7 @@ const spec_row spec_rows[] = {
      .prose = "The spacing of points on curves (sharp edges, boundaries of meshes, curves of "
               "features), as a fraction of the spacing around them. Away from the curves it grows "
               "by gradation; the count does not change. It may be combined with curvature, grid or "
-              "feature. It has no effect on a surface without curves."},
+              "feature. It has no effect on a surface without curves. Excludes alpha."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1487,7 +1487,7 @@ const spec_row spec_rows[] = {
      AT(preview_up),
      .prose =
          "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, "
-         "3MF and AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh "
+         "3MF, AMF, VTK and GIfTI files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh "
          "has a flat base along that axis only."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
@@ -1738,7 +1738,8 @@ const spec_row spec_rows[] = {
      AT(frames),
      .prose =
          "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first "
-         "#### or %04d in each input path stands for the frame number."},
+         "#### or %04d in each input path stands for the frame number; without one, by_frame is required. "
+         "output.directory then needs one, too. At most 100000 frames."},
     {.pointer = "/queue/by_frame",
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,
@@ -1754,7 +1755,7 @@ const spec_row spec_rows[] = {
      .otherwise = "false",
      AT(coherent),
      .prose = "Whether each frame starts with the points of the frame before. The points follow the motion "
-              "of the surface and keep their ids. Requires frames and the method sized."},
+              "of the surface and keep their ids. Requires frames and the method sized; excludes features and time_s."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1871,6 +1872,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_VECTOR] = "[number x 3]",
         [SPEC_TYPE_TRIPLE] = "[integer x 3]",
         [SPEC_TYPE_NUMBERS] = "[number, ...]",
+        [SPEC_TYPE_INTEGERS] = "[integer, ...]",
         [SPEC_TYPE_LISTS] = "[[integer, ...], ...]",
         [SPEC_TYPE_SIZE] = "integer or [integer, integer]",
         [SPEC_TYPE_SURFACE] = "object, as /surface",

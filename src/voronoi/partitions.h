@@ -1,5 +1,5 @@
 /* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour lists are in memory for one
- * partition at a time. A partition has 100 000 to 200 000 points, more in sets of more than 3.2 million. World space.
+ * partition at a time. A partition has 100 000 to 200 000 points, more in sets of more than 3.2 million, and fewer in a set below 100 000. World space.
  */
 #ifndef HEXAD_VORONOI_PARTITIONS_H
 #define HEXAD_VORONOI_PARTITIONS_H

@@ -55,8 +55,8 @@ typedef struct voronoi_star {
 /* Computes the star of point a. Symmetric: b is in the star of a if and only if a is in the star of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
-/* Area of the Voronoi cell of the point, world units squared. 0: undefined, because neighbours coincide or are collinear with the
- * point. */
+/* Area of the Voronoi cell of the point, world units squared. 0: undefined, because the point has no neighbours, or they coincide or are
+ * collinear with it. */
 double voronoi_star_area(const voronoi_star *star);
 
 /* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent plane

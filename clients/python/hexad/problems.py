@@ -155,7 +155,7 @@ class NoSurface(Problem):
 
 
 class TooManyRequests(Problem):
-    """The client has too many connections (429)."""
+    """The client or user has reached a limit of simultaneous requests (429)."""
 
 
 class Unavailable(Problem):

@@ -17,11 +17,12 @@ bool solver_equalise_cells(solver *s, bool *changed, error *e);
 /* Projects every particle onto the surface to rounding, and relocates particles for which that fails (project.c). */
 bool solver_project(solver *s, bool *changed, error *e);
 
-/* Surfaces with patches: relocates over-dense particles to places farther than one spacing from all points of all patches (fill_gaps.c). */
+/* Surfaces with patches: relocates over-dense particles to places farther than about one spacing from all points of all patches
+ * (fill_gaps.c). */
 bool solver_fill_gaps(solver *s, bool *changed, error *e);
 
-/* Surfaces without patches: relocates over-dense particles to places farther than 1.2 spacings from all points, such as connected parts without a point
- * (fill_gaps.c). Lists are stale if *changed. */
+/* Surfaces without patches: if a place is farther than 1.2 spacings from all points, as on a connected part without a point, relocates over-dense
+ * particles to all places farther than 0.97 spacings (fill_gaps.c). Lists are stale if *changed. */
 bool solver_fill_parts(solver *s, bool *changed, error *e);
 
 /* Meshes: moves particles away from those of other patches, where patches pass through each other, and from particles of their patch at the same
