@@ -14,6 +14,9 @@ import sys
 import plain_language
 import pytest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tools"))
+import file_index  # noqa: E402
+
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
 
@@ -115,12 +118,18 @@ def lost_names(root):
     return faults
 
 
+def index_differences(root):
+    """Rows of the section "Files" of ARCHITECTURE.md that differ from the first comments of the files."""
+    return [f"ARCHITECTURE.md, Files: {row} (tools/file_index.py writes it)" for row in file_index.differences(root)]
+
+
 def private_phrases(root):
     """Phrases of comments, messages and pages that plain_language.py lists, each with what to write instead."""
     return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
 
 
-CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, private_phrases]
+CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
+          private_phrases]
 
 
 @pytest.mark.parametrize(
@@ -139,9 +148,10 @@ def test_the_tree(source, check):
 def small(source, tmp_path):
     """A tree of a module and its pages, without a fault."""
     for name, text in {
-        "src/base/clock.c": "int one(void)\n{\n    return 1;\n}\n",
+        "src/base/clock.c": "/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
         "tests/clock.h": "int one(void);\n",
-        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
+        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n" + file_index.BEGIN + "\n"
+                           "### src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
         "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
         "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
@@ -166,6 +176,7 @@ FAULTS = [
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
+    (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "ARCHITECTURE.md, Files: +| `new.h` | a new file |"),
     (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),
     (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
     (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),

@@ -1,4 +1,4 @@
-/* memory: two kinds of allocation.
+/* memory: allocation, in two kinds, and settings of malloc.
  *
  * mem_* functions are for small objects (text, JSON nodes, tables): they never return NULL; if memory is exhausted they
  * print a message to standard error and abort. mem_array is for arrays whose size grows with a job: sizes are checked

@@ -1,4 +1,4 @@
-/* Commands that change a job or the service, and those that follow one. */
+/* control_command: the commands pause, resume, retry, deliver, delete, priority, watch, workers, usage, hold, release, drain and undrain of hexadctl. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Lists of jobs and of attempts, and one job. */
+/* list_command: the commands list, show and attempts of hexadctl. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Commands that send specs, and the files that specs name. */
+/* submit_command: the commands submit, validate, estimate, upload and inspect of hexadctl. */
 #include <errno.h>
 #include <glob.h>
 #include <limits.h>

@@ -1,3 +1,4 @@
+/* token_command: the command token of hexadctl, which adds tokens to a token file, lists and revokes them. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* config_table: the rows that describe the settings; see config.h. */
+/* config_table: the settings of the daemon: name, type, range, default and help text of each (config.h). */
 #ifndef HEXAD_CONFIG_CONFIG_TABLE_H
 #define HEXAD_CONFIG_CONFIG_TABLE_H
 

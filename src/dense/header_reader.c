@@ -1,3 +1,4 @@
+/* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads (header.h). */
 #include "dense/header.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* curvature: principal curvatures from the first and second derivatives of a field (field.h). */
 #include "field/field.h"
 
 double field_curvature(const field_sample *s, double *kappa1, double *kappa2)

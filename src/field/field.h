@@ -1,4 +1,4 @@
-/* field: a scalar field F of three-space whose zero set is the surface.
+/* field: the interface of all surfaces: a scalar field F of three-space whose zero set is the surface.
  *
  * Convention: F < 0 inside the solid. The outward normal is +grad F / |grad F| for every source. A source in which the
  * inside is above the isovalue negates its values. Positions, gradients and second derivatives are in world space and

@@ -1,4 +1,4 @@
-/* connections: the open connections of the server. This module limits how many there are, by user and by
+/* connections: the open connections of the server: their limits and deadlines, and the watcher that notices closed ones. This module limits how many there are, by user and by
  * client, and how long a client may take.
  *
  * A connection belongs to a user once one of its requests has identified the caller: by a token, or on a Unix

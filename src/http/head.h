@@ -1,5 +1,4 @@
-/* head: the request line and the headers of a request, as libmicrohttpd has read them, held against the bytes
- * that came.
+/* head: our own check of the request line and headers of a request against the bytes that came: framing, repeated fields.
  *
  * The library (0.9.75) takes lines that end with LF alone, headers over several lines, blanks before a colon,
  * and texts that end at a NUL. A proxy in front may read such bytes otherwise, and take for one request what

@@ -1,4 +1,4 @@
-/* An inspection as text for people. */
+/* page: prints an inspection as text. */
 #include <stdlib.h>
 
 #include "inspect/inspection.h"

@@ -1,4 +1,4 @@
-/* label_lines: brings the lines at which interfaces meet or end to where these interfaces lead.
+/* label_lines: smooth lines where interfaces meet or end: moves their vertices to where planes or quadrics fitted to these interfaces meet.
  *
  * Voxels determine a line less accurately than the interfaces that meet there: where a material ends in a wedge, the
  * last voxel with its centre inside lies the farther from the edge the narrower the wedge. To each interface that a

@@ -1,4 +1,4 @@
-/* label_smoothing: takes the stairs of voxels out of a mesh between them.
+/* label_smoothing: removes the steps of voxels from the interfaces between labels, by a low-pass filter.
  *
  * The mesh is low-pass filtered: in one step of a mean over neighbours what varies with eigenvalue 1 - k is multiplied by
  * that; the filter is the polynomial of this step, expanded in Chebyshev's, that multiplies it by exp(-(k / c)^2) instead:

@@ -1,5 +1,5 @@
-/* maintenance: the tasks that hexad does at once and then exits: a backup of the database, and a check of the
- * whole state directory. Both work with and without a running daemon; a running one makes the copy. */
+/* maintenance: the commands `hexad --backup` and `hexad --check`, which copy the database and check the whole state directory, and then
+ * exit. Both work with and without a running daemon; a running one makes the copy. */
 #ifndef HEXAD_PROGRAMS_MAINTENANCE_H
 #define HEXAD_PROGRAMS_MAINTENANCE_H
 

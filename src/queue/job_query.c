@@ -1,4 +1,4 @@
-/* Functions that read the queue. */
+/* job_query: reads jobs, lists and filters of the queue. */
 #include "queue/members.h"
 
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Inspection: from the files of the attempts, and from what Slurm says, to how each attempt has ended. */
+/* inspection: how each attempt has ended or why it waits, from the files of the attempts and from the answers of Slurm. */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* Listings: what Slurm says about all jobs of this service, in one answer. */
+/* listing: what Slurm says about all jobs of this service, in one answer. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

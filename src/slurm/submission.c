@@ -1,4 +1,4 @@
-/* Submission of the attempts that wait: which go together, and what sbatch says. */
+/* submission: submission of the attempts that wait: which go together, and what sbatch says. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
-/* schedule: the numbers by which a solve proceeds. A schedule is a constant table: over-relaxation, step limits,
- * convergence criteria, sweeps by particle count, and when neighbour lists are rebuilt. The functions evaluate a table
+/* schedule: the numbers by which a solve proceeds, a constant table: over-relaxation, step limits, convergence criteria, sweeps of each
+ * level, and when neighbour lists are rebuilt. The functions evaluate a table
  * at a position in the solve. Pure functions, any thread.
  *
  * A solve has levels, from the coarsest packing to the finest. The coarsest level has SCHEDULE_STAGES stages, each with

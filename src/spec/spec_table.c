@@ -90,8 +90,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level "
-              "set with exact distances if voxel_size, resolution or on_mesh false asks for it, in offsets "
-              "and combinations, and if too much of its area is inside its solids."},
+              "set with exact distances if it is in an offset or a combination, has "
+              "voxel_size, resolution or on_mesh false, and if too much of its area is inside its solids."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -854,11 +854,12 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
-     .prose = "true: hexad chooses the count that resolves the surface, from the spacing that "
-              "feature and grid require, at most max_spacing. The report and the estimate state "
-              "the count. Requires feature; excludes curvature. A closed mesh is then sampled on its triangles, including those inside "
-              "its solids, as with sharp edges (/surface/mesh/features), and mesh.ply has the "
-              "topology of the mesh."},
+     .prose =
+         "true: hexad chooses the count that resolves the surface, from the spacing that "
+         "feature and grid require, at most max_spacing. The report and the estimate state "
+         "the count. Requires feature; excludes curvature. A closed mesh is then sampled on its triangles, including those inside "
+         "its solids, as with sharp edges (/surface/mesh/features), and mesh.ply has the "
+         "topology of the mesh."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1754,8 +1755,9 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
-     .prose = "Whether each frame starts with the points of the frame before. The points follow the motion "
-              "of the surface and keep their ids. Requires frames and the method sized; excludes features and time_s."},
+     .prose =
+         "Whether each frame starts with the points of the frame before. The points follow the motion "
+         "of the surface and keep their ids. Requires frames and the method sized; excludes features and time_s."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

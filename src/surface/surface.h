@@ -1,5 +1,5 @@
 /* surface: quantities of a surface that follow from the crossing cells, before there are particles:
- * its area, its box, and points on it in proportion to area.
+ * its area, its box, and initial points, drawn in proportion to area.
  *
  * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
  * moved onto the surface. A triangle's area is corrected for the surface's curvature by how the normals at

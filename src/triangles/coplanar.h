@@ -1,4 +1,4 @@
-/* coplanar: removes overlaps of coplanar faces of different parts of a mesh, as under a box on a larger face.
+/* coplanar: finds and removes overlaps of coplanar faces of different parts of a mesh, as under a box on a larger face.
  *
  * A part is a set of coplanar triangles connected by edges of exactly two triangles. Where two parts overlap, both are cut along each other's
  * outlines, together with neighbours outside of the plane, so that closed meshes stay closed. Each overlap then has two congruent faces:

@@ -1,4 +1,4 @@
-/* Points grids. The library makes the empty grid and reads it back, and leaves are filled one by one: classes that
+/* vdb_points: points grids of OpenVDB files, written and checked, with their messages. The library makes the empty grid and reads it back, and leaves are filled one by one: classes that
  * are made here, and conversions of whole grids, are compiled here, which takes minutes. */
 #include "vdb/archive.h"
 

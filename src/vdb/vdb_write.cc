@@ -1,4 +1,4 @@
-/* Writing: small volumes that the project makes itself, for its example and its tests. */
+/* vdb_write: small volumes that the project makes itself, for its example and its tests. */
 #include "vdb/archive.h"
 
 #include <sstream>

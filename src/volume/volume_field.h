@@ -1,4 +1,4 @@
-/* volume_field: the struct of an open volume, and its functions as a field. Internal to volume.c and volume_field.c;
+/* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place, also far from its stored voxels. Internal to volume.c and volume_field.c;
  * others use volume.h. Reading: any thread.
  */
 #ifndef HEXAD_VOLUME_VOLUME_FIELD_H
