@@ -1,4 +1,4 @@
-/* estimate: see run_estimate. */
+/* estimate: the memory, CPU time and count that a job is expected to need, for the command `estimate` (run.h, run_estimate). */
 #include <math.h>
 #include <stdlib.h>
 
