@@ -56,6 +56,7 @@ typedef struct launch {
     rlim_t file_size;     /* likewise */
     rlim_t open_files;
     char oom_score_adj[24]; /* as text */
+    int nice;
     char **environment;
     const control_group *group;
     volatile int why; /* errno when the child could not start the worker; 0: it has started */
@@ -137,6 +138,7 @@ static _Noreturn void run_child(launch *l)
     for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
     sigprocmask(SIG_SETMASK, &none, NULL);
     set_oom_score(l->oom_score_adj);
+    setpriority(PRIO_PROCESS, 0, l->nice); /* a failure leaves the priority of the daemon */
     if ((!l->group || control_group_join(l->group)) && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 &&
         getppid() == l->parent && setpgid(0, 0) == 0 && prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
         lower_limit(RLIMIT_CORE, 0) && lower_limit(RLIMIT_AS, l->address_space) &&
@@ -259,6 +261,7 @@ static launch make_launch(const engine_request *request, const engine_attempt *a
         .address_space = address_space_of(request->memory_mb),
         .file_size = request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
         .open_files = LOCAL_OPEN_FILES + request->input_root_count,
+        .nice = getpriority(PRIO_PROCESS, 0) + LOCAL_NICE,
         .group = a->group,
     };
     print_oom_score(l.oom_score_adj);

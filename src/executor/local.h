@@ -28,6 +28,9 @@
  * limit is still killed before a small worker. */
 #define LOCAL_OOM_SCORE 500
 
+/* Added to the nice value of a worker: the daemon answers requests before workers compute. */
+#define LOCAL_NICE 5
+
 extern const engine engine_local;
 
 #endif

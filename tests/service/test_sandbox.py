@@ -1,4 +1,5 @@
 """Workers in the sandbox: the same bytes as without for every kind of job, and no file but those that are theirs."""
+import os
 import json
 import pathlib
 import subprocess
@@ -109,7 +110,7 @@ def test_a_file_longer_than_allowed_ends_the_job(new_service):
 FACTS = """#!/bin/sh
 cat >/dev/null
 echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep NoNewPrivs /proc/self/status)" \
-    "oom_score_adj $(cat /proc/self/oom_score_adj)" >&2
+    "oom_score_adj $(cat /proc/self/oom_score_adj) nice $(nice)" >&2
 exit 3
 """
 
@@ -130,7 +131,8 @@ def test_what_any_worker_starts_with(new_service, tmp_path, inputs):
     words = log.split()
     assert 128 < int(words.pop(3)) < 135  # one for each input root
     assert words == ["core", "0", "descriptors", "blocks", "4096", "NoNewPrivs:", "1",
-                     "oom_score_adj", str(min(oom_score("self") + 500, 1000))]
+                     "oom_score_adj", str(min(oom_score("self") + 500, 1000)),
+                     "nice", str(min(os.nice(0) + 5, 19))]
 
 
 def test_the_kernel_ends_a_worker_before_the_daemon(new_service):
