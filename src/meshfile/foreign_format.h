@@ -1,4 +1,4 @@
-/* foreign_format: files that are no readable mesh (volumes, and formats of surfaces that hexad does not read), recognised by their first bytes. Threads: none. */
+/* foreign_format: files that are not a readable mesh (volumes, and formats of surfaces that hexad does not read), recognised by their first bytes. Threads: none. */
 #ifndef HEXAD_MESHFILE_FOREIGN_FORMAT_H
 #define HEXAD_MESHFILE_FOREIGN_FORMAT_H
 

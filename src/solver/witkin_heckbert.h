@@ -23,16 +23,17 @@
 #include "geometry/vec3.h"
 
 typedef struct witkin_heckbert_params {
-    double alpha;     /* amplitude of the Gaussians: E_ij = alpha exp(-r^2 / (2 sigma_i^2)) */
-    double e_hat;     /* desired energy of a particle, over alpha */
-    double rho;       /* feedback of the energy: dD/dt = -rho (D - E_hat) */
-    double phi;       /* feedback of the constraint: dF/dt = -phi F */
-    double beta;      /* keeps sigma' finite for a particle without neighbours; over 1 / sigma_i */
-    double dt;        /* time step of Euler's method */
-    double gamma;     /* near equilibrium: |p'| < gamma sigma_i */
-    double nu;        /* a particle may split when its energy is above nu E_hat */
-    double delta;     /* it may die when sigma_i < delta sigma_hat */
-    double sigma_max; /* above this radius it always splits, world units; 0: half of the surface's longest side, at least 1.5 target radii */
+    double alpha; /* amplitude of the Gaussians: E_ij = alpha exp(-r^2 / (2 sigma_i^2)) */
+    double e_hat; /* desired energy of a particle, over alpha */
+    double rho;   /* feedback of the energy: dD/dt = -rho (D - E_hat) */
+    double phi;   /* feedback of the constraint: dF/dt = -phi F */
+    double beta;  /* keeps sigma' finite for a particle without neighbours; over 1 / sigma_i */
+    double dt;    /* time step of Euler's method */
+    double gamma; /* near equilibrium: |p'| < gamma sigma_i */
+    double nu;    /* a particle may split when its energy is above nu E_hat */
+    double delta; /* it may die when sigma_i < delta sigma_hat */
+    double
+        sigma_max; /* above this radius it always splits, world units; 0: half of the surface's longest side, at least 1.5 target radii */
 } witkin_heckbert_params;
 
 /* Sums over the neighbours of particle i. */

@@ -111,8 +111,10 @@ static void check_analytic(reading *r, const json_at *at)
     if (axis.node && !(vec3_norm2(a->axis) > 0))
         reading_add_fault(r, &axis, "must not be the zero vector: give a direction");
     if (rounding.node && a->rounding > smallest)
-        reading_add_fault(r, &rounding, "must be at most the smallest half size or radius of the shape, %.16g (given %.16g)",
-                          smallest, a->rounding);
+        reading_add_fault(
+            r, &rounding,
+            "must be at most the smallest half size or radius of the shape, %.16g (given %.16g)", smallest,
+            a->rounding);
 }
 
 static void check_feature(reading *r, const json_at *at)
