@@ -202,6 +202,9 @@ class Story:
     def after_change_a_setting(self, shown):
         assert not shown  # a table of settings
 
+    def after_stop_at_once(self, shown):
+        assert not shown  # test_lifecycle.py ends hexad with a second signal
+
     def after_directories_outside_of_the_state(self, shown):
         assert not shown  # `make bootcheck` starts hexad with such drop-ins
 
