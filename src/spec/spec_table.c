@@ -68,7 +68,7 @@ const spec_row spec_rows[] = {
      .high = 1000,
      AT(surface.vdb.grid),
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. "
-              "Optional if the file has only one scalar grid."},
+              "Required if the file has several scalar grids."},
     {.pointer = "/surface/vdb/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
@@ -89,9 +89,9 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level "
-              "set with exact distances if it is in an offset or a combination, has "
-              "voxel_size, resolution or on_mesh false, and if too much of its area is inside its solids."},
+     .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level set "
+              "with exact distances if the spec has voxel_size, resolution or on_mesh false, in offsets and "
+              "combinations, and if too much of its area is inside its solids."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -456,10 +456,11 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose =
-         "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of them, each "
-         "once. Points along the lines where three meet, and along the end of the data, come first. Points have the "
-         "properties label_a and label_b; normals point from the former, the lower one, to the latter."},
+     .prose = "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between "
+              "two of them, each once. Points along the lines where three meet, and along the end of the "
+              "data, come first. Points have the properties label_a and label_b; normals point from the "
+              "former, the lower one, to the latter. It must be the whole surface: it excludes combinations, "
+              "offsets, transforms and region."},
     {.pointer = "/surface/labels/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -560,9 +561,9 @@ const spec_row spec_rows[] = {
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.background, surface.labels.has_background),
-     .prose = "The background label. It is listed second in each interface, so normals point into "
-              "it. Default: none; if one is required, 0, or the number below the lowest label if 0 "
-              "is one of `labels`."},
+     .prose = "The background label. It is listed second in each interface, so normals point into it. "
+              "Default: none; 0 is then a label like any other. If `labels` or closed requires one: 0 with "
+              "`labels` without 0; otherwise one less than the lowest label, at most -1."},
     {.pointer = "/surface/labels/closed",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -801,10 +802,11 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
      .prose =
-         "For reproducing the paper; otherwise use count. Finds the smallest count that is at "
-         "least min_count and whose support at the ideal energy is at "
-         "most max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts "
-         "and deletes some between rounds. Method sized computes the count from sigma = sqrt(3) spacing."},
+         "For reproducing the paper; otherwise use count. Finds the smallest count that is at least "
+         "min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the "
+         "paper). Method paper starts with min_count points and inserts and deletes some between rounds. "
+         "Method sized computes the count from sigma = sqrt(3) spacing. Works with the methods sized and "
+         "paper."},
     {.pointer = "/sampling/control/min_count",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
@@ -846,29 +848,28 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      AT(time_s),
      .unit = "s",
-     .prose =
-         "The number of points that the whole job can relax, measure and write in this time on the machine "
-         "that runs it. Trial runs with increasing counts determine the number. The result is not "
-         "reproducible and is never cached. The job fails with limit_time if fewer than 200 points fit."},
+     .prose = "The number of points that the whole job can relax, measure and write in this time on the "
+              "machine that runs it. Trial runs with increasing counts determine the number. The result is "
+              "not reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
+              "fit. Excludes min_spacing, max_spacing, feature and curve_spacing."},
     {.pointer = "/sampling/resolve",
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
-     .prose =
-         "true: hexad chooses the count that resolves the surface, from the spacing that "
-         "feature and grid require, at most max_spacing. The report and the estimate state "
-         "the count. Requires feature; excludes curvature. A closed mesh is then sampled on its triangles, including those inside "
-         "its solids, as with sharp edges (/surface/mesh/features), and mesh.ply has the "
-         "topology of the mesh."},
+     .prose = "true, the only permitted value: hexad chooses the count that resolves the surface, from the "
+              "spacing that feature and grid require, at most max_spacing. The report and the estimate state "
+              "the count. Requires feature (\"feature\": {} is enough); excludes curvature. A closed mesh is "
+              "then sampled on its triangles, including those inside its solids, as with sharp edges "
+              "(/surface/mesh/features), and mesh.ply has the topology of the mesh."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_feature),
-     .prose =
-         "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
-         "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
-         "edges are not thin. The job fails if the count is too small, and names the count that it needs. Excludes alpha."},
+     .prose = "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
+              "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
+              "edges are not thin. The job fails if the count is too small, and names the count that it "
+              "needs. Requires the method sized; excludes alpha and time_s."},
     {.pointer = "/sampling/feature/ratio",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -884,11 +885,11 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_alpha),
-     .prose =
-         "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is "
-         "multiplied by a length L, so that it does not depend on scale: the longest side of the box "
-         "around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
-         "states L."},
+     .prose = "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa "
+              "is multiplied by a length L, so that it does not depend on scale: the longest side of the box "
+              "around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
+              "states L. Excludes feature and curve_spacing. Requires the method paper, which is then the "
+              "default, or witkin-heckbert."},
     {.pointer = "/sampling/alpha/d",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -950,8 +951,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_curvature),
-     .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so "
-              "that it needs as many points as the target."},
+     .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that "
+              "it needs as many points as the target. Requires the method sized."},
     {.pointer = "/sampling/curvature/chord_error",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1015,7 +1016,7 @@ const spec_row spec_rows[] = {
      .has = offsetof(spec, has_grid),
      .prose =
          "Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is "
-         "scaled so that it needs as many points as the target."},
+         "scaled so that it needs as many points as the target. Requires the method sized."},
     {.pointer = "/sampling/grid/path",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1044,10 +1045,10 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = 1,
      AT(curve_spacing),
-     .prose = "The spacing of points on curves (sharp edges, boundaries of meshes, curves of "
-              "features), as a fraction of the spacing around them. Away from the curves it grows "
-              "by gradation; the count does not change. It may be combined with curvature, grid or "
-              "feature. It has no effect on a surface without curves. Excludes alpha."},
+     .prose = "The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a "
+              "fraction of the spacing around them. Away from the curves it grows by gradation; the count "
+              "does not change. It may be combined with curvature, grid or feature. It has no effect on a "
+              "surface without curves. Requires the method sized; excludes alpha and time_s."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1055,11 +1056,10 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(min_spacing),
      .unit = "world",
-     .prose =
-         "The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no "
-         "spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula; for a mesh "
-         "with resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if its "
-         "area is large."},
+     .prose = "The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
+              "without them; excludes time_s. feature uses no spacing below it. Default for feature: a "
+              "quarter of a voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest "
+              "side or a quarter of the side of its triangles, more if its area is large."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1067,7 +1067,8 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(max_spacing),
      .unit = "world",
-     .prose = "The largest spacing. Belongs to curvature, grid, feature and curve_spacing."},
+     .prose = "The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
+              "without them; excludes time_s. At least min_spacing."},
     {.pointer = "/sampling/gradation",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1075,8 +1076,8 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.2",
      AT(gradation),
-     .prose = "The largest increase of the spacing per unit of distance along the surface. Belongs to "
-              "curvature, grid, feature and curve_spacing."},
+     .prose = "The largest increase of the spacing per unit of distance along the surface. Requires "
+              "curvature, grid, feature or curve_spacing, and is refused without them."},
 
     GROUP("/solver", 0, "How the points are computed."),
     {.pointer = "/solver/method",
@@ -1084,11 +1085,13 @@ const spec_row spec_rows[] = {
      WORDS(SPEC_METHOD),
      .otherwise = "\"sized\"",
      AT(method),
-     .prose = "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same system, "
-              "solved from coarse to fine; it leaves fewer defects in less time. witkin-heckbert: the "
-              "method that the paper compares itself with. It has its own Gaussian energy, splits and "
-              "deletes points at any time and does not reach the requested count exactly. With "
-              "sampling.alpha the default is paper."},
+     .prose =
+         "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same system, "
+         "solved from coarse to fine; it leaves fewer defects in less time. witkin-heckbert: the method "
+         "that the paper compares itself with. It has its own Gaussian energy, splits and deletes points "
+         "at any time and does not reach the requested count exactly. sampling.alpha requires paper "
+         "(then the default) or witkin-heckbert; curvature, grid, feature and curve_spacing require "
+         "sized; control requires sized or paper."},
     {.pointer = "/solver/energy",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ENERGY),
@@ -1486,10 +1489,10 @@ const spec_row spec_rows[] = {
      WORDS(SPEC_UP),
      .otherwise = "\"auto\"",
      AT(preview_up),
-     .prose =
-         "The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, "
-         "3MF, AMF, VTK and GIfTI files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh "
-         "has a flat base along that axis only."},
+     .prose = "The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z "
+              "for STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
+              "OBJ, OFF, PLY or STL file, the other axis if the mesh has a flat base along that axis only. "
+              "The first part of a combination decides."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1737,27 +1740,29 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(frames),
-     .prose =
-         "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first "
-         "#### or %04d in each input path stands for the frame number; without one, by_frame is required. "
-         "output.directory then needs one, too. At most 100000 frames."},
+     .prose = "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The "
+              "first #### or %04d in each input path stands for the frame number. At least one input path "
+              "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
+              "most 100000 frames."},
     {.pointer = "/queue/by_frame",
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,
      .high = 32,
      AT(has_frame_values),
      .prose =
-         "Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of one value "
-         "for each frame, {\"/solver/seed\": [1, 2, 3]}, or a ramp over the frame numbers, "
-         "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}. Members of surface, region, sampling, "
-         "solver and output may change, except paths, solver.threads and output.directory. At most 10000 frames."},
+         "Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of "
+         "exactly one value for each frame, {\"/solver/seed\": [1, 2, 3]}, or a ramp, "
+         "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
+         "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
+         "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
      .prose =
-         "Whether each frame starts with the points of the frame before. The points follow the motion "
-         "of the surface and keep their ids. Requires frames and the method sized; excludes features and time_s."},
+         "Whether each frame starts with the points of the frame before. The points follow the motion of "
+         "the surface and keep their ids. Requires frames and the method sized; excludes features, "
+         "sampling.time_s and sampling.alpha."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

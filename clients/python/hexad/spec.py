@@ -69,8 +69,8 @@ class SurfaceVdb(_SurfaceVdbNeeded, _SurfaceVdbRest):
     """A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
 
     path: The file. It must lie below one of the service's input roots.
-    grid: The name of the grid. If several grids have the same name, write "name[1]" for the second. Optional
-        if the file has only one scalar grid.
+    grid: The name of the grid. If several grids have the same name, write "name[1]" for the second. Required
+        if the file has several scalar grids.
     isovalue: The value on the surface. Default for a level set: 0. Required for a fog volume. (the grid's)
     reconstruction: interpolating: the spline passes through the samples. smoothing: the samples are the
         spline's coefficients; this blurs noise and moves the surface slightly. Default: 'interpolating'.
@@ -108,8 +108,9 @@ class _SurfaceMeshRest(TypedDict, total=False):
 
 
 class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
-    """A triangle mesh. A mesh that is open, has sharp edges or is used with sampling.resolve is sampled on
-    its triangles. Any other mesh is converted to a level set with exact distances.
+    """A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level set with exact
+    distances if the spec has voxel_size, resolution or on_mesh false, in offsets and combinations, and if too
+    much of its area is inside its solids.
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
         service's input roots. Other files that it names are not read.
@@ -460,7 +461,7 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     """A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of
     them, each once. Points along the lines where three meet, and along the end of the data, come first.
     Points have the properties label_a and label_b; normals point from the former, the lower one, to the
-    latter.
+    latter. It must be the whole surface: it excludes combinations, offsets, transforms and region.
 
     path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
         image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
@@ -485,7 +486,8 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
         preserve the volume of each label; parts that are thinner than the rest of their label, and specks
         with a radius below this, shrink or vanish. 0: no filter. (voxels) Default: 0.
     background: The background label. It is listed second in each interface, so normals point into it.
-        Default: none; if one is required, 0, or the number below the lowest label if 0 is one of `labels`.
+        Default: none; 0 is then a label like any other. If `labels` or closed requires one: 0 with `labels`
+        without 0; otherwise one less than the lowest label, at most -1.
     closed: true: beyond the end of the data is background, and the end an interface with it. false: the
         interfaces end there. Default: False.
     groups: Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]].
@@ -578,8 +580,9 @@ class Surface(_SurfaceRest):
     """The surface to sample. Give exactly one of its members.
 
     vdb: A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
-    mesh: A triangle mesh. A mesh that is open, has sharp edges or is used with sampling.resolve is sampled on
-        its triangles. Any other mesh is converted to a level set with exact distances.
+    mesh: A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level set with
+        exact distances if the spec has voxel_size, resolution or on_mesh false, in offsets and combinations,
+        and if too much of its area is inside its solids.
     analytic: A surface given by a formula.
     bspline: The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside.
         Along an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient
@@ -591,7 +594,7 @@ class Surface(_SurfaceRest):
     labels: A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two
         of them, each once. Points along the lines where three meet, and along the end of the data, come
         first. Points have the properties label_a and label_b; normals point from the former, the lower one,
-        to the latter.
+        to the latter. It must be the whole surface: it excludes combinations, offsets, transforms and region.
     exr: A stack of OpenEXR images as a dense volume. The surface is where the volume has the isovalue; larger
         values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin + voxel_size (x, y, k).
         Rows count downwards in the image. Pixels are numbered by the data window, not by the display window.
@@ -644,7 +647,7 @@ class SamplingControl(_SamplingControlNeeded, _SamplingControlRest):
     """For reproducing the paper; otherwise use count. Finds the smallest count that is at least min_count and
     whose support at the ideal energy is at most max_sigma (section 6.1 of the paper). Method paper starts
     with min_count points and inserts and deletes some between rounds. Method sized computes the count from
-    sigma = sqrt(3) spacing.
+    sigma = sqrt(3) spacing. Works with the methods sized and paper.
 
     min_count: The least number of points. (points)
     max_sigma: The largest support of the potential. Points are inserted until the support is small enough.
@@ -664,7 +667,8 @@ class _SamplingFeatureRest(TypedDict, total=False):
 class SamplingFeature(_SamplingFeatureRest):
     """Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
     size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin.
-    The job fails if the count is too small, and names the count that it needs.
+    The job fails if the count is too small, and names the count that it needs. Requires the method sized;
+    excludes alpha and time_s.
 
     ratio: The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; above
         1, they may remain unresolved. Default: 0.75.
@@ -697,7 +701,8 @@ class _SamplingAlphaRest(TypedDict, total=False):
 class SamplingAlpha(_SamplingAlphaRest):
     """Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
     multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
-    surface of a volume or mesh, of the domain of a formula or B-spline. The report states L.
+    surface of a volume or mesh, of the domain of a formula or B-spline. The report states L. Excludes feature
+    and curve_spacing. Requires the method paper, which is then the default, or witkin-heckbert.
 
     d: The exponent. A larger one follows the curvature more strongly, one below 1 more weakly. Default: 2.
     gamma: The lower bound of alpha, which alpha approaches where the curvature is strong. Default: 0.1.
@@ -731,7 +736,7 @@ class _SamplingCurvatureRest(TypedDict, total=False):
 
 class SamplingCurvature(_SamplingCurvatureRest):
     """Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it needs
-    as many points as the target.
+    as many points as the target. Requires the method sized.
 
     chord_error: Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours
         deviates from the surface by chord_error. The report states the error that the count achieves. (world)
@@ -756,7 +761,7 @@ class _SamplingGridRest(TypedDict, total=False):
 
 class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
     """Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is scaled
-    so that it needs as many points as the target.
+    so that it needs as many points as the target. Requires the method sized.
 
     path: The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface
         may have a map in a file of its own, in world space.
@@ -795,35 +800,40 @@ class Sampling(_SamplingRest):
     control: For reproducing the paper; otherwise use count. Finds the smallest count that is at least
         min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the paper).
         Method paper starts with min_count points and inserts and deletes some between rounds. Method sized
-        computes the count from sigma = sqrt(3) spacing.
+        computes the count from sigma = sqrt(3) spacing. Works with the methods sized and paper.
     time_s: The number of points that the whole job can relax, measure and write in this time on the machine
         that runs it. Trial runs with increasing counts determine the number. The result is not reproducible
-        and is never cached. The job fails with limit_time if fewer than 200 points fit. (s)
-    resolve: true: hexad chooses the count that resolves the surface, from the spacing that feature and grid
-        require, at most max_spacing. The report and the estimate state the count. A closed mesh is then
-        sampled on its triangles, including those inside its solids, as with sharp edges
-        (/surface/mesh/features), and mesh.ply has the topology of the mesh.
+        and is never cached. The job fails with limit_time if fewer than 200 points fit. Excludes min_spacing,
+        max_spacing, feature and curve_spacing. (s)
+    resolve: true, the only permitted value: hexad chooses the count that resolves the surface, from the
+        spacing that feature and grid require, at most max_spacing. The report and the estimate state the
+        count. Requires feature ("feature": {} is enough); excludes curvature. A closed mesh is then sampled
+        on its triangles, including those inside its solids, as with sharp edges (/surface/mesh/features), and
+        mesh.ply has the topology of the mesh.
     feature: Finer spacing where the surface is thin or opposite walls are close: at most ratio times the
         feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges
-        are not thin. The job fails if the count is too small, and names the count that it needs.
+        are not thin. The job fails if the count is too small, and names the count that it needs. Requires the
+        method sized; excludes alpha and time_s.
     alpha: Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
         multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
-        surface of a volume or mesh, of the domain of a formula or B-spline. The report states L.
+        surface of a volume or mesh, of the domain of a formula or B-spline. The report states L. Excludes
+        feature and curve_spacing. Requires the method paper, which is then the default, or witkin-heckbert.
     curvature: Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it
-        needs as many points as the target.
+        needs as many points as the target. Requires the method sized.
     grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
-        scaled so that it needs as many points as the target.
+        scaled so that it needs as many points as the target. Requires the method sized.
     curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as
         a fraction of the spacing around them. Away from the curves it grows by gradation; the count does not
         change. It may be combined with curvature, grid or feature. It has no effect on a surface without
-        curves.
-    min_spacing: The smallest spacing. Belongs to curvature, grid, feature and curve_spacing. feature uses no
-        spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula; for a mesh with
-        resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if its area is
-        large. (world)
-    max_spacing: The largest spacing. Belongs to curvature, grid, feature and curve_spacing. (world)
-    gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
-        curvature, grid, feature and curve_spacing. Default: 0.2.
+        curves. Requires the method sized; excludes alpha and time_s.
+    min_spacing: The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused
+        without them; excludes time_s. feature uses no spacing below it. Default for feature: a quarter of a
+        voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter of the
+        side of its triangles, more if its area is large. (world)
+    max_spacing: The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused
+        without them; excludes time_s. At least min_spacing. (world)
+    gradation: The largest increase of the spacing per unit of distance along the surface. Requires curvature,
+        grid, feature or curve_spacing, and is refused without them. Default: 0.2.
     """
 
 
@@ -888,7 +898,9 @@ class Solver(_SolverRest):
     method: paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same system, solved
         from coarse to fine; it leaves fewer defects in less time. witkin-heckbert: the method that the paper
         compares itself with. It has its own Gaussian energy, splits and deletes points at any time and does
-        not reach the requested count exactly. With sampling.alpha the default is paper. Default: 'sized'.
+        not reach the requested count exactly. sampling.alpha requires paper (then the default) or witkin-
+        heckbert; curvature, grid, feature and curve_spacing require sized; control requires sized or paper.
+        Default: 'sized'.
     energy: cotangent: equations (6) and (7). gaussian and electrostatic are for comparison, see section 4.
         The standard deviation of the Gaussian is a third of the support; the electrostatic energy is cut off
         at the support. Default: 'cotangent'.
@@ -1087,9 +1099,10 @@ class OutputPreview(_OutputPreviewRest):
     compression: The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at
         once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
-    up: The axis that points up unless a camera says so. auto: y of OpenVDB files and of meshes but STL, 3MF
-        and AMF files, z of all others; for an OBJ, OFF, PLY or STL file, the other one if the mesh has a flat
-        base along that axis only. Default: 'auto'.
+    up: The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for STL,
+        3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
+        file, the other axis if the mesh has a flat base along that axis only. The first part of a combination
+        decides. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
         image.
     turntable: The number of images of one full rotation around the surface: preview.0001.png and so on; 0:
@@ -1254,13 +1267,16 @@ class Queue(_QueueRest):
         this job fails. Default: [].
     after: Identifiers of jobs that must end before this one starts, successful or not. Default: [].
     frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####
-        or %04d in each input path stands for the frame number.
-    by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of one
-        value for each frame, {"/solver/seed": [1, 2, 3]}, or a ramp over the frame numbers,
-        {"/surface/analytic/radius": {"from": 1, "to": 2}}. Members of surface, region, sampling, solver and
-        output may change, except paths, solver.threads and output.directory. At most 10000 frames.
+        or %04d in each input path stands for the frame number. At least one input path must contain one,
+        unless by_frame is given; output.directory must contain one in any case. At most 100000 frames.
+    by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of exactly
+        one value for each frame, {"/solver/seed": [1, 2, 3]}, or a ramp, {"/surface/analytic/radius":
+        {"from": 1, "to": 2}}: linear in the frame number, from the lowest to the highest frame. Only members
+        of surface, region, sampling, solver and output may change; paths, slices, solver.threads and
+        output.directory may not. At most 10000 frames.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
-        the surface and keep their ids. Requires frames and the method sized. Default: False.
+        the surface and keep their ids. Requires frames and the method sized; excludes features,
+        sampling.time_s and sampling.alpha. Default: False.
     retention_s: How long the job and its results are kept after its end; 0: the service's setting. (s)
         Default: 0.
     webhook: An http or https address that the service calls when the job has ended. The service must allow
