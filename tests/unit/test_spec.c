@@ -839,7 +839,7 @@ static void test_faults(void **state)
                  invalid, "/surface/analytic/axis", "zero vector");
     expect_fault(
         "{\"surface\":{\"analytic\":{\"shape\":\"cylinder\",\"radius\":1,\"height\":1,\"rounding\":0.6}}}",
-        invalid, "/surface/analytic/rounding", "at most the smallest half size, 0.5 (given 0.6)");
+        invalid, "/surface/analytic/rounding", "at most the smallest half size or radius of the shape, 0.5 (given 0.6)");
     expect_fault(
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"halfspace\"}},\"sampling\":{\"count\":9}}",
         invalid, "/surface", "it contains a halfspace");
@@ -847,7 +847,7 @@ static void test_faults(void **state)
                  "{\"analytic\":{\"shape\":\"halfspace\"}}]},\"sampling\":{\"count\":9}}",
                  invalid, "/surface", "give a region");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
-                 invalid, "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
+                 invalid, "/surface/analytic/rounding", "at most the smallest half size or radius of the shape, 1 (given 1.5)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,
                  "/surface/analytic/half_size/1", "(given -2)");
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
