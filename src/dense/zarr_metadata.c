@@ -24,6 +24,7 @@ typedef struct reading {
     const char *file; /* the file that is read */
     zarr_metadata *out;
     error *e;
+    bool has_no_array; /* neither file of an array was there */
 } reading;
 
 static bool damaged(const reading *r, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -359,7 +360,8 @@ static bool read_array(reading *r, const char *folder)
         snprintf(path, sizeof path, "%szarr.json", folder);
         document = read_json(r->directory, path, &is_missing, r->e);
         ok = document && read_array_3(r, document);
-        if (!document && is_missing)
+        r->has_no_array = !document && is_missing;
+        if (r->has_no_array)
             ok = error_set(r->e, ERROR_INPUT_DAMAGED,
                            "%s.zarray and %szarr.json are missing: copy the directory again", folder, folder);
     }
@@ -527,7 +529,7 @@ static bool read_any(reading *r, int64_t level)
     r->out->is_ome = is_ome;
     if (!is_ome) {
         const bool there = read_bare(r, level);
-        if (!there && r->e && r->e->code == ERROR_INPUT_DAMAGED && strstr(r->e->message, "are missing"))
+        if (!there && r->has_no_array)
             return error_set(
                 r->e, ERROR_INPUT_UNSUPPORTED,
                 "the directory has none of .zattrs, .zarray and zarr.json: give the directory of an OME-Zarr image (for a folder "
@@ -545,7 +547,7 @@ bool zarr_metadata_read(const slices_directory *directory, int64_t level, zarr_m
 {
     zarr_metadata made = {0};
     error own = {0};
-    reading r = {directory, "", &made, &own};
+    reading r = {.directory = directory, .file = "", .out = &made, .e = &own};
     bool ok = read_any(&r, level);
     for (int k = 0; ok && k < 3; k++)
         if (made.shape[made.space[k]] > (int64_t)largest_side)

@@ -25,14 +25,16 @@ typedef struct zarr_volume {
     slices base; /* first: the slices' functions get this pointer */
     zarr_request_volume params;
     zarr_metadata m;
-    int64_t at[ZARR_AXES_MOST]; /* of the volume along the axes that are not spatial */
-    int64_t low[3];             /* the first sample that is read, of the spatial axes, slowest first */
-    int64_t count[3];           /* how many */
-    int64_t next;               /* slice */
-    int64_t layer;              /* of chunks that is held, or EMPTY */
-    unsigned char *numbers;     /* of the layer: its slices, of count[1] rows of count[2] numbers */
-    unsigned char *chunk;       /* unpacked */
-    unsigned char *index;       /* of a shard */
+    int64_t at[ZARR_AXES_MOST];       /* of the volume along the axes that are not spatial */
+    int64_t low[3];                   /* the first sample that is read, of the spatial axes, slowest first */
+    int64_t count[3];                 /* how many */
+    int64_t next;                     /* slice */
+    int64_t layer;                    /* of chunks that is held, or EMPTY */
+    unsigned char *numbers;           /* of the layer: its slices, of count[1] rows of count[2] numbers */
+    unsigned char *chunk;             /* unpacked */
+    unsigned char *index;             /* of the shard that was read last */
+    int64_t index_of[ZARR_AXES_MOST]; /* the numbers of this shard */
+    bool has_index;
     size_t chunk_bytes, index_bytes;
     int64_t step[ZARR_AXES_MOST]; /* in a chunk, from one number to the next along each axis */
     bool running;
@@ -106,22 +108,31 @@ static void name_file(const zarr_volume *v, const int64_t at[ZARR_AXES_MOST], ch
     }
 }
 
-/* Where a chunk is in the file of its shard; *length 0: there is none. */
-static bool find_in_shard(zarr_volume *v, int file, const int64_t chunk_at[ZARR_AXES_MOST], uint64_t *offset,
-                          uint64_t *length, error *e)
+/* Reads the index of a shard of `size` bytes, unless it was the last one that was read. */
+static bool read_index(zarr_volume *v, int file, uint64_t size, const int64_t shard_at[ZARR_AXES_MOST],
+                       error *e)
 {
-    struct stat st;
     zarr_request request = {.unpacked = v->index_bytes};
-    int64_t number = 0;
-    uint64_t entry[2];
+    const size_t numbers = (size_t)v->m.axes * sizeof *shard_at;
+    if (v->has_index && memcmp(v->index_of, shard_at, numbers) == 0) return true;
     if (v->m.has_index_checksum) request.packing = (zarr_packing){1, {ZARR_CRC32C}};
     request.length = v->index_bytes + (v->m.has_index_checksum ? 4 : 0);
-    if (fstat(file, &st) != 0 || (uint64_t)st.st_size < request.length)
+    if (size < request.length)
         return error_set(
             e, ERROR_INPUT_DAMAGED,
             "the shard is shorter than its index: it is damaged or truncated. Copy or save it again.");
-    request.offset = v->m.is_index_first ? 0 : (uint64_t)st.st_size - request.length;
-    if (!ask(v, file, &request, v->index, e)) return false;
+    request.offset = v->m.is_index_first ? 0 : size - request.length;
+    v->has_index = ask(v, file, &request, v->index, e);
+    memcpy(v->index_of, shard_at, numbers);
+    return v->has_index;
+}
+
+/* Where a chunk is in the file of its shard, of `size` bytes; *length 0: there is none. */
+static bool find_in_shard(zarr_volume *v, uint64_t size, const int64_t chunk_at[ZARR_AXES_MOST],
+                          uint64_t *offset, uint64_t *length, error *e)
+{
+    int64_t number = 0;
+    uint64_t entry[2];
     for (int k = 0; k < v->m.axes; k++) {
         const int64_t side = v->m.shard[k] / v->m.chunk[k];
         number = number * side + chunk_at[k] % side;
@@ -131,7 +142,7 @@ static bool find_in_shard(zarr_volume *v, int file, const int64_t chunk_at[ZARR_
     *length = le64toh(entry[1]);
     if (*offset == UINT64_MAX && *length == UINT64_MAX) *length = 0;
     if (*length == 0) return true;
-    return (*offset <= (uint64_t)st.st_size && *length <= (uint64_t)st.st_size - *offset) ||
+    return (*offset <= size && *length <= size - *offset) ||
            error_set(
                e, ERROR_INPUT_DAMAGED,
                "the shard ends before one of its chunks: it is damaged or truncated. Copy or save it again.");
@@ -152,7 +163,11 @@ static bool read_chunk(zarr_volume *v, const int64_t chunk_at[ZARR_AXES_MOST], b
     if (file < 0) return is_missing;
     bool ok = fstat(file, &st) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be examined");
     request.length = ok ? (uint64_t)st.st_size : 0;
-    if (ok && v->m.is_sharded) ok = find_in_shard(v, file, chunk_at, &request.offset, &request.length, e);
+    if (ok && v->m.is_sharded) {
+        const uint64_t size = request.length;
+        ok = read_index(v, file, size, file_at, e) &&
+             find_in_shard(v, size, chunk_at, &request.offset, &request.length, e);
+    }
     *is_there = ok && (!v->m.is_sharded || request.length > 0);
     if (*is_there) ok = ask(v, file, &request, v->chunk, e);
     close(file);
