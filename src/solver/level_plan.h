@@ -22,8 +22,9 @@ typedef struct level_plan {
     /* Parts are ordered by the level on which they get particles: level k has the parts first[k] .. first[k + 1] - 1. */
     size_t first[LEVEL_PLAN_MAX + 1];
     uint32_t *part; /* the parts in this order; NULL: all parts have particles from the coarsest level on */
-    double *before; /* per part in this order and one more: fraction of all points in the parts before it */
-    /* per part in this order: fraction of all points in the parts before it in the order of the surface */
+    /* before[k], per entry of `part` and one more: fraction of all points in the parts part[0] .. part[k - 1] */
+    double *before;
+    /* place[k], per entry of `part`: fraction of all points in the parts 0 .. part[k] - 1, in the surface's own order */
     double *place;
     quota *quotas;          /* per level; NULL without patches */
     curve_distance *curves; /* distances from the curves of a patch; NULL without patches */
@@ -45,9 +46,10 @@ static inline size_t level_plan_particles(const level_plan *l, int level)
     return l->quotas ? quota_particles(&l->quotas[level]) : l->particles[level];
 }
 
-/* Corrects the plan by the number of edges of the coarsest packing. `on_boundary`: its particles on a boundary. A closed surface of
- * Euler characteristic x has 3 (n - x) edges for n particles; an open one has fewer by its boundary particles, which double from level
- * to level. Each particle that refinement does not get from an edge would be a defect. */
+/* Corrects the particle counts of the levels by `edges`, the number of edges of the coarsest packing. `on_boundary`: the number of its
+ * particles on a boundary. A closed surface of Euler characteristic x has 3 (n - x) edges for n particles. An open surface has
+ * on_boundary edges fewer. The number of boundary particles doubles from level to level. A finer level should have one new particle
+ * per edge of the coarser level: each other new particle would be a defect. */
 void level_plan_correct(level_plan *l, size_t edges, size_t on_boundary);
 
 /* Removes the coarsest level. */
@@ -56,8 +58,8 @@ void level_plan_drop_coarsest(level_plan *l);
 /* Fraction of all points in the parts that have particles on a level. */
 double level_plan_share(const level_plan *l, int level);
 
-/* Converts a parameter (0 to 1) among the parts that get their first particles on a level to the parameter of sizing_field_draw among
- * all parts. */
+/* The parameter of sizing_field_draw (0 to 1, in proportion to the points of all parts in the surface's own order) that corresponds to
+ * `where`, 0 to 1, in proportion to the points of only the parts that get their first particles on `level`. */
 double level_plan_place(const level_plan *l, int level, double where);
 
 #endif

@@ -3,8 +3,10 @@
  * at a position in the solve. Pure functions, any thread.
  *
  * A solve has levels, from the coarsest packing to the finest. The coarsest level has SCHEDULE_STAGES stages, each with
- * a smaller gain. A finer level has the last stage only. A round is the sequence of sweeps until convergence. h is the
- * spacing of the level. */
+ * a smaller gain; the stages before the last one are called earlier stages. A finer level has the last stage only. A
+ * round is the sequence of sweeps until convergence. h is the spacing of the level. There are two convergence criteria:
+ * the paper's (mean log10 lambda, if rest_lambda > 0), and the rms step over h (if rest_lambda is 0: the schedule is
+ * judged by steps). */
 #ifndef HEXAD_SOLVER_SCHEDULE_H
 #define HEXAD_SOLVER_SCHEDULE_H
 
@@ -15,18 +17,20 @@ enum { SCHEDULE_STAGES = 3 };
 
 typedef struct schedule {
     /* Gain: the smallest decrease of a particle's energy, as a fraction of it, for which the particle moves in the last
-     * stage. Each earlier stage has a hundred times the gain of the next one: it only equalises the density, so that
-     * sigma is adapted before work is done under a wrong one. */
+     * stage. Each earlier stage has a hundred times the gain of the next stage. Earlier stages only equalise the density:
+     * the support sigma is adapted after each of them, and precise sweeps under a wrong sigma would be wasted. */
     double gain;
     /* On features smaller than h some particles never converge: each sweep reduces their energy by slightly more than the gain. After
      * `patience` sweeps of a round (a quarter of it in earlier stages), and not before the least sweeps of its level, the gain is
-     * multiplied by 10, and again after every eighth of `patience`. Beyond schedule_coarsest_gain this takes `patience` sweeps each. A
-     * stage of a coarsest level that is judged by steps has no more than `patience` sweeps. */
+     * multiplied by 10, and again after every eighth of `patience`. In the last stage a multiplication to a gain above
+     * schedule_coarsest_gain takes `patience` sweeps instead. If the schedule is judged by steps, each stage of the coarsest level
+     * ends after `patience` sweeps at the latest, except the last stage of a solve with a single level. */
     int patience;
 
-    /* Over-relaxation: the factor on Newton's step with the first term of the Hessian (10), which is about twice the true one. If is_paced,
-     * a level starts with omega_shake, falls to omega over its least sweeps, and then falls with the inverse number of sweeps to half
-     * of omega. Otherwise, and in earlier stages, the factor is omega. */
+    /* Over-relaxation: the factor omega on the step. Newton's step uses only the first term of the Hessian (10); that term is about
+     * twice the true Hessian, so that a factor of 2 gives Newton's full step. If is_paced, a level starts with
+     * the factor omega_shake. It falls to omega over the least sweeps of the level, and then with the inverse number of sweeps to half of
+     * omega. Otherwise, and in earlier stages, the factor is omega. */
     bool is_paced;
     double omega, omega_shake;
     /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during shake_sweeps of an earlier
@@ -42,13 +46,18 @@ typedef struct schedule {
      * Above defects_most the surface is not resolved, and more sweeps do not help. */
     double defects_count, defects_sweeps[2], defects_least[2], defects_most;
 
-    /* Convergence, by the rms step over h. rest_lambda > 0: the paper's criterion on the coarsest level, a mean log10
-     * lambda above it. stage_step: a stage of a coarsest level that is judged by steps, a third of it in each later
-     * stage, and a level that is refined again. finest_rest times the job's tolerance ends the last level: over-relaxed
-     * steps are longer than what is left. */
+    /* Convergence.
+     * - rest_lambda > 0: the coarsest level ends by the paper's criterion, a mean log10 lambda above this value; its last
+     *   stage also requires an rms step below the job's tolerance. 0: all levels are judged by steps.
+     * - stage_step: the rms step over h with which the first stage of the coarsest level ends, if it is judged by steps.
+     *   Each later stage has a third of the value of the stage before it. A level that will be refined again ends with
+     *   the value of the last stage.
+     * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance. It may exceed
+     *   1, because over-relaxed steps are longer than the remaining distance to convergence. */
     double rest_lambda, stage_step, finest_rest;
-    /* Convergence holds if the sizes at the present positions differ from those in use by less than this (rms,
-     * relative). A round may lose it at most resizes_most times. */
+    /* A round that has converged ends only if the sizes at the present positions differ from those in use by less than
+     * this (rms, relative). Otherwise sizes are renewed and the round continues, at most resizes_most times; then the
+     * sizes count as current. */
     double size_settled;
     int resizes_most;
 
@@ -62,8 +71,8 @@ typedef struct schedule {
     double skin_wide, skin_narrow, skin_steps;
 
     /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour normals, before
-     * its first sweep or after its first stage. 0.5 or 0.7: hex_fraction of fog volumes at 5 000 points is up to 0.02
-     * lower. */
+     * its first sweep or after its first stage. With a value of 0.5 or 0.7, hex_fraction of fog volumes at 5 000 points
+     * would be up to 0.02 lower. */
     double divergent_share;
 } schedule;
 
@@ -136,7 +145,7 @@ typedef enum schedule_end { SCHEDULE_GOES_ON, SCHEDULE_CONVERGED, SCHEDULE_SWEEP
 schedule_end schedule_round_end(const schedule *s, const schedule_position *at,
                                 const schedule_evidence *seen);
 
-/* Whether `gain` is to be multiplied by 10 after this sweep of the round. */
+/* Whether `gain` is to be multiplied by 10 after this sweep of the round, see schedule.patience. */
 bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain);
 
 /* Whether lists must be rebuilt. `limited`: number of particles whose step is limited by their validity; `age`: in sweeps. */

@@ -14,22 +14,27 @@
 
 typedef enum solver_start {
     SOLVER_START_SURFACE, /* on the surface, in proportion to the area */
-    SOLVER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing grid cells (volumes) */
-    SOLVER_START_GIVEN    /* at `given` */
+    SOLVER_START_RANDOM, /* uniform in the domain, or with random_in_cells in the crossing grid cells; then projected */
+    SOLVER_START_GIVEN /* at `given` */
 } solver_start;
 
 typedef struct solver_params {
     size_t count; /* >= 4; the exact number of points, unless max_sigma > 0 or witkin_heckbert is set */
     solver_start start;
-    bool random_in_cells; /* with SOLVER_START_RANDOM: in the crossing grid cells instead of the domain */
-    /* With SOLVER_START_GIVEN: `count` positions on the surface, nearly converged, and their unit normals. They are in the order of a
-     * space-filling curve (geometry/morton), which the particles keep. The solve has no coarse levels and short steps only. The arrays
-     * are read by solver_new only. */
+    bool random_in_cells; /* see SOLVER_START_RANDOM; callers set it for volumes */
+    /* With SOLVER_START_GIVEN, required: positions on the surface, nearly converged, and their unit normals. The solve has no coarse
+     * levels and short steps only. The arrays, and given_patch
+     * and given_place, are read by solver_new only.
+     * - Without patches they have `count` entries, in the order of a space-filling curve (geometry/morton). The particles keep this
+     *   order, so that neighbours are near each other in memory.
+     * - With patches they are those of all solver_patch_points of an earlier solve of the same surface, count and spacing: one entry
+     *   for each patch of a point on a curve, thus more than `count`. */
     const vec3 *given, *given_normal;
     /* With SOLVER_START_GIVEN: if the mean energy over the ideal energy exceeds 1 + max_excess at convergence, the solve continues
-     * once with the long steps of a last level. They remove more defects and move the points farther. 0: never. */
+     * once, with the long steps that a solve from SOLVER_START_SURFACE takes on its last level. They remove more defects and move the
+     * points farther. 0: never. */
     double max_excess;
-    /* With SOLVER_START_GIVEN and patches: patch and place of all solver_patch_points of a solve of the same count and spacing. */
+    /* With SOLVER_START_GIVEN and patches, required: patch and place of these solver_patch_points, see `given`. */
     const uint32_t *given_patch, *given_place;
     uint64_t seed;
     bool graded; /* amplitudes by curvature (13)(14) */
@@ -48,16 +53,16 @@ typedef struct solver_params {
     /* With coarse_to_fine and either `sizing` or patches: repair defects that sweeps leave (solver_repair_defects). */
     bool repair_defects;
     const energy_function *energy; /* NULL: cotangent */
-    /* Not NULL: this method, from `count` particles on; the final count follows from its parameters. With `graded`, its target radii are
-     * proportional to the amplitudes (14). */
+    /* Not NULL: the method of Witkin and Heckbert, which starts with `count` particles; the final count follows from its parameters.
+     * Not on surfaces with patches (not_supported). With `graded`, its target radii are proportional to the amplitudes (14). */
     const witkin_heckbert_params *witkin_heckbert;
     isa isa;           /* instruction set of the kernels */
     bool gradient;     /* steepest descent by `step` instead of Levenberg-Marquardt */
     double step;       /* in units of sigma^2 per energy */
     size_t list_limit; /* maximum size of the neighbour lists, bytes */
-    int max_sweeps;
-    double step_tolerance;   /* of the rms step over h */
-    double energy_tolerance; /* of |E / E_ideal - 1| */
+    int max_sweeps;    /* at least 1, of all levels together; then the solve ends with SOLVER_OUT_OF_SWEEPS */
+    double step_tolerance;   /* convergence: of the rms step, in spacings h (see schedule.finest_rest) */
+    double energy_tolerance; /* convergence: maximum of |E / E_ideal - 1| */
 } solver_params;
 
 #endif

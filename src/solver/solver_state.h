@@ -17,8 +17,9 @@
 
 enum {
     SOLVER_MAX_ROUNDS = 40, /* rounds that end with an action of global control */
-    SOLVER_CONTINUATIONS_MOST =
-        5,             /* rounds after projection, because particles were relocated or steps are left */
+    /* maximum number of rounds after the first projection. Reasons: particles were relocated, or relax_rms_steps_left
+     * exceeds the tolerance */
+    SOLVER_CONTINUATIONS_MOST = 5,
     SOLVER_GROUP = 256 /* particles whose worst residual is kept as one number */
 };
 
@@ -36,7 +37,7 @@ typedef enum solver_action {
 typedef struct solver_method {
     bool (*begin)(solver *s, error *e);    /* after the particles are placed */
     bool (*step)(solver *s, error *e);     /* see solver_step */
-    bool (*describe)(solver *s, error *e); /* completes record.out of the final particles */
+    bool (*describe)(solver *s, error *e); /* adds to record.out what is specific to the method */
     void (*release)(solver *s);            /* accepts a solve that was not begun */
 } solver_method;
 
@@ -75,9 +76,10 @@ typedef struct solver_state {
     double round_defect_fraction;          /* see solver_round */
     int control_rounds;                    /* rounds that ended with ACTION_CONTROL and were not continued */
     int stage;                             /* of the schedule */
-    /* minimum relative decrease of a particle's energy; after too many sweeps multiples by 10 of that of the stage */
+    /* minimum relative decrease of a particle's energy: that of the stage, and after too many sweeps that times a power of 10
+     * (schedule.patience) */
     double gain;
-    int sweeps_in_round; /* for the schedule; continued rounds count on */
+    int sweeps_in_round; /* for the schedule; a continued round does not restart the count */
     int size_renewals;   /* of the round: convergences that failed because of new sizes */
 
     double skin; /* Verlet skin of the next lists: their reach beyond the support */
@@ -88,7 +90,7 @@ typedef struct solver_state {
     int repairs;        /* passes of defect repair */
     int equalisations;  /* passes of solver_equalise_cells */
     int continuations;  /* see SOLVER_CONTINUATIONS_MOST */
-    double last_energy; /* mean energy of the round of the last stage before this one; 0: none */
+    double last_energy; /* mean energy of the previous round of the last stage; 0: there was none */
     bool is_on_target;  /* the particles had the ideal energy when they had last converged */
     bool is_projected;  /* no particle has moved since solver_project */
     bool is_tightened;  /* step_left was too large after projection: convergence requires a smaller one */
@@ -112,7 +114,7 @@ typedef struct solver_record {
     size_t sweep_count;
     solver_round *round;
     size_t round_count, swept; /* swept: sweeps in the recorded rounds */
-    size_t removed;            /* particles that were relocated */
+    size_t removed;            /* see solver_removed_offsurface */
     solver_points out;
     bool *replaced;   /* of each particle, from solver_project on */
     uint32_t *point;  /* of each particle of a surface with patches its point, see solver_patch_points */
@@ -160,15 +162,16 @@ bool solver_is_continued(const solver *s);
 /* Whether near curve samples were merged (field/patches.h), as on meshes. */
 bool solver_merges_near_curves(const solver *s);
 
-/* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced). Does nothing on patches unless near
- * curves are merged: on small patches, as of labels, such particles are pushed out repeatedly. */
+/* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced). Does nothing on
+ * patches whose near curves are not merged, such as interfaces of labels: on small patches a relocated particle is pushed out of its
+ * patch and relocated again and again, so that the solve would not converge. */
 void solver_mark_displaced(solver *s, size_t i);
 
 /* The number of points: the copies of a point on a curve for its patches count once. */
 size_t solver_point_count(const solver *s);
 
-/* Whether F is smooth enough that a projection does not verify its last Newton step. description.c then computes residuals and normals together with
- * the curvatures. */
+/* Whether F is so smooth that a projection may omit the check of its last Newton step. Then description.c computes the residuals and
+ * the normals, together with the curvatures. */
 bool solver_ends_smoothly(const solver *s);
 
 /* ---- lagged.c: sizes, amplitudes and lists, constant between two renewals */

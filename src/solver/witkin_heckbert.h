@@ -32,8 +32,9 @@ typedef struct witkin_heckbert_params {
     double gamma; /* near equilibrium: |p'| < gamma sigma_i */
     double nu;    /* a particle may split when its energy is above nu E_hat */
     double delta; /* it may die when sigma_i < delta sigma_hat */
-    double
-        sigma_max; /* above this radius it always splits, world units; 0: half of the surface's longest side, at least 1.5 target radii */
+    /* Above this radius a particle always splits, world units. 0: half of the longest side of the surface's bounding box, or 1.5 target
+     * radii if that is larger. */
+    double sigma_max;
 } witkin_heckbert_params;
 
 /* Sums over the neighbours of particle i. */

@@ -20,12 +20,12 @@ typedef struct boundary {
     vec3 *normal;   /* unit normal of the surface */
 } boundary;
 
-/* Requested distance of samples along a curve. At x it is `spacing` times the sizing field at x over `even`. */
+/* Requested distance of samples along a curve: h(x) = spacing * s(x) / even, where s(x) is the spacing of the sizing field at x. */
 typedef struct boundary_request {
     double spacing;
     const sizing_field *sizing; /* NULL: uniform */
-    double even;                /* spacing that the sizing field is relative to */
-    size_t most;                /* maximum number of samples; the spacing is increased to keep it */
+    double even; /* spacing of a uniform packing of the requested count; > 0 if there is a sizing field */
+    size_t most; /* maximum number of samples; the spacing is increased to keep it */
 } boundary_request;
 
 /* Requested spacing at x. World space. */

@@ -31,9 +31,9 @@ typedef struct curve_samples {
     double *border;
 } curve_samples;
 
-/* Samples the curves of `f`, which has patches. If there would be more than request->most samples, the spacing is increased. Where
- * near samples are merged, those that remain count; if they do not fit at 1.5 times the spacing, no curve has samples. Deterministic.
- * Free *out also after failure. Error: limit_memory. */
+/* Samples the curves of `f`, which has patches. If there would be more than request->most samples, the spacing is increased. If the
+ * patches require that near samples are merged, the limit applies to the samples that remain. If these exceed it even at 1.5 times the
+ * requested spacing, *out has no samples. Deterministic. Free *out also after failure. Error: limit_memory. */
 bool curve_samples_make(const field *f, const boundary_request *request, curve_samples *out, error *e);
 static inline void curve_samples_free(curve_samples *samples)
 {

@@ -16,7 +16,7 @@ typedef struct quota_input {
     const field *field; /* with patches */
     const surface *scan;
     const sizing_field *sizing; /* NULL: uniform */
-    double even;                /* spacing that the sizing field is relative to */
+    double even; /* spacing of a uniform packing of the requested count, see boundary_request */
 } quota_input;
 
 typedef struct quota {

@@ -17,8 +17,9 @@
 size_t coverage_parts(const surface *scan);
 
 /* Raises farthest[k] of each part to the largest distance of its places from the nearest point, in spacings of that point. The
- * nearest point may belong to any patch. `count` > 0; `spacing`: per point, > 0. A larger initial value makes the test faster. Errors:
- * limit_memory, cancelled. Deterministic for any number of threads. */
+ * nearest point may belong to any patch. `count` > 0; `spacing`: per point, > 0. farthest[k] is read: set it to 0 for the true largest
+ * distance. With a larger initial value the result is the maximum of both, and the test is faster, because smaller distances are not
+ * searched. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool coverage_measure(const surface *scan, const vec3 *position, const double *spacing, size_t count,
                       threads *pool, double *farthest, error *e);
 

@@ -17,7 +17,8 @@ typedef struct particles {
     double *alpha; /* repulsion amplitude (14), evaluated at the last list build; NULL: 1 for all */
     double *size;  /* requested spacing over h, evaluated at the last list build; NULL: 1 for all */
     float *lambda; /* log10 of the damping of (11) */
-    float *energy; /* E_i over size^2, full sum, at the last evaluation; comparable with the ideal energy */
+    /* E_i / size^2, summed over all neighbours, at the last evaluation; comparable with the ideal energy */
+    float *energy;
     /* At the last list build: within 2 h of a boundary of an open surface, on a curve, or with a particle of a curve in its
      * support. */
     bool *near_boundary;

@@ -8,14 +8,16 @@ enum random_stream {
     RANDOM_STREAM_REPLACEMENT = 2, /* new positions of particles whose projection failed */
     RANDOM_STREAM_REFINEMENT = 3,  /* particles of a finer level beyond the edges of the coarser packing */
     RANDOM_STREAM_CURVATURE = 4,   /* curvature samples for the level plan */
-    /* The next two share a number. They never occur in one job: only the method `sized` has coherent sequences. */
+    /* The next two share a number, but never occur in one job. FRAME_TRANSFER is used by coherent sequences, which only the method
+     * `sized` has; Witkin and Heckbert's is another method. */
     RANDOM_STREAM_FRAME_TRANSFER = 5,        /* candidate positions of new points in the next frame */
     RANDOM_STREAM_WITKIN_HECKBERT = 5,       /* fission and death of Witkin and Heckbert */
     RANDOM_STREAM_WITKIN_HECKBERT_RADII = 6, /* curvature samples for the radii of Witkin and Heckbert */
     RANDOM_STREAM_RELOCATION = 7,            /* candidate positions of over-dense particles */
     RANDOM_STREAM_ROUND = 256, /* insertion and deletion: plus the number of the round, from 1 */
-    RANDOM_STREAM_REPAIR =
-        65536 /* plus the pass; or plus 2^32 times the pass and the centre of a repair region */
+    /* defect repair: REPAIR + pass for the order of the defects; REPAIR + (pass * 2^32) + particle for the repair region about
+     * a particle */
+    RANDOM_STREAM_REPAIR = 65536
 };
 
 #endif

@@ -1,10 +1,11 @@
-/* relocation: pairs over-dense points with gaps in coverage. The descent leaves both where the spacing does not resolve the
- * surface, since no continuous path of decreasing energy leads from one to the other.
+/* relocation: pairs over-dense points with gaps in coverage. If the spacing does not resolve the surface, relaxation cannot remove
+ * either of them: no continuous path of decreasing energy leads from an over-dense place to a gap.
  *
  * A point is over-dense if another point is within RELOCATION_DENSE spacings. A place is a gap if no point is within
- * RELOCATION_GAP spacings. The caller may set other distances. The densest point goes to the largest gap, and so on, while the
- * place is farther from its nearest point than the point is. Only one of several over-dense points near each other moves, and
- * only one of several gaps near each other is filled. Deterministic for any number of threads. World space.
+ * RELOCATION_GAP spacings. The caller may set other distances. The densest point goes to the largest gap, the second densest to
+ * the second largest, and so on, as long as the gap is farther from its nearest point than the moved point is from its own nearest
+ * point. Only one of several over-dense points near each other moves, and only one of several gaps near each other is filled.
+ * Deterministic for any number of threads. World space.
  */
 #ifndef HEXAD_SOLVER_PARTICLES_RELOCATION_H
 #define HEXAD_SOLVER_PARTICLES_RELOCATION_H
@@ -32,8 +33,10 @@ typedef struct relocation_input {
     double h;
     const vec3 *place; /* candidate positions on the surface or near it */
     size_t places;     /* > 0 */
-    uint32_t *near;    /* per place: a point to test first, any number; receives the nearest point found */
-    double gap;        /* minimum distance of a place from all points, in spacings; 0: RELOCATION_GAP */
+    /* per place, in and out: a point to test first, which only saves time; a value that is not an index is ignored. Receives the
+     * nearest point, or a near point that shows that the place is not a gap. */
+    uint32_t *near;
+    double gap;            /* minimum distance of a place from all points, in spacings; 0: RELOCATION_GAP */
     const bool *immovable; /* per point: it must not move; NULL: all may */
     /* a point with another within this distance is over-dense, in spacings; 0: RELOCATION_DENSE */
     double dense;

@@ -17,16 +17,18 @@ bool solver_equalise_cells(solver *s, bool *changed, error *e);
 /* Projects every particle onto the surface to rounding, and relocates particles for which that fails (project.c). */
 bool solver_project(solver *s, bool *changed, error *e);
 
-/* Surfaces with patches: relocates over-dense particles to places farther than about one spacing from all points of all patches
- * (fill_gaps.c). */
+/* Surfaces with patches: relocates over-dense particles to gaps, which are places that are too far from all points of all patches. The
+ * limit is 1 spacing; only random places are tested. On surfaces of many connected parts (field_patches.has_many_parts) the limit is
+ * 0.97 spacings, and all test places (coverage.h) are tested (fill_gaps.c). */
 bool solver_fill_gaps(solver *s, bool *changed, error *e);
 
 /* Surfaces without patches: if a place is farther than 1.2 spacings from all points, as on a connected part without a point, relocates over-dense
  * particles to all places farther than 0.97 spacings (fill_gaps.c). Lists are stale if *changed. */
 bool solver_fill_parts(solver *s, bool *changed, error *e);
 
-/* Meshes: moves particles away from those of other patches, where patches pass through each other, and from particles of their patch at the same
- * place, and fixes them there (separate_patches.c). */
+/* Meshes (near curves are merged): moves a particle by 0.3 spacings if it is within 0.27 spacings of one of another patch that is
+ * connected to its own by curves, as where patches pass through each other, or at the same place as one of its own
+ * patch. Fixes it at its new position (separate_patches.c). */
 bool solver_separate_patches(solver *s, bool *changed, error *e);
 
 /* Under-resolved surfaces: relocates over-dense particles to gaps in coverage (fill_gaps.c). */

@@ -36,9 +36,9 @@ typedef struct relax_params {
     relax_minimiser minimiser;
     double step;      /* of the gradient minimiser, in units of sigma^2 per energy */
     double sigma;     /* support of the potential for particles of size 1 */
-    double spacing;   /* h; tolerances scale with h size */
+    double spacing;   /* h; tolerances are proportional to h * size */
     double omega;     /* over-relaxation factor of the step; 1: as in the paper */
-    double fast_step; /* maximum step of the fast kernel over h size; it is taken without an energy test */
+    double fast_step; /* maximum step of the fast kernel over h * size; it is taken without an energy test */
     double gain;      /* minimum relative decrease of a particle's energy by a trial */
     /* early sweeps of a level: on triangles, a trial is accepted by the energy in the tangent plane alone */
     bool shaken;
@@ -47,13 +47,14 @@ typedef struct relax_params {
 } relax_params;
 
 typedef struct relax_sums {
-    double energy; /* mean of E_i over size^2, full sums, when the particles were visited */
+    /* mean of E_i / size^2 when the particles were visited; E_i: the sum over all neighbours */
+    double energy;
     double mean_log10_lambda;
-    double rms_step;   /* over h size */
-    double max_step;   /* over h size */
+    double rms_step;   /* over h * size */
+    double max_step;   /* over h * size */
     uint64_t rejected; /* rejected trials */
     size_t limited;    /* particles whose step is limited by the validity of the lists; build them again */
-    /* rms step over h size of the displaced particles (relax_mark_displaced); 0: there are none */
+    /* rms step over h * size of the displaced particles (relax_mark_displaced); 0: there are none */
     double displaced_step;
     size_t displaced_limited; /* displaced particles among `limited` */
 } relax_sums;
@@ -108,9 +109,9 @@ typedef struct relax_steps {
 
 /* The rms of the Newton steps (12) of the particles at their positions, over spacing and size. Measures the distance to convergence.
  * Included are particles away from boundaries and edges (no normal within the support diverges by more than 37 degrees), where the
- * energy is smooth. NaN: there are none; with patches: they are fewer than a fifth. `watch`: particles with a long step take guarded
- * steps from now on. If all are evaluated by the kernel, p->energy is set as well. The result is cached until a particle moves by 5e-5
- * of its support or changes its size. */
+ * energy is smooth. NaN: there are none; with patches: they are fewer than a fifth. `watch`: from now on, particles with a long step
+ * only take steps that decrease their energy (guarded steps, see relax_internal.h). If all are evaluated by the kernel, p->energy is
+ * set as well. The result is cached until a particle moves by 5e-5 of its support or changes its size. */
 relax_steps relax_rms_steps_left(relax *r, particles *p, double sigma, double spacing, bool watch);
 
 /* The largest support that the lists cover until a particle moves. */
@@ -127,7 +128,8 @@ void relax_set_support(relax *r, double sigma);
  * neighbour on the opposite wall. */
 double relax_divergent_share(const relax *r, const particles *p);
 
-/* Whether guarded steps are taken in SIMD lanes: many particles, and a large fraction with divergent neighbour normals. */
+/* Whether there are many particles and a large fraction of them has divergent neighbour normals (relax_lists.c has the limits). Then
+ * guarded steps are taken in SIMD lanes. Always false on patches and without the fast kernel. */
 bool relax_has_divergent_normals(const relax *r);
 
 /* Whether in addition at least RELAX_MOSTLY_DIVERGENT of the particles have divergent neighbour normals. */

@@ -9,8 +9,9 @@
 #include "packing/pair.h"
 #include "solver/passes/relax.h"
 
-/* Cosine of divergent normals (60 degrees). Above it pair weights are 1 while the lists are valid: a change would require a turn of 30
- * degrees within skin / 2. */
+/* Cosine of divergent normals (60 degrees). If the normals of a pair diverge by less when the lists are built, its weight stays 1 while
+ * they are valid: weights fall from 120 degrees on (packing/pair.h), so that both normals would have to turn by 30 degrees within
+ * skin / 2. */
 #define RELAX_FLAT_COSINE 0.5
 /* Cosine of normals without an edge between them (37 degrees). Normals at an edge diverge by at least 45 degrees. */
 #define RELAX_SMOOTH_COSINE 0.8
@@ -160,7 +161,7 @@ ISA_INLINE void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 nor
     neighbours_move(job->r->near, i, x);
 }
 
-/* Distance from the surface over h from which the Newton step of a trial's projection is the last. */
+/* If a trial is nearer to the surface than this, over h, its projection takes one more Newton step without a check. */
 #define RELAX_TRIAL_SHORTCUT 0.02
 /* A particle whose lists allow a step of less than this over h waits for the next list build. */
 #define RELAX_STEP_FLOOR 1e-3
