@@ -1,5 +1,8 @@
 /* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour lists are in memory for one
- * partition at a time. A partition has 100 000 to 200 000 points, more in sets of more than 3.2 million, and fewer in a set below 100 000. World space.
+ * partition at a time. World space.
+ *
+ * There are 1 to 16 partitions. A set of fewer than 200 000 points has one. Sets of up to 3.2 million points have partitions of about
+ * 100 000 to 200 000 points; larger sets have 16, which are larger. The points of the halo (see partition) come in addition.
  */
 #ifndef HEXAD_VORONOI_PARTITIONS_H
 #define HEXAD_VORONOI_PARTITIONS_H
@@ -19,9 +22,10 @@ typedef struct partitions_input {
     size_t count;
     const vec3 *position, *normal;
     const double *spacing; /* per point, world units, > 0 */
-    const uint32_t *label; /* per point; lists have points of one label; NULL: one label */
-    const uint8_t *flags;  /* per point, of packing/packing.h; NULL: none */
-    double cutoff;         /* of the lists, over the mean spacing of a pair */
+    /* per point; its list contains only points of the same label; NULL: all have one label */
+    const uint32_t *label;
+    const uint8_t *flags; /* per point, of packing/packing.h; NULL: none */
+    double cutoff; /* reach of the lists: maximum distance of a pair as a multiple of its mean spacing */
 } partitions_input;
 
 typedef struct partitions_span {
@@ -33,8 +37,8 @@ typedef struct partitions {
     size_t count;
     double *end;           /* per partition: its upper end along the axis */
     partitions_span *span; /* per 256 consecutive points: their range along the axis */
-    double halo;           /* width of the neighbourhood that a partition includes on both sides */
-    size_t most;           /* maximum number of points of a partition, halo included */
+    double halo; /* width of the neighbourhood that a partition includes on both sides, world units */
+    size_t most; /* maximum number of points of a partition, halo included */
 } partitions;
 
 /* Computes the cuts. Free *out also after failure. Error: limit_memory. */
@@ -55,8 +59,8 @@ typedef struct partition {
     neighbours *near;
 } partition;
 
-/* Loads partition k; it may be empty. *out is zeroed, or holds another partition of the same set, whose arrays are reused. Free *out also
- * after failure. Errors: limit_memory, cancelled. */
+/* Loads partition k, which may be empty, to *out. Before the call *out must be zeroed or hold another partition of the same set, whose
+ * arrays are reused. Free *out also after failure. Errors: limit_memory, cancelled. */
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e);
 void partition_free(partition *s);

@@ -1,10 +1,15 @@
 /* resolution: whether the spacing of points resolves their surface, from the points alone.
  *
- * Where two walls of the surface are closer than 1.2 spacings, the points do not determine which of them are neighbours: the
- * circumradius of a triangle of an ideal packing is 0.58 spacings, and two such balls on the two walls touch. A point is unresolved if
- * another point is within 1.7 spacings (the mean of both; beside a hole of 1.2 in the other wall), the cosine of their normals is below
- * -0.4, and either point is less than 1.2 spacings off the other's tangent plane. At a crease of right angle the cosine of a spline's
- * normals is above -0.38.
+ * Where two walls of the surface are closer than 1.2 spacings, the points do not determine which of them are neighbours. Reason: the
+ * circumradius of a triangle of an ideal packing is 0.58 spacings. The balls with this radius about the circumcentres of triangles on
+ * both walls overlap if the walls are closer than 2 * 0.58 = 1.16.
+ *
+ * A point is unresolved if there is another point for which all of this holds (spacing: the mean of both points):
+ * - The distance is less than RESOLUTION_REACH spacings. The nearest point of the other wall may lie up to 1.2 spacings aside, beside a
+ *   hole in its packing; with a gap of 1.2 the distance is sqrt(1.2^2 + 1.2^2) = 1.7.
+ * - The cosine of the normals is below RESOLUTION_OPPOSITE. A crease does not count: at a right angle the normals of a spline through
+ *   voxels overshoot, but the cosine remains above -0.38.
+ * - One of the points is less than RESOLUTION_GAP spacings off the other's tangent plane.
  */
 #ifndef HEXAD_VORONOI_RESOLUTION_H
 #define HEXAD_VORONOI_RESOLUTION_H
@@ -28,13 +33,14 @@ typedef struct resolution_input {
     const double *spacing; /* requested, of each; world units */
     bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
-    size_t every; /* one of this number of points is sampled; 0: all */
+    size_t every; /* sampled are the points whose index is a multiple of this; 0: all */
 } resolution_input;
 
 /* Fractions of the sampled points that are not within two spacings of a boundary; NAN: there are none. */
 typedef struct resolution {
-    double resolved; /* points with a Voronoi cell that are resolved, as are their Voronoi neighbours */
-    double hex;      /* points with six Voronoi neighbours */
+    /* points that have a Voronoi cell, are resolved, and whose Voronoi neighbours are all resolved */
+    double resolved;
+    double hex; /* points with six Voronoi neighbours */
 } resolution;
 
 /* Errors: limit_memory, cancelled. Deterministic for any number of threads. */

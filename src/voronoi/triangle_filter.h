@@ -21,7 +21,8 @@ typedef struct triangle_filter_input {
     vec3 at, normal;
     double spacing;
     const double *x, *y, *z, *nx, *ny, *nz, *other; /* per neighbour: position, normal, spacing */
-    /* per neighbour: lower bound of the squared distance of it and of all later ones */
+    /* per neighbour: lower bound of the squared distance of it and of all later ones. It is not the distance, because voronoi.c
+     * displaces the points slightly after it has sorted them. */
     const double *square;
 } triangle_filter_input;
 
@@ -33,6 +34,7 @@ typedef struct triangle_filter {
     float widest[VORONOI_STAR_MAX]; /* twice the maximum circumradius of a triangle with it */
     float finest[VORONOI_STAR_MAX]; /* the smaller of the two spacings */
     float square[VORONOI_STAR_MAX];
+    /* loose: margin for rounding; squared circumradii are decreased by this */
     float own_nx, own_ny, own_nz, loose;
 } triangle_filter;
 
@@ -40,8 +42,9 @@ void triangle_filter_fill(const triangle_filter_input *input, triangle_filter *o
 
 /* Filters the triangles of the point, its neighbour `at` and each of `count` third corners (indices of neighbours other
  * than `at`). The indices of those that may be triangles of the surface are moved to the front of `third`, in their
- * order. Returns their number. by[k]: for each of these the neighbours that clip the low and the high end of its Voronoi
- * line most; -1: none does. This is an estimate: another neighbour may clip slightly more. */
+ * order. Returns their number. by[k]: for each of these the neighbours that clip the low end (by[k][0]) and the high end
+ * of its Voronoi line most; -1: none does. The line points from low to high in the direction of the cross product of the
+ * edges from the point to `at` and to the third corner. This is an estimate: another neighbour may clip slightly more. */
 uint32_t triangle_filter_third_corners(const triangle_filter *s, uint32_t at, uint32_t count,
                                        uint32_t third[VORONOI_STAR_MAX], int32_t by[VORONOI_STAR_MAX][2]);
 

@@ -27,13 +27,15 @@ typedef struct voronoi_sites {
     const uint32_t *index;
 } voronoi_sites;
 
-/* Maximum distance of neighbours in spacings. Between points farther apart there are others, even beside a vacancy. If there are
- * none, the two points are on walls that no edge joins, such as the floor of a cup and its outer wall. */
+/* Maximum distance of Voronoi neighbours in spacings (the mean of both points). Two points of one wall that are farther apart are not
+ * neighbours: other points lie between them, even beside a vacancy. If no point lies between them, they are on two walls that do not meet
+ * at a crease, such as the floor of a cup and its outer wall. */
 #define VORONOI_REACH 2.2
 /* Points whose normals have a smaller cosine than this are on opposite walls. At a sharp edge the cosine is larger. */
 #define VORONOI_OPPOSITE_COSINE -0.6
 
-/* Maximum length of a neighbour list. A point with a longer list has no star: the points are over-dense there. */
+/* Maximum length of a neighbour list. Where a list is longer, the points are over-dense, and voronoi_star_triangles returns an empty star
+ * (count and triangle_count 0) with `pinched` set. */
 #define VORONOI_STAR_MAX 256
 
 /* The star of a point. Neighbours are in no particular order. */
@@ -46,22 +48,25 @@ typedef struct voronoi_star {
     double edge[VORONOI_STAR_MAX];
     /* per neighbour: triangles with it; 2, fewer beside boundaries and holes */
     uint8_t triangles[VORONOI_STAR_MAX];
-    /* a neighbour is in more than 2 triangles, or there are too many: the triangles do not bound one cell */
+    /* the triangles do not bound one cell: a neighbour is in more than 2 triangles, there are more than VORONOI_STAR_MAX triangles, or the
+     * neighbour list is longer than VORONOI_STAR_MAX */
     bool pinched;
     uint32_t triangle_count;
     uint8_t corner[VORONOI_STAR_MAX][2]; /* per triangle: its two other corners, as indices of `point` */
 } voronoi_star;
 
-/* Computes the star of point a. Symmetric: b is in the star of a if and only if a is in the star of b. */
+/* Computes the star of point a: by voronoi_star_planar, or if that fails by voronoi_star_triangles. Symmetric: b is in the star of a if
+ * and only if a is in the star of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
 /* Area of the Voronoi cell of the point, world units squared. 0: undefined, because the point has no neighbours, or they coincide or are
  * collinear with it. */
 double voronoi_star_area(const voronoi_star *star);
 
-/* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent plane
- * of `a` by bisectors, in a twentieth of the time. It returns false, with *out undefined, if the surface bends too much or if another
- * polygon would be nearly as good (voronoi.c has the bounds). */
+/* The two algorithms of voronoi_star_at, for tests. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent
+ * plane of `a` by bisectors, and takes a twentieth of the time of voronoi_star_triangles. It returns false, with *out undefined, if the
+ * surface bends too much, if the neighbours do not enclose the point, or if another polygon would be nearly as good (voronoi.c has the
+ * bounds). */
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
