@@ -16,20 +16,24 @@
 #include "vdb/vdb.h"
 
 typedef struct levelset_params {
-    double voxel_size; /* world units; 0: from the resolution */
-    int resolution;    /* voxels along the longest side of the mesh's bounding box */
+    /* 8 to 8191 voxels must fit along the longest side of the mesh's bounding box (upper bound: WINDING_MOST_VOXELS) */
+    double voxel_size; /* world units; 0: the longest side divided by `resolution` */
+    int resolution;    /* voxels along the longest side, if voxel_size is 0 */
     int band_vox;      /* half-width of the band, voxels */
-    /* vertices nearer to an open edge are welded to it, over the longest side of the bounding box */
+    /* a vertex within weld * (longest side of the bounding box) of an open edge is welded to it */
     double weld;
-    size_t memory_limit;     /* bytes, mesh included */
-    const mesh_edges *edges; /* of the welded mesh; NULL: unknown */
-    threads *pool;           /* may be stopped: cancelled */
+    size_t memory_limit; /* bytes, mesh included */
+    /* the edges of *m, if mesh_weld was called already (m->welded); NULL: not computed yet */
+    const mesh_edges *edges;
+    threads *pool; /* may be stopped: cancelled */
 } levelset_params;
 
-/* Makes the grid: distances in world units, negative inside; leaves where the band is, and tiles for the inside beyond it. *solids (or NULL)
- * receives the number of solids. *m is left welded, oriented and in index space. NULL on error: those of mesh_repair_solids; no_surface (no
- * extent, or welding leaves no triangle); spec_invalid (voxels too large or too small for the mesh); limit_memory; cancelled. Deterministic for any
- * number of threads. */
+/* Makes the grid: distances in world units, negative inside; leaves where the band is, and tiles for the inside beyond it. *m comes in
+ * world units and is left welded, oriented and in index space (units: voxels). *solids (or NULL) receives the number of solids.
+ * Deterministic for any number of threads.
+ *
+ * NULL on error: those of mesh_repair_solids; no_surface (no extent, or welding leaves no triangle); spec_invalid (not 8 to 8191 voxels
+ * along the longest side); limit_memory; cancelled. Then *m may be in either space: the caller can only free it. */
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, size_t *solids, error *e);
 
 #endif

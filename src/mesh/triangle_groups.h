@@ -45,8 +45,8 @@ size_t triangle_groups_bytes(const triangle_groups *groups);
 /* Whether a triangle of the group is within a squared distance of a place. */
 bool triangle_groups_is_within(const triangle_groups *groups, uint32_t group, vec3 place, double reach2);
 
-/* Computes the distance of each voxel of a block from the nearest triangle of the `count` groups `near`, at most `band`. `origin`: the voxel of
- * least coordinates. */
+/* Sets nearest[64 x + 8 y + z] to the distance of the voxel origin + (x, y, z) from the nearest triangle of the `count` groups `near`, or to
+ * `band` if that is smaller. Earlier values are overwritten. `origin`: the voxel of the block with the least coordinates. */
 void triangle_groups_lower_distances(const triangle_groups *groups, const uint32_t *near, size_t count,
                                      const int32_t origin[3], double band,
                                      double nearest[TRIANGLE_GROUPS_VOXELS]);

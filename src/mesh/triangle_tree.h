@@ -1,5 +1,6 @@
 /* triangle_tree: the triangles of a mesh in a box_tree (geometry/box_tree.h, with its complexity), to find the closest triangle and the
- * intersections with a line. Immutable after construction, any thread. Lengths are those of the mesh. */
+ * intersections with a line. Immutable after construction. All searches: any thread, also the first search of a lazy tree (it locks). Lengths
+ * are those of the mesh. */
 #ifndef HEXAD_MESH_TRIANGLE_TREE_H
 #define HEXAD_MESH_TRIANGLE_TREE_H
 
@@ -11,7 +12,9 @@ typedef struct triangle_tree triangle_tree;
 
 /* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL: limit_memory. */
 triangle_tree *triangle_tree_new(const mesh *m, error *e);
-/* A tree that is built at the first search, for small meshes. If memory is out then, the process is aborted. */
+/* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be searched. Use it for small meshes only
+ * (mesh_faces: up to 65 536 triangles, about 2 MB): a search returns no error, so that the process is aborted if memory is out at the first
+ * search. */
 triangle_tree *triangle_tree_new_lazy(const mesh *m);
 void triangle_tree_free(triangle_tree *n); /* accepts NULL */
 
@@ -24,7 +27,7 @@ size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, dou
 /* Finds the closest triangle if its squared distance is less than *distance2, and sets *distance2 to it. False: there is none. */
 bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2, size_t *nearest);
 
-/* Whether triangle n, with the corners *t, is accepted by a search. */
+/* Whether a triangle with the corners *t is accepted by a search. `n`: its number in its own tree. */
 typedef bool triangle_tree_accept(const void *context, size_t n, const triangle *t);
 
 #define TRIANGLE_TREE_NONE UINT32_MAX /* no triangle */

@@ -2,8 +2,8 @@
  *
  * The winding number of a closed mesh at a voxel is the sum of the signed crossings above it. It is correct for any shape of triangles, for cavities
  * and for overlaps. Crossings of a line are computed in integers, with ties broken as if the line were shifted by (eps, eps^2). Each crossing is
- * therefore counted once, whatever vertices and edges the line meets. For this, vertices are rounded to 2^-16 voxel across the lines; voxels
- * within that distance of the surface may get either side. Units: voxels. Reading: any thread.
+ * therefore counted once, whatever vertices and edges the line meets. For this, x and y of the vertices are rounded to 2^-16 voxel (z is not);
+ * voxels within that distance of the surface may get either side. Units: voxels. Reading: any thread.
  * Source of the tie rule: Edelsbrunner and Muecke 1990, "Simulation of Simplicity".
  */
 #ifndef HEXAD_MESH_WINDING_NUMBER_H
@@ -34,7 +34,7 @@ typedef struct crossing {
 
 typedef struct winding_columns {
     int32_t nx, ny; /* lines x = 0 .. nx - 1, y = 0 .. ny - 1 */
-    /* line (x, y) has the crossings first[ny x + y] .. first[ny x + y + 1] - 1, sorted by solid, then by z */
+    /* line (x, y) has the crossings first[ny * x + y] .. first[ny * x + y + 1] - 1, sorted by solid, then by z */
     uint64_t *first;
     crossing *crossings;
 } winding_columns;
