@@ -4,8 +4,9 @@
 
 #include <stddef.h>
 
-/* A sentence that names the format of the file and a program that converts it; NULL: the format is none of these, or the one
- * that `ending`, the extension of the file's name, denotes. data[size] is 0. */
+/* A sentence for the message to the user: it names the format of the file, and a program that converts it or the name that it should have.
+ * `ending`: the extension of the file's name. NULL: the format is none of these, or it is a format that hexad reads (VTK, GIfTI) under
+ * its proper ending; then the message of its reader applies. data[size] is 0. Static storage. */
 const char *foreign_format(const char *ending, const char *data, size_t size);
 
 #endif

@@ -10,31 +10,38 @@
 #include "meshfile/mesh_reader.h"
 
 typedef struct mesh_file {
-    int fd;              /* open for reading, at any offset; stays the caller's */
-    const char *path;    /* its ending determines the format */
-    const char *program; /* what runs mesh_reader_main as its command read-mesh; NULL: this program itself */
-    size_t memory_limit; /* bytes, of the reading process and of the mesh */
+    int fd;           /* open for reading, a regular file; its offset does not matter. It is not closed. */
+    const char *path; /* its ending determines the format */
+    /* path of a program whose commands `read-mesh` and `read-mesh-values` call mesh_reader_main; NULL: this program itself */
+    const char *program;
+    size_t memory_limit; /* bytes: for the reading process, and again for the mesh */
 } mesh_file;
 
-/* Every count, number and index of what comes back is checked. Errors: input_damaged, also when the reading
- * process dies of the file or takes too long; input_unsupported; no_surface when there is no triangle;
- * limit_memory. They do not name the file. *out is untouched on failure, otherwise for mesh_free. */
+/* Reads the triangles of a file. Every count, number and index of the answer is checked. The mesh is not welded. Adds warnings to *notes, some
+ * of them possibly also on failure. *out is unchanged on failure; free it with mesh_free after success. Errors, which do not name the file:
+ * - input_damaged: also if the reading process crashes, or takes more than 60 s of CPU time and 1 s for each MiB of the file;
+ * - input_unsupported;
+ * - no_surface: there is no triangle;
+ * - limit_memory;
+ * - internal: the process cannot be started. */
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
 
-/* What all vertices of a mesh have beside their places. */
+/* Attributes of the vertices of a mesh other than their positions: numbers, normals, colours, ... Each array has values of all vertices. */
 typedef struct mesh_values {
-    size_t count;
-    mesh_reader_values *head; /* of each array */
-    float **value;            /* head.components a vertex */
+    size_t count;             /* arrays */
+    mesh_reader_values *head; /* per array: name, kind, number of components */
+    float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* The same with these; the mesh is as the file has it. Free *values after success. */
+/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices may be others than those of
+ * mesh_file_read: in single precision, and numbered and duplicated as assimp does. There are no notes. The formats VTK and GIfTI, and glTF
+ * files with quantised positions, are input_unsupported. *out and *values are unchanged on failure; free both after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
 
-/* Reads and checks only the answer of the reader process, from its first byte to its end. *header is the answer's
- * header. *notes receives its warnings. `values`: NULL where none are to come; else for mesh_values_free, after failure,
- * too. */
+/* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives the header of the answer.
+ * *notes receives its warnings. `values`: NULL if the answer has none; otherwise zeroed before the call, and to be freed with
+ * mesh_values_free, also after failure. *out is unchanged on failure. Errors: as mesh_file_read. */
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
                      mesh_notes *notes, mesh_values *values, error *e);
 

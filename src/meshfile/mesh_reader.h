@@ -1,11 +1,16 @@
 /* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; the only user of that library.
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any amount of
- * memory and time. It is given the bytes of one open file and nothing else: no other file is opened, and after the
- * limits are set no descriptor can be.
+ * memory and time. The process has one open descriptor for the file and no other input. It opens no other file, and after
+ * the limits are set it cannot open any descriptor.
  *
- * What it writes is a header, then `text_length` bytes of a message or of warnings, one a line, then vertices (three
- * doubles each) and triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
+ * Its answer is, in this order:
+ * 1. a mesh_reader_header;
+ * 2. `text_length` bytes of a message or of warnings, one a line;
+ * 3. if `code` is ERROR_NONE: the vertices (three doubles each) and the triangles (three uint32_t each);
+ * 4. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a mesh_reader_values and
+ *    vertices * components floats, vertex by vertex.
+ * Numbers have the machine's own byte order, because both ends are on one machine.
  */
 #ifndef HEXAD_MESHFILE_MESH_READER_H
 #define HEXAD_MESHFILE_MESH_READER_H
@@ -21,36 +26,38 @@ typedef struct mesh_reader_header {
     uint32_t code;        /* an error_code; ERROR_NONE: arrays follow */
     uint32_t text_length; /* at most MESH_READER_TEXT_MAX; with ERROR_NONE the text is warnings */
     uint64_t vertices, triangles;
-    uint64_t others;  /* points and lines, which were left out */
-    uint64_t crossed; /* polygons that cross themselves */
-    uint64_t end; /* 0; or where in the file what it declares ends and other data begin, which are not read */
+    uint64_t others;  /* number of points and lines, which are skipped */
+    uint64_t crossed; /* number of polygons that cross themselves */
+    /* offset in the file of the first byte after the declared content, if other data follow, which are not read; 0: none follow */
+    uint64_t end;
 } mesh_reader_header;
 
-/* What each vertex has beside its place. The command below answers as the other and then, of what all vertices have, with a
- * uint32_t, how many arrays follow, and of each one of these and the numbers, floats, vertex after vertex. */
+/* Command that also answers attributes of the vertices other than their positions: part 4 of the answer above. */
 #define MESH_VALUES_COMMAND "read-mesh-values"
+/* Maximum number of arrays, size of a name with its byte 0, maximum number of components. Further arrays are skipped. */
 enum { MESH_VALUES_MOST = 64, MESH_VALUES_NAME_SIZE = 64, MESH_VALUES_COMPONENTS = 4 };
 
 typedef enum mesh_values_kind {
     MESH_VALUES_NUMBER,
-    MESH_VALUES_WHOLE, /* the same at all corners of a triangle */
+    MESH_VALUES_WHOLE, /* an integer label (material, group), equal at all corners of a triangle */
     MESH_VALUES_NORMAL,
     MESH_VALUES_COLOR,
     MESH_VALUES_UV,
     MESH_VALUES_KINDS
 } mesh_values_kind;
 
+/* Head of an attribute array. */
 typedef struct mesh_reader_values {
     char name[MESH_VALUES_NAME_SIZE];
-    uint32_t kind, components;
+    uint32_t kind, components; /* kind: a mesh_values_kind; components: 1 .. MESH_VALUES_COMPONENTS */
 } mesh_reader_values;
 
-/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`: reads the file on descriptor 0, writes to
- * descriptor 1, allocates at most MEMORY bytes beyond its memory at the start. Returns the exit status, 0 when the
- * answer, good or bad, was written whole. */
+/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND as its first word. Reads the file on
+ * descriptor 0, writes the answer to descriptor 1, allocates at most MEMORY bytes beyond its memory at the start. Returns
+ * (or exits with) the exit status: 0 if the answer, a mesh or an error, was written completely. */
 int mesh_reader_main(int argc, char **argv);
 
-/* The module that contains it, unless it is linked in. */
+/* Shared object that contains mesh_reader_main, for programs that are not linked with it (mesh_module.c). */
 #define MESH_READER_MODULE "hexad-mesh.so"
 
 #endif

@@ -1,7 +1,8 @@
 /* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files read without a library, in the precision that they have.
  *
- * A reader takes a whole file or refuses it with a message that gives the place. OFF, glTF and 3MF have a third answer:
- * a file with contents that are not known here is left to the library. Runs in the process that reads. Threads: none.
+ * A reader reads a whole file, or refuses it with a message that gives the place. OFF, glTF and 3MF have a third result: a
+ * file with contents that are not supported here is left to the library assimp (mesh_reader.h). Runs in the process that
+ * reads. Threads: none.
  */
 #ifndef HEXAD_MESHFILE_PLAIN_MESH_H
 #define HEXAD_MESHFILE_PLAIN_MESH_H
@@ -18,24 +19,30 @@ typedef struct plain_mesh {
     size_t crossed;                     /* polygons that cross themselves */
     double (*vertex)[3];
     uint32_t (*triangle)[3];
-    uint32_t *corner; /* of the polygon that is read */
-    size_t vertex_room, triangle_room, corner_room;
-    error_code refused;              /* of a file that is refused; `text` says why */
-    char text[MESH_READER_TEXT_MAX]; /* of a file that is read: warnings, one a line */
-    double unit;                     /* 0; or by what the coordinates of the file are multiplied */
-    bool is_quantised;               /* its coordinates are integers, which the library does not read */
+    uint32_t *corner;                               /* scratch: corners of the polygon that is being read */
+    size_t vertex_room, triangle_room, corner_room; /* capacities, in entries */
+    error_code refused;                             /* ERROR_NONE: the file is not refused */
+    char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
+    /* 3MF and AMF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has been multiplied
+     * already; if the library reads the file, the caller multiplies. */
+    double unit;
+    bool is_quantised; /* glTF: the coordinates are integers, which the library does not read */
 } plain_mesh;
 
-/* By the ending of the file's name. data[size] is 0. False: the file is left, or refused; *out has no arrays. A file of
- * one of the formats that only this reader reads is never left. plain_mesh_free. */
+/* Reads a file with the reader for `ending`, the ending of its name (any case). data[size] is 0. *out need not be
+ * initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there is nothing to free;
+ * out->refused is the error, or ERROR_NONE if the file is left to the library. Formats that only this reader reads
+ * (plain_mesh_is_only_reader) are never left. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether files with this ending are read here only: OBJ, PLY, STL, VTK and GIfTI. */
+/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp) and GIfTI. (Attributes of the
+ * vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */
 bool plain_mesh_is_only_reader(const char *ending);
 
 void plain_mesh_free(plain_mesh *m);
 
-/* ---- for the readers of the formats: each leaves what it has read in *out when it fails */
+/* ---- the readers of the formats. *out is zeroed before the call. When a reader fails, *out keeps what was read up to there:
+ * the caller frees it with plain_mesh_free. plain_mesh_read does so. */
 
 bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out);
@@ -45,11 +52,13 @@ bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_vtk(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out);
-bool plain_mesh_read_vtp(const char *data, size_t size,
-                         plain_mesh *out); /* also a legacy file by this name */
+/* also a legacy VTK file whose name ends in .vtp */
+bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 
-/* Of 3MF and AMF: how many millimetres the unit of a document is, with a warning unless it is 1; a unit that is not
- * known is refused. No unit is a millimetre. */
+/* ---- functions for these readers */
+
+/* For 3MF and AMF: sets *millimetres to the length of the document's unit in millimetres, with a warning unless it is 1. `unit` NULL: the
+ * document names no unit, and the unit is the millimetre. False: the unit is unknown, and the file is refused. */
 bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres);
 
 /* Refuses the file, unless it is refused already; returns false. */
@@ -63,30 +72,32 @@ bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, con
 /* Refuses the file with limit_memory. Returns false. */
 bool plain_mesh_refuse_memory(plain_mesh *m);
 
-/* Text as strings have it: without a byte order mark, and to its end. NULL, and the file is refused: it is UTF-16, or
- * has a byte 0 before other bytes. */
+/* Returns the file as a C string: the text behind the byte order mark, if there is one. Points into `data`. NULL: the file is
+ * UTF-16, or has a byte 0 before other bytes, and is refused. */
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
 
-/* Adds a warning, unless there is no room for it. */
+/* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Reserves room for the given number of entries. False: no memory, and the file is refused, here and below. */
+/* Reserves room for the given number of entries. False, here and in the next four functions: the file is refused, because
+ * memory is out or a stated limit is exceeded. */
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
 
+/* Adds a vertex. At most 2^32 - 2 vertices. */
 bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 
-/* Reserves room for the given number of corners in m->corner. False: no memory. */
+/* Reserves room for the given number of corners in m->corner. */
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners);
 
 /* Adds a polygon of existing vertices. A polygon of more than three corners is cut into triangles (see polygon.h).
- * False: that takes too much work, or no memory. A polygon with fewer than three corners is counted as another element. */
+ * False also if that takes too much work. A polygon with fewer than three corners is counted in m->others. */
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
 
-/* Adds a triangle of vertices that are there, whose corners are turned round in a mirrored part. False: no memory. */
+/* Adds a triangle of existing vertices. Its orientation is reversed if `is_mirrored` (in a part that a transformation mirrors). */
 bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored);
 
-/* Reads a decimal number, "nan" or "inf" that blanks (spaces and tabs) may precede, and behind which is a blank, an end
- * of a line or the end. Correctly rounded. False: there is none. */
+/* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may precede it; a blank, an
+ * end of a line or the end of the text must follow it. Correctly rounded. False: there is no such number. */
 bool plain_mesh_number(const char **at, double *out);
 
 #endif

@@ -24,7 +24,7 @@ typedef struct ply_property {
 typedef struct ply_element {
     char name[PLY_NAME_SIZE];
     uint64_t count;
-    size_t line; /* where its line begins in the file */
+    size_t line; /* offset of its line in the file */
     const ply_property *property;
     int properties;
     bool has_list;
@@ -33,19 +33,19 @@ typedef struct ply_element {
 
 typedef struct ply_header {
     ply_layout layout;
-    size_t body; /* where the data begin */
-    size_t
-        fault; /* of a header that is not known: where the line begins at which it ends early, or that is not known */
+    size_t body; /* offset of the data in the file */
+    /* if ply_header_read fails: offset of the first line that is not understood, or of the line at which the file ends within the header */
+    size_t fault;
     int elements;
     ply_element element[PLY_ELEMENTS_MOST];
     int properties; /* of all elements, one after the other */
     ply_property property[PLY_PROPERTIES_MOST];
 } ply_header;
 
-/* False: it does not end, or is none that is known. The elements point into *out. */
+/* Reads the header at the start of a file. The elements point into *out. False: the header has no end, or is not understood; see `fault`. */
 bool ply_header_read(const char *data, size_t size, ply_header *out);
 
-/* A number of a binary file. */
+/* The number of a binary file at `at`, which need not be aligned. */
 double ply_number(const char *at, const ply_type *type, ply_layout layout);
 
 #endif

@@ -39,7 +39,7 @@ typedef enum vtk_cells_kind { VTK_VERTS, VTK_LINES, VTK_STRIPS, VTK_POLYS, VTK_C
 /* The word for the kind in an XML file: "Verts". */
 const char *vtk_cells_name(vtk_cells_kind kind);
 
-/* The next cell, whose vertices are numbers of m->vertex, `first` added to each. `cell`: its number among the cells of `kind`, counted from 0.
+/* Adds a cell with the vertices m->vertex[first + vertex[k]], k < count. `cell`: its number among the cells of `kind`, from 0, for messages.
  * Polygons are cut into triangles and strips become triangles; verts and lines are counted as others. False: the file is refused. */
 bool vtk_add_cell(plain_mesh *m, vtk_cells_kind kind, int64_t cell, const int64_t *vertex, size_t count,
                   size_t first);

@@ -14,10 +14,10 @@ typedef struct xml_word {
 } xml_word;
 
 typedef struct xml_tag {
-    xml_word name;                                                 /* without its prefix */
-    bool is_end;                                                   /* </name> */
-    bool is_empty;                                                 /* <name/> */
-    size_t attributes;                                             /* more than fit are left out */
+    xml_word name;     /* without its prefix */
+    bool is_end;       /* </name> */
+    bool is_empty;     /* <name/> */
+    size_t attributes; /* at most XML_ATTRIBUTES_MOST; others are skipped */
     xml_word key[XML_ATTRIBUTES_MOST], value[XML_ATTRIBUTES_MOST]; /* keys with their prefixes */
 } xml_tag;
 
@@ -27,7 +27,8 @@ bool xml_next_tag(const char **at, xml_tag *out);
 
 bool xml_is(xml_word word, const char *text);
 
-/* The value of an attribute; with a key that begins with ':' of any prefix. at NULL: there is none. */
+/* The value of the attribute with this key. A key that begins with ':' matches an attribute with any prefix. The member `at` of the result
+ * is NULL if there is no such attribute. */
 xml_word xml_attribute(const xml_tag *tag, const char *key);
 
 #endif
