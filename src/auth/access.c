@@ -77,13 +77,17 @@ static bool resolve(const char *name, bool group, unsigned *number, error *e)
                      group ? "group" : "user", name, group ? "group" : "passwd");
 }
 
-static bool resolve_all(const access_names *names, bool group, const char *setting, numbers *out, error *e)
+/* Names that do not exist are left out, with a warning. */
+static void resolve_all(const access_names *names, bool group, const char *setting, numbers *out)
 {
     out->item = mem_alloc(names->count * sizeof *out->item);
-    for (; out->count < names->count; out->count++)
-        if (!resolve(names->item[out->count], group, &out->item[out->count], e))
-            return error_prefix(e, "%s", setting);
-    return true;
+    for (size_t k = 0; k < names->count; k++) {
+        error e = {0};
+        if (resolve(names->item[k], group, &out->item[out->count], &e))
+            out->count++;
+        else
+            log_write(LOG_LEVEL_WARNING, "setting %s: %s, or remove it from the setting", setting, e.message);
+    }
 }
 
 static void peers_clear(peers *p)
@@ -93,18 +97,13 @@ static void peers_clear(peers *p)
     free(p->admins.item);
 }
 
-static bool peers_read(const access_names *users, const access_names *groups, const access_names *admins,
-                       peers *out, error *e)
+static peers peers_read(const access_names *users, const access_names *groups, const access_names *admins)
 {
     peers read = {0};
-    if (resolve_all(users, false, "unix_users", &read.users, e) &&
-        resolve_all(groups, true, "unix_groups", &read.groups, e) &&
-        resolve_all(admins, false, "unix_admins", &read.admins, e)) {
-        *out = read;
-        return true;
-    }
-    peers_clear(&read);
-    return false;
+    resolve_all(users, false, "unix_users", &read.users);
+    resolve_all(groups, true, "unix_groups", &read.groups);
+    resolve_all(admins, false, "unix_admins", &read.admins);
+    return read;
 }
 
 static bool holds(const numbers *n, unsigned number)
@@ -151,8 +150,9 @@ access_control *access_open(const access_settings *settings, error *e)
     a->session_ms = (int64_t)(settings->session_s * 1000);
     a->running = settings->running;
     a->token_file = mem_strdup(settings->token_file);
+    a->peers = peers_read(&settings->users, &settings->groups, &settings->admins);
     if ((!settings->session_key_file || session_key_open(settings->session_key_file, &a->key, e)) &&
-        peers_read(&settings->users, &settings->groups, &settings->admins, &a->peers, e) && refresh(a, e))
+        refresh(a, e))
         return a;
     access_close(a);
     return NULL;
@@ -168,32 +168,21 @@ void access_close(access_control *a)
     free(a);
 }
 
-bool access_change_users(access_control *a, const access_names *users, const access_names *groups,
-                         const access_names *admins, error *e)
+void access_change_users(access_control *a, const access_names *users, const access_names *groups,
+                         const access_names *admins)
 {
-    peers fresh;
-    if (!peers_read(users, groups, admins, &fresh, e)) return false;
+    peers fresh = peers_read(users, groups, admins);
     pthread_mutex_lock(&a->mutex);
     peers former = a->peers;
     a->peers = fresh;
     pthread_mutex_unlock(&a->mutex);
     peers_clear(&former);
-    return true;
 }
 
 bool access_check_name(const char *name, bool group, error *e)
 {
     unsigned number;
     return resolve(name, group, &number, e);
-}
-
-bool access_check_names(const access_names *users, const access_names *groups, const access_names *admins,
-                        error *e)
-{
-    peers read;
-    if (!peers_read(users, groups, admins, &read, e)) return false;
-    peers_clear(&read);
-    return true;
 }
 
 char *access_find_name(const char *number, bool group)

@@ -48,20 +48,17 @@ typedef struct access_settings {
     bool open_tcp;
 } access_settings;
 
-/* Copies the settings. Error spec_invalid: a user or group is unknown, or token_set_read refuses the token
- * file, or session_key_open that of the key. */
+/* Copies the settings. Users and groups that do not exist are left out, with a warning in the log. Error spec_invalid: token_set_read
+ * refuses the token file, or session_key_open that of the key. */
 access_control *access_open(const access_settings *settings, error *e);
 void access_close(access_control *a); /* accepts NULL */
 
-/* Users, groups and admins as in access_settings; an error (spec_invalid) changes nothing. */
-bool access_change_users(access_control *a, const access_names *users, const access_names *groups,
-                         const access_names *admins, error *e);
+/* Users, groups and admins as in access_settings. */
+void access_change_users(access_control *a, const access_names *users, const access_names *groups,
+                         const access_names *admins);
 
 /* Whether the user or the group exists: a name, or any number. An error: spec_invalid. */
 bool access_check_name(const char *name, bool group, error *e);
-/* Whether all users, groups and admins exist. The error (spec_invalid) is the one of access_open. */
-bool access_check_names(const access_names *users, const access_names *groups, const access_names *admins,
-                        error *e);
 
 /* The name of the user or group with this number, to be freed; NULL: `number` is not a number, or it has no name. */
 char *access_find_name(const char *number, bool group);

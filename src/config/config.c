@@ -13,6 +13,8 @@
 #include "base/nearest_name.h"
 #include "config/config_table.h"
 
+#define SETTINGS_FILE HEXAD_SYSCONFDIR "/hexad.conf"
+
 enum { MOST_SETTINGS = 128 };
 
 /* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to restart lists. */
@@ -332,6 +334,19 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     return true;
 }
 
+/* Whether --check or --backup are meant for the installed service: no other settings file or state directory is given. */
+static bool maintains_service(int argc, char *const *argv)
+{
+    bool maintains = false;
+    for (int i = 1; i < argc; i++) {
+        const char *key = strncmp(argv[i], "--", 2) == 0 ? argv[i] + 2 : "";
+        const size_t length = strcspn(key, "=");
+        if (is_named(key, length, "config") || is_named(key, length, "state_dir")) return false;
+        maintains |= is_named(key, length, "check") || is_named(key, length, "backup");
+    }
+    return maintains && access(SETTINGS_FILE, F_OK) == 0;
+}
+
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e)
 {
     config read = {0};
@@ -341,6 +356,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     bool ok = true;
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
+    if (ok && maintains_service(argc, argv)) ok = take_file(&s, SETTINGS_FILE);
     ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
     if (!ok) {
         config_clear(&read);
@@ -505,10 +521,12 @@ void config_print_help(FILE *file)
         "                   otherwise at the address of the settings; over TCP it requires a token with the\n"
         "                   scope admin in $HEXAD_TOKEN\n"
         "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
-        "                   jobs. It changes nothing and prints a line for each fault\n"
+        "                   jobs. It changes neither and prints a line for each fault.\n"
+        "                   --backup and --check read " SETTINGS_FILE " unless --config or\n"
+        "                   --state_dir is given\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
-        "                   names, otherwise " HEXAD_SYSCONFDIR "/hexad.conf). For\n"
+        "                   names, otherwise " SETTINGS_FILE "). For\n"
         "                   the service that systemd runs with this file it also writes the drop-in\n"
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"

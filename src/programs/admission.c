@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "auth/access.h"
+#include "auth/token.h"
 #include "base/memory.h"
 #include "config/config_edit.h"
 #include "store/file.h"
@@ -65,17 +66,7 @@ static bool read_settings(const char *file, config *c, error *e)
     return config_parse(3, argv, c, &action, e);
 }
 
-/* Whether hexad accepts the users, groups and admins: it refuses all settings if one of them does not exist. */
-static bool check_names(const config *c, const change *w, error *e)
-{
-    access_names users = admission_names(&c->unix_users), groups = admission_names(&c->unix_groups),
-                 admins = admission_names(&c->unix_admins);
-    if (access_check_names(&users, &groups, &admins, e)) return true;
-    error why = *e;
-    return error_set(e, ERROR_SPEC_INVALID, "%s: %s; remove it from the file first", w->file, why.message);
-}
-
-/* Whether the file has the value, or does not have it any more, and hexad accepts all names. */
+/* Whether the file has the value, or does not have it any more. */
 static bool check_edited(const char *file, const change *w, error *e)
 {
     config edited = {0};
@@ -84,7 +75,6 @@ static bool check_edited(const char *file, const change *w, error *e)
               error_set(e, ERROR_SPEC_INVALID,
                         "%s: %s of %s is in a continuation line or before a comment; %s it with an editor",
                         w->file, w->name, w->key, w->allow ? "add" : "remove");
-    ok = ok && check_names(&edited, w, e);
     config_clear(&edited);
     return ok;
 }
@@ -153,7 +143,6 @@ static bool change_setting(change *w, error *e)
     find_name(w, &now);
     bool named = is_named(&now, w), unchanged = named == w->allow;
     bool ok = (named && !w->allow) || access_check_name(w->name, w->group, e);
-    if (ok && unchanged) ok = check_names(&now, w, e);
     config_clear(&now);
     if (!ok || !unchanged) return ok && edit_setting(w, e);
     printf("%s: %s is %s %s\n", w->file, w->name, w->allow ? "already in" : "not in", w->key);
@@ -183,6 +172,25 @@ static void warn_of_other_grants(const change *w)
         warn_of(w, "unix_admins", access_find_same(&admins, false, w->name));
     }
     config_clear(&now);
+}
+
+/* Tokens that the denied user still has: they are valid at a TCP port and at the Unix socket. */
+static void warn_of_tokens(const change *w)
+{
+    token_set set = {0};
+    size_t count = 0;
+    char *path = w->tokens ? mem_strdup(w->tokens) : mem_strdup(HEXAD_SYSCONFDIR "/hexad/tokens");
+    if (!w->group && token_set_read(path, &set, NULL))
+        for (size_t k = 0; k < set.count; k++) count += strcmp(set.item[k].user, w->name) == 0;
+    fflush(stdout);
+    if (count > 0)
+        fprintf(
+            stderr,
+            "hexad: warning: %s still has %zu token%s in %s, which stay%s valid: `hexadctl token list` prints their IDs, "
+            "`hexadctl token revoke ID` revokes one\n",
+            w->name, count, count == 1 ? "" : "s", path, count == 1 ? "s" : "");
+    token_set_clear(&set);
+    free(path);
 }
 
 /* ---- the socket */
@@ -468,6 +476,7 @@ int admission_change(const config *settings, config_action action)
             " are unchanged\n",
             settings->state_dir);
     if (denied) warn_of_other_grants(&w);
+    if (denied) warn_of_tokens(&w);
     if (ok && w.allow)
         tell_reach(&w);
     else if (ok)

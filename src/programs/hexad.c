@@ -224,8 +224,11 @@ static bool init_socket(service *s, error *e)
     if (fd >= 0) {
         bool adopted = listen_adopt(fd, &s->socket, e);
         if (adopted && *c->listen)
-            log_write(LOG_LEVEL_WARNING, "listen = %s is ignored: systemd passed the socket %s", c->listen,
-                      s->socket.address);
+            log_write(
+                LOG_LEVEL_WARNING,
+                "listen = %s is ignored: systemd passed the socket %s; the drop-in tcp.conf of hexad.socket opens a "
+                "TCP port instead (see doc/systemd.md)",
+                c->listen, s->socket.address);
         return adopted;
     }
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
@@ -715,11 +718,7 @@ static bool change_users(service *s, const config *fresh, error *e)
                  admins = admission_names(&fresh->unix_admins);
     user_numbers *weights, *priorities;
     if (!read_weights_and_priorities(fresh, &weights, &priorities, e)) return false;
-    if (!access_change_users(s->access, &users, &groups, &admins, e)) {
-        user_numbers_free(weights);
-        user_numbers_free(priorities);
-        return false;
-    }
+    access_change_users(s->access, &users, &groups, &admins);
     user_numbers_change(s->weights, weights);
     user_numbers_change(s->priorities, priorities);
     return true;
@@ -818,13 +817,17 @@ int main(int argc, char **argv)
     service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};
+    const bool journal = manager_has_journal();
+    if (journal) log_set_journal(manager_journal);
     if (!config_parse(argc, argv, &s.settings, &action, &e)) {
-        fprintf(stderr, "hexad: %s\n", e.message);
+        if (journal)
+            log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
+        else
+            fprintf(stderr, "hexad: %s\n", e.message);
         return EXIT_SETTINGS;
     }
     int status = EXIT_SUCCESS;
     log_set_level(s.settings.log_level);
-    if (manager_has_journal()) log_set_journal(manager_journal);
     umask(0077); /* jobs and results are the service's own */
     switch (action) {
     case CONFIG_HELP:

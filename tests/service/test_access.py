@@ -247,6 +247,14 @@ def test_unix_peers(new_service, public_directory):
     assert service.get("/v1/jobs").status == 200
 
 
+def test_deleted_users_and_groups_do_not_keep_the_service_from_starting(new_service, tmp_path):
+    """They are left out with a warning, at the start and at a reload; the others keep their access."""
+    service = new_service("--unix_users", f"left-the-company,{os.geteuid()}", "--unix_groups", "disbanded").start()
+    assert service.get("/v1/jobs").status == 200
+    for line in ("setting unix_users: the user left-the-company does not exist", "setting unix_groups: the group disbanded does not exist"):
+        assert line in service.log.read_text()
+
+
 def test_a_socket_of_ones_own(new_service, tmp_path):
     """By default: in the state directory, and no other user's."""
     service = new_service()

@@ -179,22 +179,25 @@ def test_a_name_that_does_not_exist_is_refused(host, option, word, name):
 
 
 def test_a_deleted_user_can_be_denied(build, tmp_path):
-    """hexad does not start while the setting names one."""
     host = Host(build, tmp_path, "unix_users = left-the-company\n")
     host.expect("--deny", "left-the-company")
     assert host.file.read_text() == ""
 
 
-@pytest.mark.parametrize("settings, words, key", [
-    (f"unix_users = left-the-company, {HERE}\n", ("--deny", HERE), "unix_users: the user left-the-company"),
-    (f"unix_admins = left-the-company\nunix_users = {HERE}\n", ("--allow", HERE), "unix_admins: the user left-the-company"),
-    ("unix_groups = disbanded\n", ("--allow", HERE), "unix_groups: the group disbanded")])
-def test_a_change_is_refused_while_another_name_is_unknown(build, tmp_path, settings, words, key):
-    """hexad refuses all settings then."""
-    host = Host(build, tmp_path, settings)
-    done = host.hexad(*words)
-    assert done.returncode == 2 and key in done.stderr and str(host.file) in done.stderr
-    assert host.file.read_text() == settings and host.calls() == [] and not host.drop_in.exists()
+def test_a_deleted_user_does_not_hinder_other_changes(build, tmp_path):
+    host = Host(build, tmp_path, f"unix_users = left-the-company, {HERE}\n")
+    host.expect("--deny", HERE)
+    assert host.file.read_text() == "unix_users = left-the-company\n"
+
+
+def test_deny_warns_of_tokens_that_stay_valid(build, tmp_path):
+    host = Host(build, tmp_path, f"unix_users = {HERE}\n")
+    tokens = tmp_path / "tokens"
+    for user in (HERE, HERE, "another"):
+        subprocess.run([build / "hexadctl", "token", "add", user, "--file", tokens], check=True, capture_output=True)
+    done = host.hexad("--token_file", tokens, "--deny", HERE)
+    assert done.returncode == 0 and f"{HERE} still has 2 tokens in {tokens}" in done.stderr, done.stderr
+    assert "hexadctl token revoke" in done.stderr
 
 
 @pytest.mark.parametrize("settings, grant", [
