@@ -5,7 +5,7 @@ import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {LivePoints} from "./points.js";
 import {Report} from "./report.js";
-import {bytesOf, durationOf, isFinal, nameOf, numberOf, PHASES, spentOf, stateOf, timeOf} from "./words.js";
+import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, stateOf, timeOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
 const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
@@ -100,7 +100,7 @@ const REMEDIES = {
 function explain(job, report) {
   if (job.error) return [REMEDIES[job.error.code] || "Submit a changed copy: with this spec it ends the same again."];
   const reasons = report && report.outcome_reasons || [];
-  if (reasons.length) return reasons.map(reason => `${reason.message} (${numberOf(reason.value)}, bound ${numberOf(reason.bound)})`);
+  if (reasons.length) return reasons.map(reason => reason.message);
   switch (job.state) {
     case "queued": return [job.paused ? "It is paused: resume it to have it run." : "It starts as soon as there is room."];
     case "blocked": return ["It starts when the jobs that it depends on have ended."];

@@ -154,10 +154,7 @@ void print_notes(FILE *file, json_at notes)
             advice = json_member(&notes, "advice");
     for (size_t i = 0; i < json_size(reasons); i++) {
         json_at reason = json_element(&reasons, i);
-        fputs("outcome: ", file);
-        print_text(file, json_string(json_member(&reason, "message"), "?"));
-        fprintf(file, " (%.3g, bound %.3g)\n", json_number(json_member(&reason, "value"), 0),
-                json_number(json_member(&reason, "bound"), 0));
+        print_note(file, "outcome", json_member(&reason, "message"));
     }
     for (size_t i = 0; i < json_size(warnings); i++) print_note(file, "warning", json_element(&warnings, i));
     for (size_t i = 0; i < json_size(advice); i++) {

@@ -48,6 +48,7 @@ static verdict_input judged_of(const job *j)
     return (verdict_input){
         .measures = &j->solution.measures,
         .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
+        .out_of_time = end == SOLVER_RUNNING,
         .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
         .step_left = p->step_without_kinks,
         .step_tolerance = j->spec->step_tolerance,

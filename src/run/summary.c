@@ -21,8 +21,8 @@ static void print_reasons(json_at report, FILE *err)
     json_at reasons = json_member(&report, "outcome_reasons");
     for (size_t k = 0; k < json_size(reasons); k++) {
         json_at r = json_element(&reasons, k);
-        fprintf(err, "%s: %s (%.3g, bound %.3g)\n", json_string(json_member(&report, "outcome"), "?"),
-                json_string(json_member(&r, "message"), "?"), number_of(r, "value"), number_of(r, "bound"));
+        fprintf(err, "%s: %s\n", json_string(json_member(&report, "outcome"), "?"),
+                json_string(json_member(&r, "message"), "?"));
     }
 }
 

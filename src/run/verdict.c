@@ -1,5 +1,8 @@
 #include "run/verdict.h"
 
+#include <math.h>
+#include <stdio.h>
+
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
 /* In spacings. The maximum distance of a place from the nearest point is .58 in an ideal packing, and 1 at a vacancy. A
@@ -16,7 +19,9 @@ typedef struct criterion {
     verdict_outcome otherwise; /* the outcome when it fails */
     bool of_thin_parts;        /* see verdict_reason */
     bool (*fails)(const verdict_input *in, double *value, double *bound);
-    const char *message;
+    const char *
+        message; /* a format: what was found, with the value and the bound as its arguments, then what to do */
+    double unit; /* factor of both arguments: 100 for a percentage */
 } criterion;
 
 static bool exceeds(double number, double most, double *value, double *bound)
@@ -27,11 +32,18 @@ static bool exceeds(double number, double most, double *value, double *bound)
 }
 
 /* Fails if the solve was stopped, whatever its last step. */
-static bool rms_step(const verdict_input *in, double *value, double *bound)
+static bool out_of_sweeps(const verdict_input *in, double *value, double *bound)
 {
     *value = in->rms_step;
     *bound = in->step_tolerance;
-    return in->stopped;
+    return in->stopped && !in->out_of_time;
+}
+
+static bool out_of_time(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->rms_step;
+    *bound = in->step_tolerance;
+    return in->stopped && in->out_of_time;
 }
 
 /* Measured on the delivered points, independent of the solver; NaN does not fail. */
@@ -103,51 +115,66 @@ static bool lost_area(const verdict_input *in, double *value, double *bound)
 }
 
 static const criterion criteria[] = {
-    {"rms_step", VERDICT_NOT_CONVERGED, false, rms_step,
-     "rms_step: the RMS step of the last sweep, in spacings, exceeds its bound: the solve "
-     "has not converged. Raise solver.max_sweeps or sampling.time_s."},
+    {"rms_step", VERDICT_NOT_CONVERGED, false, out_of_sweeps,
+     "rms_step: the solve ended before it converged: the RMS step of its last sweep is %.3g spacings "
+     "(solver.step_tolerance %.3g). Raise solver.max_sweeps.",
+     1},
+    {"rms_step", VERDICT_NOT_CONVERGED, false, out_of_time,
+     "rms_step: the time ended before the solve converged: the RMS step of its last sweep is %.3g spacings "
+     "(solver.step_tolerance %.3g). Raise sampling.time_s.",
+     1},
     {"step_left", VERDICT_NOT_CONVERGED, false, step_left,
-     "step_left: the next relaxation step, in spacings, exceeds its bound: the solve has "
-     "not converged. Raise solver.max_sweeps, or solver.step for the gradient minimiser."},
+     "step_left: the points have not converged: their next relaxation step is %.3g spacings (at most %.3g). "
+     "Raise solver.max_sweeps, or solver.step for the minimiser gradient.",
+     1},
     {"gain", VERDICT_NOT_CONVERGED, true, gain,
-     "gain: the largest fraction by which a point can lower its energy exceeds its bound, "
-     "usually at features smaller than the spacing. Ask for more points."},
+     "gain: a point can lower its energy by a fraction of %.3g (at most %.3g), usually at features smaller "
+     "than the spacing. Ask for more points.",
+     1},
     {"target_energy", VERDICT_NOT_CONVERGED, false, target_energy,
-     "target_energy: the relative difference between the mean energy and the ideal one "
-     "exceeds its bound. Change sigma, or max_sigma of sampling.control."},
+     "target_energy: the mean energy differs from the ideal one by %.3g %% (at most %.3g %%). Change "
+     "sampling.control.max_sigma, or solver.sigma if the spec has no sampling.control.",
+     100},
     {"count_error", VERDICT_NOT_CONVERGED, false, count_error,
-     "count_error: the number of points differs from the requested count. Use method "
-     "sized for an exact count."},
+     "count_error: the number of points differs from the requested count by %.0f. Use the method sized, "
+     "which meets the count.",
+     1},
     {"lost", VERDICT_NOT_CONVERGED, false, lost,
-     "lost: points have left the surface; the value is their number. Report this input as "
-     "a fault."},
+     "lost: the number of points that are not on the surface is %.0f, a fault of hexad. Report it with the "
+     "spec and the input.",
+     1},
     {"max_residual", VERDICT_NOT_CONVERGED, false, max_residual,
-     "max_residual: the largest distance of a point from the surface, in spacings, "
-     "exceeds its bound. Report this input as a fault."},
+     "max_residual: a point is %.3g spacings from the surface (at most %.3g), a fault of hexad. Report it "
+     "with the spec and the input.",
+     1},
     {"coverage", VERDICT_UNRESOLVED, false, coverage,
-     "coverage: the largest distance from the surface to its nearest point, in spacings, "
-     "exceeds its bound. Ask for more points; for a mesh that is sampled through a level "
-     "set, ask for smaller voxels."},
+     "coverage: a place of the surface is %.3g spacings from its nearest point (at most %.3g). Ask for more "
+     "points, or for smaller voxels if a mesh is sampled through a level set.",
+     1},
     {"missing_share", VERDICT_UNRESOLVED, true, missing_share,
-     "missing_share: the share of the area without a point within 1.2 spacings on the "
-     "same side exceeds its bound: one wall of a thin part may have no points. Ask for "
-     "more points."},
+     "missing_share: %.3g %% of the area has no point within 1.2 spacings on its side (at most %.3g %%): one "
+     "wall of a thin part may have no points. Ask for more points.",
+     100},
     {"close_share", VERDICT_UNRESOLVED, true, close_share,
-     "close_share: the share of the points with another one within 0.25 spacings on the "
-     "same side exceeds its bound, as on double rows along the rims of thin walls. Ask "
-     "for more points."},
+     "close_share: %.3g %% of the points have another one within 0.25 spacings on their side (at most %.3g "
+     "%%), as along the two rims of a thin wall. Ask for more points.",
+     100},
     {"coincident", VERDICT_UNRESOLVED, true, coincident,
-     "coincident: points have another one within 0.001 spacings; the value is their "
-     "number. Report this input as a fault."},
+     "coincident: the number of points with another one within 0.001 spacings is %.0f, a fault of hexad. "
+     "Report it with the spec and the input.",
+     1},
     {"parts_without_points", VERDICT_UNRESOLVED, false, parts_without_points,
-     "parts_without_points: connected components of the surface have no points; the value "
-     "is their share of the area. Ask for more points."},
+     "parts_without_points: connected components with %.3g %% of the area have no points (at most %.3g %%). "
+     "Ask for more points.",
+     100},
     {"unmeasured_share", VERDICT_UNRESOLVED, false, unmeasured_share,
-     "unmeasured_share: the share of the points with fewer than three neighbours exceeds "
-     "its bound, so the packing is not measured. Ask for more points."},
+     "unmeasured_share: %.3g %% of the points have fewer than three neighbours (at most %.3g %%), so the "
+     "packing is not measured. Ask for more points.",
+     100},
     {"lost_area", VERDICT_UNRESOLVED, false, lost_area,
-     "lost_area: the share of the area that is thinner than a voxel, or than the cells of "
-     "a combination, exceeds its bound; it is not sampled. Follow the warning about it."},
+     "lost_area: %.3g %% of the area is thinner than a voxel, or than the cells of a combination, and is not "
+     "sampled (at most %.3g %%). Follow the warning that gives this share.",
+     100},
 };
 
 /* ---- outcome.require */
@@ -192,11 +219,6 @@ static const requirement requirements[] = {SPEC_REQUIRE_LIST(ROW, )};
 #define ROW(prefix, NAME, word, minimum) #word,
 static const char *const requirement_names[] = {SPEC_REQUIRE_LIST(ROW, )};
 #undef ROW
-#define ROW(prefix, NAME, word, minimum) \
-#word ": the measure misses the bound of outcome.require. Ask for more points, or change it.",
-static const char *const requirement_messages[] = {SPEC_REQUIRE_LIST(ROW, )};
-#undef ROW
-
 enum {
     CRITERIA = sizeof criteria / sizeof *criteria,
     REQUIREMENTS = sizeof requirements / sizeof *requirements
@@ -222,22 +244,33 @@ static bool is_missed(const requirement *r, double value, double bound)
     return r->minimum ? !(value >= bound) : !(value <= bound);
 }
 
+static void write_requirement(const requirement *r, verdict_reason *out)
+{
+    char value[32] = "undefined";
+    if (!isnan(out->value)) snprintf(value, sizeof value, "%.3g", out->value);
+    snprintf(out->message, sizeof out->message,
+             "%s: the measure is %s (outcome.require: %s %.3g). Ask for more points, or change this bound.",
+             out->criterion, value, r->minimum ? "at least" : "at most", out->bound);
+}
+
 verdict verdict_judge(const verdict_input *in)
 {
     verdict v = {.outcome = VERDICT_CONVERGED};
     for (size_t k = 0; k < CRITERIA; k++) {
         const criterion *c = &criteria[k];
-        verdict_reason reason = {
-            .criterion = c->name, .message = c->message, .of_thin_parts = c->of_thin_parts};
-        if (c->fails(in, &reason.value, &reason.bound)) add_reason(&v, c->otherwise, &reason);
+        verdict_reason reason = {.criterion = c->name, .of_thin_parts = c->of_thin_parts};
+        if (!c->fails(in, &reason.value, &reason.bound)) continue;
+        snprintf(reason.message, sizeof reason.message, c->message, c->unit * reason.value,
+                 c->unit * reason.bound);
+        add_reason(&v, c->otherwise, &reason);
     }
     for (size_t k = 0; k < REQUIREMENTS; k++) {
-        const verdict_reason reason = {.criterion = requirement_names[k],
-                                       .value = requirements[k].measure(in),
-                                       .bound = in->require[k].bound,
-                                       .message = requirement_messages[k]};
-        if (in->require[k].given && is_missed(&requirements[k], reason.value, reason.bound))
-            add_reason(&v, VERDICT_UNRESOLVED, &reason);
+        verdict_reason reason = {.criterion = requirement_names[k],
+                                 .value = requirements[k].measure(in),
+                                 .bound = in->require[k].bound};
+        if (!in->require[k].given || !is_missed(&requirements[k], reason.value, reason.bound)) continue;
+        write_requirement(&requirements[k], &reason);
+        add_reason(&v, VERDICT_UNRESOLVED, &reason);
     }
     return v;
 }

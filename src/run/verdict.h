@@ -27,9 +27,10 @@ extern const char *const verdict_names[VERDICT_OUTCOMES];
 
 typedef struct verdict_input {
     const measures *measures; /* of the delivered points */
-    bool stopped;             /* the solve ended before it had converged, or ran out of sweeps */
-    double rms_step;          /* of its last sweep, in spacings */
-    double step_left;         /* of the delivered points, in spacings; NAN: unknown */
+    bool stopped;             /* the solve ended before it had converged */
+    bool out_of_time; /* of a solve that was stopped: sampling.time_s stopped it, not solver.max_sweeps */
+    double rms_step;  /* of its last sweep, in spacings */
+    double step_left; /* of the delivered points, in spacings; NAN: unknown */
     double step_tolerance;
     double gain, gain_tolerance; /* largest relative decrease of energy that one point can still achieve */
     double energy_error, energy_tolerance; /* relative; 0: the energy is not a target */
@@ -43,11 +44,11 @@ typedef struct verdict_input {
 
 enum { VERDICT_MOST_REASONS = 32 };
 
-/* A criterion that failed. Texts are constants. */
+/* A criterion that failed. */
 typedef struct verdict_reason {
-    const char *criterion; /* stable name */
+    const char *criterion; /* stable name, a constant */
     double value, bound;   /* the value is on the wrong side of the bound */
-    const char *message;   /* meaning and instruction */
+    char message[320];     /* what was found, with value and bound, and what to do */
     bool of_thin_parts;    /* thin parts of a surface may be the cause */
 } verdict_reason;
 

@@ -154,7 +154,7 @@ def test_unresolved(run, tmp_path):
     spec = {**sphere(count=500), "outcome": {"require": {"coverage": 0.1}}}
     done = run("submit", write(tmp_path, spec), "--wait")
     assert done.returncode == 11 and "unresolved" in done.stdout
-    assert "outcome: coverage: the measure misses the bound of outcome.require." in done.stderr and ", bound 0.1)" in done.stderr
+    assert "outcome: coverage: the measure is " in done.stderr and " (outcome.require: at most 0.1). " in done.stderr
 
 
 def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
@@ -179,7 +179,7 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
     assert "advice: set /sampling/count to " in before.stdout
     shown = run("show", job["id"]).stdout
     for told in (done.stderr, shown):
-        assert f"outcome: {reason['message']} ({reason['value']:.3g}, bound 0.01)\n" in told
+        assert f"outcome: {reason['message']}\n" in told and f" {100 * reason['value']:.3g} % " in reason["message"]
         assert f"warning: {notes['warnings'][0]}\n" in told and f"advice: {notes['advice'][0]['message']}\n" in told
     rated = notes["ratings"]["hex_fraction"]
     packing = f"hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv "

@@ -247,6 +247,51 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
     }
 }
 
+static const char *message_of(const verdict *v, const char *criterion)
+{
+    for (size_t k = 0; k < v->reason_count; k++)
+        if (strcmp(v->reason[k].criterion, criterion) == 0) return v->reason[k].message;
+    fail_msg("no reason %s", criterion);
+    return NULL;
+}
+
+static void a_message_gives_value_and_bound_before_the_advice(void **state)
+{
+    (void)state;
+    scene s = scene_octahedron(3);
+    measures m = scene_measure(&s, NULL);
+    m.coverage = 1.87;
+    m.missing_share = 0.125;
+    verdict_input in = good_solve(&m);
+    in.lost = 3;
+    scene_free(&s);
+    const verdict v = verdict_judge(&in);
+    assert_string_equal(
+        message_of(&v, "coverage"),
+        "coverage: a place of the surface is 1.87 spacings from its nearest point (at most 1.2). Ask for "
+        "more points, or for smaller voxels if a mesh is sampled through a level set.");
+    assert_non_null(strstr(message_of(&v, "missing_share"), "missing_share: 12.5 % of the area"));
+    assert_non_null(strstr(message_of(&v, "missing_share"), "(at most 1 %)"));
+    assert_non_null(strstr(message_of(&v, "lost"), "not on the surface is 3, a fault of hexad. Report it"));
+}
+
+static void a_solve_that_was_stopped_names_the_limit_that_stopped_it(void **state)
+{
+    (void)state;
+    scene s = scene_octahedron(3);
+    const measures m = scene_measure(&s, NULL);
+    verdict_input in = good_solve(&m);
+    scene_free(&s);
+    in.stopped = true;
+    verdict v = verdict_judge(&in);
+    assert_int_equal(v.reason_count, 1);
+    assert_non_null(strstr(message_of(&v, "rms_step"), "Raise solver.max_sweeps."));
+    in.out_of_time = true;
+    v = verdict_judge(&in);
+    assert_int_equal(v.reason_count, 1);
+    assert_non_null(strstr(message_of(&v, "rms_step"), "Raise sampling.time_s."));
+}
+
 static void a_step_that_is_not_known_fails_nothing(void **state)
 {
     (void)state;
@@ -288,6 +333,8 @@ static void a_requirement_that_is_missed_is_a_reason(void **state)
     require[SPEC_REQUIRE_HEX_FRACTION] = (spec_requirement){true, 0.95};
     verdict v = verdict_judge(&in);
     check_reasons(&v, VERDICT_UNRESOLVED, hex);
+    assert_non_null(
+        strstr(message_of(&v, "hex_fraction"), "the measure is 0.939 (outcome.require: at least 0.95)."));
     require[SPEC_REQUIRE_HEX_FRACTION].bound = 0.93;
     require[SPEC_REQUIRE_COVERAGE] = (spec_requirement){true, 0.6};
     v = verdict_judge(&in);
@@ -473,6 +520,8 @@ int main(void)
         cmocka_unit_test(a_shell_without_points_fails_parts_without_points),
         cmocka_unit_test(three_points_on_a_sphere_fail_unmeasured_share),
         cmocka_unit_test(a_fault_of_the_solve_is_the_only_reason),
+        cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
+        cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
         cmocka_unit_test(a_step_that_is_not_known_fails_nothing),
         cmocka_unit_test(a_solve_that_still_moves_outranks_gaps),
         cmocka_unit_test(a_requirement_that_is_missed_is_a_reason),
