@@ -109,7 +109,7 @@ class Case:
             chosen.setdefault("isovalue", FAR)
         error, report = self.run(chosen, count)
         said = error["message"] if error else ""
-        grids = re.search(r"choose one of (.*) with grid", said)
+        grids = re.search(r"set grid to one of (.*)", said)
         equals = re.search(r'choose one by "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
         channels = re.search(r"has the channels (.*): choose one with exr.channel", said)
         parts = re.search(r'parts of the file have .*? \("([^"]*)".*: choose one with exr.part', said)

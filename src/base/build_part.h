@@ -13,7 +13,7 @@ typedef enum build_part {
     BUILD_PART_PAGE   /* --without-page */
 } build_part;
 
-/* The reason why a request for the part fails, such as "this build has no pictures (configure --disable-preview)";
+/* The reason why a request for the part fails, such as "hexad was built without pictures (configure --disable-preview)";
  * NULL: it is built. */
 const char *build_part_missing(build_part part);
 

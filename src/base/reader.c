@@ -88,12 +88,13 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
         return error_set(e, ERROR_INTERNAL, "a sanitizer stopped the process that reads the file");
     if (!ok && begun) return false;
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "takes too long to read and its reader was stopped: save it in another format");
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "the file takes too long to read, and its reader was stopped: save it in another format");
     if (WIFSIGNALED(status))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "the library that reads this format crashed (%s): the file is damaged. Save it again "
+            "the library that reads this format crashed (%s), so the file is probably damaged. Save it again "
             "with a program that opens it.",
             strsignal(WTERMSIG(status)));
     return ok && (WEXITSTATUS(status) == 0 ||

@@ -28,7 +28,8 @@ bool slice_faults_report(slice_faults *f, const char *what, error *e)
 {
     if (f->count == 0) return true;
     close_run(f);
-    return error_set(e, f->first.code, "%zu %s %s (slice%s %s), the first: %s", f->count,
-                     f->count == 1 ? "slice is" : "slices are", what, f->count == 1 ? "" : "s", f->numbers,
-                     f->first.message);
+    if (f->count == 1)
+        return error_set(e, f->first.code, "slice %s is %s: %s", f->numbers, what, f->first.message);
+    return error_set(e, f->first.code, "%zu slices are %s (slices %s). The first one: %s", f->count, what,
+                     f->numbers, f->first.message);
 }

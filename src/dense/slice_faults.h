@@ -18,7 +18,7 @@ typedef struct slice_faults {
 /* `before` is the number of the slice before this one. */
 void slice_faults_add(slice_faults *f, int number, int before, const error *e);
 
-/* True if there is none. Otherwise an error with the code of the first slice: "3 slices are WHAT (slices 4, 7-8), the first: ...". */
+/* True if there is none. Otherwise an error with the code of the first slice: "3 slices are WHAT (slices 4, 7-8). The first one: ...". */
 bool slice_faults_report(slice_faults *f, const char *what, error *e);
 
 #endif

@@ -110,16 +110,21 @@ bool label_thinness_is_row(const label_material *m)
     return m->asked && m->voxels > 0 && 2 * m->rows >= m->voxels;
 }
 
+static const char CONSEQUENCE[] =
+    ", too thin for a regular packing of points: if that matters, merge the label with a neighbour (/surface/labels/groups)";
+
 static char *words_for(const label_material *m)
 {
     if (m->voxels == 1)
-        return mem_printf("the label %lld is a single voxel, at (%lld, %lld, %lld)", (long long)m->value,
-                          (long long)m->low[0], (long long)m->low[1], (long long)m->low[2]);
+        return mem_printf("label %lld is a single voxel, at (%lld, %lld, %lld)%s", (long long)m->value,
+                          (long long)m->low[0], (long long)m->low[1], (long long)m->low[2], CONSEQUENCE);
     if (label_thinness_is_row(m))
-        return mem_printf("the label %lld consists of single voxels or rows of voxels: %llu of its %llu",
-                          (long long)m->value, (unsigned long long)m->rows, (unsigned long long)m->voxels);
-    return mem_printf("the label %lld is one voxel thin: in %llu of its %llu voxels", (long long)m->value,
-                      (unsigned long long)m->thin, (unsigned long long)m->voxels);
+        return mem_printf("label %lld: %llu of its %llu voxels are single voxels or rows of voxels%s",
+                          (long long)m->value, (unsigned long long)m->rows, (unsigned long long)m->voxels,
+                          CONSEQUENCE);
+    return mem_printf("label %lld: %llu of its %llu voxels are in parts one voxel thin%s",
+                      (long long)m->value, (unsigned long long)m->thin, (unsigned long long)m->voxels,
+                      CONSEQUENCE);
 }
 
 void label_thinness_warn(const label_volume *v, json *warnings)
@@ -133,8 +138,8 @@ void label_thinness_warn(const label_volume *v, json *warnings)
     }
     if (thin <= MOST_NAMED) return;
     const size_t more = thin - MOST_NAMED;
-    char *words = mem_printf("%zu label%s more %s thin as well: see thin_voxels of surface.labels", more,
-                             more == 1 ? "" : "s", more == 1 ? "is" : "are");
+    char *words = mem_printf("%zu more label%s %s as thin: see thin_voxels of surface.labels in report.json",
+                             more, more == 1 ? "" : "s", more == 1 ? "is" : "are");
     json_append_string(warnings, words);
     free(words);
 }

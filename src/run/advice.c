@@ -26,7 +26,8 @@ advice_resolution advice_resolve(double area, size_t count, double factor)
 char *advice_warn_of_walls(double share, advice_resolution to)
 {
     return mem_printf(
-        "About %.3g %% of the surface are walls thinner than 1.2 spacings; %.0f points (spacing %.3g) separate these walls.",
+        "About %.3g %% of the surface are walls thinner than 1.2 spacings. To distinguish the two sides of these walls, ask "
+        "for %.0f points (spacing %.3g).",
         100 * share, to.count, to.spacing);
 }
 
@@ -69,13 +70,17 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
     char *message,
         *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
     if (to.count > PLAN_COUNT_MAX || !target) {
-        message =
-            mem_printf("the walls are separated by a spacing of %.3g, which is %.2g points: %s", to.spacing,
-                       to.count, target ? "smooth the input, or sample a region of it" : "allow more time");
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of %.3g "
+            "(%.2g points): %s",
+            to.spacing, to.count,
+            target ? "smooth the input, or sample a region of it" : "raise /sampling/time_s");
         advice_append(list, code, message);
     } else {
-        message = mem_printf("set %s to %.10g%s: %.0f points (spacing %.3g) separate the walls", target,
-                             value, more, to.count, to.spacing);
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls: set %s to %.10g%s, "
+            "which gives %.0f points (spacing %.3g)",
+            target, value, more, to.count, to.spacing);
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);
         if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);

@@ -62,7 +62,7 @@ double job_bytes_per_particle(const job *j)
 static bool fits_memory(const job *j, double count, error *e)
 {
     double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(j->spec, j->options->previous != NULL, count, left, e);
+    return plan_check_memory(j->spec, j->options->previous != NULL, count, left, (double)j->memory, e);
 }
 
 /* The instruction set that the spec requests. */

@@ -90,9 +90,10 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     char *text =
         walls->of_surface
             ? advice_warn_of_walls(walls->share, to)
-            : mem_printf("%.3g %% of the points are on walls thinner than 1.2 spacings; %.0f points (spacing "
-                         "%.3g) separate these walls.",
-                         100 * walls->share, to.count, to.spacing);
+            : mem_printf(
+                  "%.3g %% of the points are on walls thinner than 1.2 spacings. To distinguish the two sides of "
+                  "these walls, ask for %.0f points (spacing %.3g).",
+                  100 * walls->share, to.count, to.spacing);
     json_append_string(warnings, text);
     free(text);
     if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
@@ -142,8 +143,10 @@ static void warn_of_sweeps(json *warnings, const solver *s)
 void report_warn_of_build(json *warnings, const spec *s)
 {
     if (!s->preview_left_out) return;
-    char *text = mem_printf("preview.png and preview.exr are not written: %s.",
-                            build_part_missing(BUILD_PART_PREVIEW));
+    char *text =
+        mem_printf("preview.png and preview.exr are not written: %s. Set /output/preview to false to omit "
+                   "this warning.",
+                   build_part_missing(BUILD_PART_PREVIEW));
     json_append_string(warnings, text);
     free(text);
 }

@@ -269,25 +269,25 @@ static bool count_impossible(making *m, const surface *scan, size_t count, doubl
     if (p->min_spacing > 0 && (double)count > 0.99 * most)
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "%zu points do not fit: with /sampling/min_spacing %g there are at most %.0f on an area of "
-            "%g: lower /sampling/count or /sampling/min_spacing",
-            count, p->min_spacing, most, scan->area);
+            "/sampling/count: %zu points do not fit on the area of %g, since /sampling/min_spacing %g allows at most "
+            "%.0f: lower the count, or min_spacing to at most %.3g",
+            count, scan->area, p->min_spacing, most, 0.99 * packing_spacing(scan->area, (double)count));
     if (p->feature_ratio > 0)
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "%zu points are too few: thin parts, narrow gaps and /sampling/gradation require about %.0f. Set /sampling/count "
-            "to at least this number, set /sampling/resolve, or raise /sampling/feature/ratio or /sampling/min_spacing",
+            "/sampling/count: %zu points are too few for the thin parts, narrow gaps and the gradation: set it to at least "
+            "%.0f",
             count, ceil(1.01 * points_under(m, INFINITY, widest)));
     if (p->max_spacing > 0)
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "%zu points are too few: with /sampling/max_spacing %g there are at least %.0f on an area of "
-            "%g: raise /sampling/count or /sampling/max_spacing",
-            count, p->max_spacing, packing_count(scan->area, p->max_spacing), scan->area);
+            "/sampling/count: %zu points are too few for the area of %g, since /sampling/max_spacing %g requires at least "
+            "%.0f: raise the count, or max_spacing",
+            count, scan->area, p->max_spacing, packing_count(scan->area, p->max_spacing));
     return error_set(
         e, ERROR_SPEC_INVALID,
-        "%zu points are too few for the grading, whose spacing may grow by %g per unit of distance: raise "
-        "/sampling/count or /sampling/gradation",
+        "/sampling/count: %zu points are too few for the grading, whose spacing may grow by %g per unit of distance "
+        "(/sampling/gradation): raise the count",
         count, p->gradation);
 }
 

@@ -1,7 +1,6 @@
 #include "source/plan.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "packing/packing.h"
 
@@ -28,6 +27,8 @@ static const double BYTES_PER_ORDERED = 150;
 static const double BYTES_PER_INSTANCE = 56;
 /* For each pixel of the preview: two pictures, and what each shows. */
 static const double BYTES_PER_PIXEL = 15;
+
+static const double MIB = 1 << 20; /* bytes */
 
 double plan_picture_memory(const spec *s)
 {
@@ -63,22 +64,48 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
                                                             : BYTES_PER_PARTICLE);
 }
 
-bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e)
+bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e)
 {
     double particles = count * plan_bytes_per_particle(s, is_continued);
     if (particles <= memory) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "%.0f points require about %.0f MiB, and %.0f MiB of the limit are left beside "
-                     "surface and preview: raise limits.memory_mb%s",
-                     count, particles / (1 << 20), fmax(memory, 0) / (1 << 20),
-                     s->resolve ? ", /sampling/min_spacing or /sampling/feature/ratio" : "");
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave %.0f of "
+        "%.0f MiB: set it to at least %.0f%s",
+        count, ceil(particles / MIB), fmax(memory, 0) / MIB, limit / MIB,
+        ceil((limit + particles - memory) / MIB),
+        s->resolve ? ", or raise /sampling/min_spacing for fewer points" : "");
 }
 
-static const char *target_pointer(const spec *s)
+/* Rounded to three digits, up or down. */
+static double rounded(double value, bool up)
 {
-    return s->spacing > 0   ? "/sampling/spacing"
-           : s->density > 0 ? "/sampling/density"
-                            : "/sampling/control/max_sigma";
+    const double unit = pow(10, floor(log10(value)) - 2);
+    return (up ? ceil(value / unit) : floor(value / unit)) * unit;
+}
+
+/* Error: the target, which is not a count, gives too few or too many points. It names the value that gives the least or
+ * the largest count. */
+static bool refuse_count(const spec *s, double area, double count, error *e)
+{
+    const bool high = count > PLAN_COUNT_MAX, by_density = !(s->spacing > 0) && s->density > 0;
+    const double bound = high ? PLAN_COUNT_MAX : PLAN_COUNT_MIN, spacing = packing_spacing(area, bound);
+    const bool smallest = high != by_density; /* the bound is the smallest value that is allowed */
+    return error_set(
+        e, ERROR_SPEC_INVALID,
+        "%s: %g gives %.0f points on the area of %g, and at %s %.0f are allowed: set it to at %s %.3g, in the "
+        "units of the surface",
+        s->spacing > 0 ? "/sampling/spacing"
+        : by_density   ? "/sampling/density"
+                       : "/sampling/control/max_sigma",
+        s->spacing > 0 ? s->spacing
+        : by_density   ? s->density
+                       : s->control.max_sigma,
+        count, area, high ? "most" : "least", bound, smallest ? "least" : "most",
+        rounded(s->spacing > 0 ? spacing
+                : by_density   ? bound / area
+                               : packing_support(spacing),
+                smallest));
 }
 
 double plan_spacing(const spec *s)
@@ -101,17 +128,13 @@ bool plan_count(const spec *s, double area, double points, size_t *out, error *e
         count =
             fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));
     if (s->resolve && !(count <= PLAN_COUNT_MAX))
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "/sampling/resolve requires %.0f points on an area of %g, more than the maximum of "
-                         "%.0f: raise /sampling/min_spacing or /sampling/feature/ratio",
-                         count, area, PLAN_COUNT_MAX);
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/sampling/resolve: %.0f points are required on the area of %g, and at most %.0f are allowed: "
+            "raise /sampling/min_spacing, which leaves smaller details unresolved",
+            count, area, PLAN_COUNT_MAX);
     if (s->resolve) count = fmax(count, PLAN_COUNT_MIN);
-    if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "%s: the value gives %.0f points on an area of %g, outside the range %.0f to %.0f: "
-                         "compare the units of the surface, and give another %s",
-                         target_pointer(s), count, area, PLAN_COUNT_MIN, PLAN_COUNT_MAX,
-                         strrchr(target_pointer(s), '/') + 1);
+    if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX) return refuse_count(s, area, count, e);
     *out = (size_t)count;
     return true;
 }

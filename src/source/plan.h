@@ -25,8 +25,8 @@ double plan_picture_memory(const spec *s);
 /* Bytes that one particle takes at the peak. `is_continued`: the points of the previous frame are carried over. */
 double plan_bytes_per_particle(const spec *s, bool is_continued);
 
-/* Whether `count` particles fit into `memory` bytes. Error: limit_memory. */
-bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e);
+/* Whether `count` particles fit into `memory` bytes, which are left of `limit`. Error: limit_memory. */
+bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e);
 
 /* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits. 0: the target
  * is a count or a time. */

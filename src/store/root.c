@@ -326,15 +326,19 @@ static int open_below(const store_roots *roots, const root *r, const char *path,
     return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path, flags) : fd;
 }
 
-/* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. */
-static void set_missing(const char *path, const char *where, int why, error *e)
+/* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. A relative path is
+ * often one on the machine of a client. `sent`: the path is the name of an upload. */
+static void set_missing(const char *path, const char *where, bool sent, int why, error *e)
 {
-    const char *hint =
-        frames_is_pattern(path)   ? "; add queue.frames, in which #### and %04d stand for the frame number"
-        : *where && why == EACCES ? "; let the user of the service read it, or send it with hexadctl upload"
-        : *where                  ? "; check the path, or send a file from another place with hexadctl upload"
-                                  : "; check the path";
-    error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s%s", path, where, strerror(why), hint);
+    const bool denied = why == EACCES;
+    const char *hint = frames_is_pattern(path)
+                           ? "add queue.frames, in which #### and %04d stand for the frame number"
+                       : sent                   ? "upload it again with hexadctl upload"
+                       : denied && *where       ? "let the user of the service read it"
+                       : denied                 ? "let this user read it"
+                       : *where && *path != '/' ? "upload the file with hexadctl upload, or correct the path"
+                                                : "put the file there, or correct the path";
+    error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s; %s", path, where, strerror(why), hint);
 }
 
 /* An error for a path that lies below no root. */
@@ -381,7 +385,7 @@ static int open_in_roots(const store_roots *roots, const char *path, int flags, 
                   "that place to the setting input_roots",
                   path);
     else
-        set_missing(path, sent ? "" : " below the input roots", why, e);
+        set_missing(path, sent ? "" : " below the input roots", sent, why, e);
     return -1;
 }
 
@@ -389,7 +393,7 @@ static int open_place(const store_roots *roots, const char *path, int flags, err
 {
     if (roots) return open_in_roots(roots, path, flags, e);
     const int fd = open(path, flags);
-    if (fd < 0) set_missing(path, "", errno, e);
+    if (fd < 0) set_missing(path, "", false, errno, e);
     return fd;
 }
 

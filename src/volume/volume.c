@@ -214,6 +214,9 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
                      l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
 }
 
+/* Half-width of a narrow band beside its isovalue that is sufficient for the cells on the surface. */
+static const double BAND_VOXELS = 3;
+
 /* Sets the error for a crossed cell of a level set with an inactive or clamped corner, in a grid whose inactive voxels
  * have the right sign. */
 static bool refuse_open(const loading *l, const volume *v, error *e)
@@ -231,11 +234,12 @@ static bool refuse_open(const loading *l, const volume *v, error *e)
     }
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
-        "%s: its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
-        "isovalue %g, %llu have a corner that is inactive or clamped, the first at voxel (%d, %d, %d); rebuild "
-        "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
-        l->name, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
-        (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
+        "%s: its narrow band does not contain the surface at isovalue %g: %llu of its %llu cells, the first at "
+        "voxel (%d, %d, %d), have a corner where the band is cut open or clamped at %g (%.3g voxels). Rebuild the "
+        "level set, uncut, with a half-width of at least %.0f voxels.",
+        l->name, v->info.isovalue, (unsigned long long)c->open_cells, (unsigned long long)c->cells,
+        c->open_at[0], c->open_at[1], c->open_at[2], band, band / v->info.voxel_size,
+        ceil(BAND_VOXELS + fabs(v->info.isovalue) / v->info.voxel_size));
 }
 
 static bool look_for_crossings(loading *l, volume *v, error *e);
@@ -584,14 +588,15 @@ static void warn_of_mesh(volume_info *info)
 {
     const fidelity *f = &info->fidelity;
     const resolution *r = &info->resolution;
-    const bool much = f->thin > FIDELITY_MAX_THIN;
+    const bool much = f->thin > FIDELITY_MAX_THIN,
+               by_memory = r->limited_by && strcmp(r->limited_by, "memory") == 0;
     if (f->thin >= unresolved_from)
         warn(info,
              "%.3g %% of the mesh area is thinner than a voxel and is not sampled: set voxel_size "
-             "to at most %.3g to sample all but %.2g %%%s%s",
+             "to at most %.3g (%.2g %% then remain)%s",
              100 * f->thin, much ? f->thin_voxel : f->tenth_voxel,
              100 * (much ? FIDELITY_MAX_THIN : f->thin / 10),
-             r->limited_by ? "; the resolution is limited by " : "", r->limited_by ? r->limited_by : "");
+             by_memory ? ", and limits.memory_mb higher if the job then exceeds it" : "");
     if (f->hidden >= unresolved_from)
         warn(info,
              "%.3g %% of the mesh area is inside the union of its shells and is not sampled: "

@@ -176,7 +176,7 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
     count = notes["advice"][0]["set"]["/sampling/count"]
     (reason,) = notes["outcome_reasons"]
     assert notes["resolved_share"] < 0.5 and reason["criterion"] == "close_share"
-    assert "advice: set /sampling/count to " in before.stdout
+    assert ": set /sampling/count to " in before.stdout
     shown = run("show", job["id"]).stdout
     for told in (done.stderr, shown):
         assert f"outcome: {reason['message']}\n" in told and f" {100 * reason['value']:.3g} % " in reason["message"]

@@ -131,4 +131,4 @@ def test_a_band_with_a_hole_is_told(told, tmp_path, fill):
     distances[:10, 18:24, 18:24] = 100
     write(tmp_path / "v.vdb", distances, fill)
     error = told(tmp_path / "v.vdb")
-    assert error["code"] == "input_unsupported" and "or cut open" in error["message"], error
+    assert error["code"] == "input_unsupported" and " is cut open or clamped at " in error["message"], error

@@ -211,7 +211,11 @@ def test_paths_stay_inside_the_roots(new_service, tmp_path):
     for path in (outside / "secret.vdb", root / "../outside/secret.vdb", "../outside/secret.vdb", root / "link.vdb",
                  "link.vdb", "up/outside/secret.vdb", "/etc/passwd", "/proc/self/environ"):
         expect_problem(service.post("/v1/jobs", vdb(path)), 403, "path_forbidden", pointer)
-    expect_problem(service.post("/v1/jobs", vdb("missing.vdb")), 422, "input_missing", pointer)
+    refused = service.post("/v1/jobs", vdb("missing.vdb"))
+    expect_problem(refused, 422, "input_missing", pointer)
+    assert "; upload the file with hexadctl upload, or correct the path" in refused.json["detail"]
+    absolute = service.post("/v1/jobs", vdb(root / "missing.vdb")).json
+    assert absolute["code"] == "input_missing" and "; put the file there, or correct the path" in absolute["detail"]
     expect_problem(service.post("/v1/jobs", vdb("fifo.vdb")), 422, "input_unsupported", pointer)
     # a file that only claims to be a volume is the worker's to refuse, and harms nobody else
     bad = service.submit(vdb("here.vdb"))

@@ -232,7 +232,9 @@ def test_an_input_that_nobody_uses_goes(new_service, tmp_path, clock):  # noqa: 
     service.wait_state(job, "succeeded")
     clock.step(50)
     wait_until(lambda: not list((service.state / "inputs").iterdir()), "the input and its senders to go")
-    expect_problem(service.post("/v1/jobs", mesh(f"{name}.obj")), 422, "input_missing", "/surface/mesh/path")
+    refused = service.post("/v1/jobs", mesh(f"{name}.obj"))
+    expect_problem(refused, 422, "input_missing", "/surface/mesh/path")
+    assert refused.json["detail"].endswith("; upload it again with hexadctl upload")
 
 
 def test_a_job_whose_input_is_gone_says_so(new_service):

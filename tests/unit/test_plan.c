@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <cmocka.h>
 
@@ -49,6 +50,36 @@ static void a_count_out_of_range_names_its_target(void **state)
     assert_int_equal(count, 7);
 }
 
+/* The number in a message after these words. */
+static double number_after(const char *message, const char *words)
+{
+    const char *at = strstr(message, words);
+    if (!at) fail_msg("no \"%s\" in: %s", words, message);
+    return strtod(at + strlen(words), NULL);
+}
+
+/* The value that the message recommends gives a count that is allowed, near the bound. */
+static void a_count_out_of_range_recommends_a_value_that_is_accepted(void **state)
+{
+    (void)state;
+    spec cases[] = {
+        {.spacing = 1e-6}, {.spacing = 100}, {.density = 1e9}, {.density = 1e-3}, {.has_control = true}};
+    cases[4].control.min_count = 4;
+    cases[4].control.max_sigma = 1e-6;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        spec *s = &cases[k];
+        size_t count = 0;
+        error e = {0};
+        assert_false(plan_count(s, AREA, 0, &count, &e));
+        const bool smallest = s->spacing > 0 ? k == 0 : k == 3 || k == 4;
+        const double value = number_after(e.message, smallest ? "set it to at least " : "set it to at most ");
+        *(s->spacing > 0 ? &s->spacing : s->density > 0 ? &s->density : &s->control.max_sigma) = value;
+        count = count_of(s);
+        if (!(count < 6 || (double)count > 0.98 * PLAN_COUNT_MAX))
+            fail_msg("%zu points: %s", count, e.message);
+    }
+}
+
 static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
 {
     (void)state;
@@ -61,9 +92,22 @@ static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
     assert_true(plan_bytes_per_particle(&plain, true) > each);
     assert_true(plan_particle_memory(&plain, 1000, 300) == 700);
     assert_true(plan_particle_memory(&pictures, 0, 0) < 0);
-    assert_true(plan_check_memory(&plain, false, 100, 100 * each, &e));
-    assert_false(plan_check_memory(&plain, false, 101, 100 * each, &e));
+    assert_true(plan_check_memory(&plain, false, 100, 100 * each, 200 * each, &e));
+    assert_false(plan_check_memory(&plain, false, 101, 100 * each, 200 * each, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+}
+
+static void the_limit_that_a_message_recommends_is_sufficient(void **state)
+{
+    (void)state;
+    error e = {0};
+    const spec plain = {0};
+    const double mib = 1 << 20, limit = 64 * mib, used = 20 * mib;
+    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    assert_non_null(strstr(e.message, "the surface and the preview leave 44 of 64 MiB"));
+    const double enough = mib * number_after(e.message, "set it to at least ");
+    assert_true(plan_check_memory(&plain, false, 1e6, enough - used, enough, &e));
+    assert_false(plan_check_memory(&plain, false, 1e6, enough - mib - used, enough - mib, &e));
 }
 
 static void mending_is_planned(void **state)
@@ -105,6 +149,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(targets_come_to_a_count),
         cmocka_unit_test(a_count_out_of_range_names_its_target),
+        cmocka_unit_test(a_count_out_of_range_recommends_a_value_that_is_accepted),
+        cmocka_unit_test(the_limit_that_a_message_recommends_is_sufficient),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
         cmocka_unit_test(mending_is_planned),
         cmocka_unit_test(patches_are_mended),

@@ -246,11 +246,12 @@ static void bands_that_do_not_hold_the_surface(void **state)
     vdb_draft d = fixture_draft(&thin);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED,
-           WORDS("narrow band is clamped at 0.08", "0.8 voxels", "half-width"));
+           WORDS("clamped at 0.08 (0.8 voxels)", "half-width of at least 3 voxels"));
     close(fd);
     d = fixture_draft(&cut);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
-    expect(fd, NULL, 0.25, ERROR_INPUT_UNSUPPORTED, WORDS("narrow band", "0.25"));
+    expect(fd, NULL, 0.25, ERROR_INPUT_UNSUPPORTED,
+           WORDS("narrow band", "0.25", "half-width of at least 6 voxels"));
     close(fd);
     /* Cut open, inactive, at a voxel beside the surface; and the same voxel active but at the clamp. */
     fixture_set(&cut, 6, 0, 0, 0.3f, false);
