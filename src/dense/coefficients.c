@@ -73,9 +73,11 @@ double *coefficients_read(int fd, const char *path, const int dims[3], size_t me
     double *numbers = NULL;
     if (!find_width(fd, count, dims, &width, e)) goto fail;
     if (count > memory_limit / sizeof *numbers) {
-        error_set(e, ERROR_LIMIT_MEMORY,
-                  "the file requires %zu MiB, and %zu MiB of the limit are left: raise limits.memory_mb",
-                  (count * sizeof *numbers >> 20) + 1, memory_limit >> 20);
+        error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the file requires %zu MiB, and %zu MiB of the limit are left: raise limits.memory_mb by at least %zu",
+            (count * sizeof *numbers >> 20) + 1, memory_limit >> 20,
+            (count * sizeof *numbers >> 20) + 1 - (memory_limit >> 20));
         goto fail;
     }
     numbers = mem_array(count, sizeof *numbers, "the coefficients", e);

@@ -333,8 +333,9 @@ static bool check_size(tiff_file *f)
     if (answered > (double)f->memory)
         return refuse(f, ERROR_LIMIT_MEMORY,
                       "a page of %u x %u pixels requires %.0f MiB, and %zu MiB of the limit are left: raise "
-                      "limits.memory_mb",
-                      f->layout.width, f->layout.height, ceil(answered / (1 << 20)), f->memory >> 20);
+                      "limits.memory_mb by at least %.0f",
+                      f->layout.width, f->layout.height, ceil(answered / (1 << 20)), f->memory >> 20,
+                      ceil((answered - (double)f->memory) / (1 << 20)));
     if (f->layout.compression == COMPRESSION_NONE &&
         bytes > (f->bytes - (int64_t)(f->is_contiguous ? f->first_byte : 0)) / (f->is_contiguous ? pages : 1))
         return refuse(f, ERROR_INPUT_DAMAGED,
@@ -439,9 +440,10 @@ static unsigned char *make_room(tiff_file *f, tmsize_t size)
     if (!room && size <= 0)
         damaged(f, "the size of a strip or tile is invalid");
     else if (!room)
-        refuse(f, ERROR_LIMIT_MEMORY,
-               "a strip or tile requires %lld MiB, and %zu MiB of the limit are left: raise limits.memory_mb",
-               (long long)(size >> 20) + 1, f->memory >> 20);
+        refuse(
+            f, ERROR_LIMIT_MEMORY,
+            "a strip or tile requires %lld MiB, and %zu MiB of the limit are left: raise limits.memory_mb by at least %lld",
+            (long long)(size >> 20) + 1, f->memory >> 20, ((long long)(size - (int64_t)f->memory) >> 20) + 1);
     return room;
 }
 

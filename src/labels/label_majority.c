@@ -308,8 +308,8 @@ static bool check_memory(size_t needed, size_t memory_limit, error *e)
     return needed <= memory_limit ||
            error_set(e, ERROR_LIMIT_MEMORY,
                      "/surface/labels/majority requires %zu MiB, and %zu MiB of the limit are left: raise "
-                     "limits.memory_mb",
-                     (needed >> 20) + 1, memory_limit >> 20);
+                     "limits.memory_mb by at least %zu",
+                     (needed >> 20) + 1, memory_limit >> 20, ((needed - memory_limit) >> 20) + 1);
 }
 
 /* Finds weights with which each label wins as many of the contested voxels as it has now, which preserves its volume. */

@@ -212,8 +212,9 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
     if (needed > (double)memory_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "its %.0f voxels require %.0f MiB, and %zu MiB of the limit are left: raise "
-                         "limits.memory_mb",
-                         voxels, ceil(needed / (1 << 20)), memory_limit >> 20);
+                         "limits.memory_mb by at least %.0f",
+                         voxels, ceil(needed / (1 << 20)), memory_limit >> 20,
+                         ceil((needed - (double)memory_limit) / (1 << 20)));
     v->at = mem_array((size_t)voxels, sizeof *v->at, what, e);
     if (v->at && around)
         memset(v->at, 0xff, (size_t)voxels * sizeof *v->at); /* LABEL_VOLUME_MOST: beyond the end */

@@ -86,8 +86,9 @@ static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
     if (needed <= limit) return true;
     return error_set(e, ERROR_LIMIT_MEMORY,
                      "its %llu triangles require %zu MiB, and %zu MiB of the limit are left: raise "
-                     "limits.memory_mb",
-                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
+                     "limits.memory_mb by at least %zu",
+                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20,
+                     ((needed - limit) >> 20) + 1);
 }
 
 static bool is_usable(vec3 v)

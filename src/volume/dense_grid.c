@@ -46,9 +46,10 @@ static bool begin(work *w, size_t memory_limit, error *e)
     if (needed > (double)memory_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "its %lld x %lld x %lld samples require %.0f MiB for one slice and the table of "
-                         "blocks, and %zu MiB of the limit are left: raise limits.memory_mb",
+                         "blocks, and %zu MiB of the limit are left: raise limits.memory_mb by at least %.0f",
                          (long long)w->size[0], (long long)w->size[1], (long long)w->size[2],
-                         ceil(needed / (1 << 20)), memory_limit >> 20);
+                         ceil(needed / (1 << 20)), memory_limit >> 20,
+                         ceil((needed - (double)memory_limit) / (1 << 20)));
     size_t row = (size_t)(w->stride * w->size[1]);
     w->values = mem_array((size_t)slice, sizeof(double), "a slice of the volume", e);
     w->inside[0] = mem_array(row, 1, "a slice of the volume", e);
@@ -153,8 +154,8 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
     if (needed > memory_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the volume requires %zu MiB for the %zu blocks around its surface, and %zu MiB of "
-                         "the limit are left: raise limits.memory_mb",
-                         (needed >> 20) + 1, count, memory_limit >> 20);
+                         "the limit are left: raise limits.memory_mb by at least %zu",
+                         (needed >> 20) + 1, count, memory_limit >> 20, ((needed - memory_limit) >> 20) + 1);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);
     g->grid_class = VDB_FOG;
     g->zero = w->isovalue;

@@ -328,9 +328,9 @@ static bool plan(loading *l, volume *v, error *e)
     if (peak <= limit) return true;
     return error_set(e, ERROR_LIMIT_MEMORY,
                      "%s requires %zu MiB for the %u blocks around its surface (%llu cells), and %zu MiB "
-                     "of the limit are left: raise limits.memory_mb",
+                     "of the limit are left: raise limits.memory_mb by at least %zu",
                      l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells,
-                     limit >> 20);
+                     limit >> 20, ((peak - limit) >> 20) + 1);
 }
 
 /* Smoothing moves the surface: finds the crossings of the spline, near those of the samples. */
