@@ -40,7 +40,7 @@ export async function send(method, path, {body, headers, signal} = {}) {
     response = await fetch(urlOf(path), {method, body, headers, signal, credentials: "same-origin"});
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Problem(0, {detail: "The service does not answer."});
+    throw new Problem(0, {detail: "hexad does not answer. Try again; if this persists, ask the administrator whether hexad runs."});
   }
   if (response.ok) return response;
   const text = await response.text();

@@ -85,27 +85,27 @@ export function useReport(job, frame) {
 
 /** What one can do when a job has failed for a reason that is not in its spec or its files. */
 const REMEDIES = {
-  limit_memory: "Submit a changed copy with fewer points, or with more memory under limits.",
-  limit_time: "Submit a changed copy with fewer points, or with more time under limits.",
+  limit_memory: "Submit a changed copy with more memory under limits, or with fewer points.",
+  limit_time: "Submit a changed copy with more time under limits, or with fewer points.",
   limit_file: "Submit a changed copy with fewer points or files; file_mb in the settings bounds each file.",
-  stalled: "Retry runs it again; its log says where it stood.",
-  dependency_failed: "Retry the job that it depends on first.",
-  storage_full: "Retry it once the disk has room.",
-  storage_failed: "Retry it once the disk works.",
-  interrupted: "Find out why the daemon or its host ended repeatedly, then retry it.",
-  internal: "Retry runs it again; its log may say more.",
+  stalled: "The last lines of the log show where the worker stalled. Retry runs the job again.",
+  dependency_failed: "First retry the job or the frame that the message names.",
+  storage_full: "Retry the job when the disk has free space.",
+  storage_failed: "Retry the job when the administrator has repaired the disk.",
+  interrupted: "Ask the administrator why hexad or the machine of the worker stopped, then retry the job.",
+  internal: "The log of the job may show the cause. Retry runs the job again.",
 };
 
 /** What the state means and what one can do, in sentences. */
 function explain(job, report) {
-  if (job.error) return [REMEDIES[job.error.code] || "Submit a changed copy: with this spec it ends the same again."];
+  if (job.error) return [REMEDIES[job.error.code] || "Submit a changed copy: with the same spec, the job ends in the same way."];
   const reasons = report && report.outcome_reasons || [];
   if (reasons.length) return reasons.map(reason => reason.message);
   switch (job.state) {
-    case "queued": return [job.paused ? "It is paused: resume it to have it run." : "It starts as soon as there is room."];
-    case "blocked": return ["It starts when the jobs that it depends on have ended."];
+    case "queued": return [job.paused ? "The job is paused: resume it." : "The job starts as soon as there is room."];
+    case "blocked": return ["The job starts when the jobs that it depends on have ended."];
     case "succeeded": return job.outcome === "converged" ? ["The solve has converged, and the points represent the surface."] : [];
-    case "cancelled": return ["A user cancelled it. Retry runs it again."];
+    case "cancelled": return ["A user cancelled the job. Retry runs it again."];
     default: return [];
   }
 }

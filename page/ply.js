@@ -69,7 +69,7 @@ export async function loadPoints(path, most, {signal, onStart, onMore}) {
     if (!points) {
       const header = parseHeader(rest);
       if (!header) {
-        if (rest.length > HEADER_MOST) throw new Error("The file has no PLY header.");
+        if (rest.length > HEADER_MOST) throw new Error("points.ply has no PLY header.");
         continue;
       }
       const vertex = header.elements[0];
@@ -99,7 +99,7 @@ export async function loadPoints(path, most, {signal, onStart, onMore}) {
     rest = rest.subarray(whole * stride);
     onMore(points);
   }
-  if (!points || read < points.total) throw new Error("The file ended too early.");
+  if (!points || read < points.total) throw new Error("points.ply ended too early: reload the page.");
   return points;
 }
 

@@ -119,11 +119,11 @@ function Load({load, workers, checks, admin, now, onChange}) {
   if (!load) return null;
   const draining = checks.jobs === "draining", held = checks.queue === "held";
   const warnings = [
-    draining && "It takes no jobs and starts none: an administrator drains it.",
-    held && "Jobs wait: an administrator holds the queue.",
-    checks.storage === "full" && "The disk is full: no job is started.",
-    checks.results === "full" && "The results of all jobs have reached a limit: no job is started. Delete results, or raise the limit.",
-    checks.database === "damaged" && "The database is damaged: nothing is changed any more.",
+    draining && "hexad accepts and starts no jobs: an administrator drains it. Running jobs continue. Submit new jobs later.",
+    held && "hexad accepts jobs and starts none: an administrator holds the queue. Running jobs continue.",
+    checks.storage === "full" && "The disk of hexad is full: no job starts. Delete jobs that are not needed.",
+    checks.results === "full" && "The results of all jobs have reached a limit: no job starts. Download results, so that hexad may delete them.",
+    checks.database === "damaged" && "The database is damaged: no job is accepted, started or changed. Ask the administrator to restore it.",
   ].filter(Boolean);
   return html`<section class="load card" aria-label="Load">
     <${Meter} word="Attempts" used=${load.attempts} limit=${load.attempts_limit} />

@@ -165,17 +165,18 @@ static bool explain_refusal(const client *c, error *e)
     name_self(name);
     bool found = stat(c->server + strlen(UNIX), &info) == 0;
     if (found && strcmp(c->server, SYSTEM_SOCKET) == 0)
-        return error_set(e, ERROR_INTERNAL, "%s: the user %s may not connect: run `hexad --allow %s` as root",
-                         c->server, name, name);
+        return error_set(e, ERROR_INTERNAL,
+                         "%s: the user \"%s\" may not connect: run `hexad --allow %s` as root", c->server,
+                         name, name);
     if (found)
         return error_set(
             e, ERROR_INTERNAL,
-            "%s: the user %s may not connect: run `hexad --config FILE --allow %s` as root, with the settings file"
+            "%s: the user \"%s\" may not connect: run `hexad --config FILE --allow %s` as root, with the settings file"
             " of this service, or restart it with %s in its option --unix_users",
             c->server, name, name, name);
     return error_set(
         e, ERROR_INTERNAL,
-        "%s: the user %s cannot enter the directory of this socket: ask its administrator to set listen and"
+        "%s: the user \"%s\" cannot enter the directory of this socket: ask its administrator to set listen and"
         " unix_users of hexad",
         c->server, name);
 }

@@ -50,11 +50,13 @@ int print_refused_spec(const client_reply *reply, const char *file)
     const char *token = getenv("HEXAD_TOKEN");
     bool has_token = token && *token;
     if (reply->status == 401 && (has_token || !reply->local)) { /* a Unix socket's answer says what to do */
-        print_failure("%s: run \"hexadctl token add USER\" on the machine of the server (with --file FILE "
-                      "if its setting token_file or state_dir is not the default) and set HEXAD_TOKEN to "
-                      "the token",
-                      has_token ? "the token in HEXAD_TOKEN is unknown or revoked"
-                                : "the server requires a token and HEXAD_TOKEN is not set");
+        print_failure(
+            "%s: set HEXAD_TOKEN to a%s token, which the administrator creates on the machine of the server "
+            "with \"hexadctl token add USER\" (and --file FILE if the setting token_file or state_dir is not "
+            "the default)",
+            has_token ? "the token in HEXAD_TOKEN is unknown or revoked"
+                      : "the server requires a token and HEXAD_TOKEN is not set",
+            has_token ? " new" : "");
         return COMMAND_USAGE;
     }
     fputs("hexadctl: ", stderr);

@@ -236,7 +236,7 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     if (code == COMMAND_OK && options->json) print_document(document);
     if (code == COMMAND_OK && known && !options->json) print_estimate(root);
     if (code == COMMAND_OK && !known)
-        code = print_failure("%s is valid; it was not estimated: %s", name_of(argument),
+        code = print_failure("%s is valid, and the job was not estimated: %s", name_of(argument),
                              json_string(json_member(&root, "estimate_missing"), "the answer has no reason"));
     json_free(document);
     return code;

@@ -49,7 +49,7 @@ class RemoteJob(Job):
         while not self.has_ended:
             left = step if end is None else min(step, end - time.monotonic())
             if left < 0:
-                raise WaitTimeout(f"job {self.id} is still {self.state} after {timeout} s")
+                raise WaitTimeout(f"the wait for job {self.id} ended after {timeout} s; the job is {self.state} and goes on: wait again")
             self.document = self.transport.get(self.path, headers={"Prefer": f"wait={max(1, round(left))}"})
         if check:
             self.check()
@@ -209,7 +209,7 @@ class Client(Service):
     def estimate(self, spec: AnySpec) -> dict[str, Any]:
         answer = self.validate(spec)
         if answer["estimate"] is None:
-            raise HexadError(f"it was not estimated: {answer['estimate_missing']}")
+            raise HexadError(f"the spec is valid, and the job was not estimated: {answer['estimate_missing']}")
         estimate: dict[str, Any] = answer["estimate"]
         return estimate
 

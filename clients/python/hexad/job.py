@@ -148,7 +148,7 @@ class Job(ABC):
             where.mkdir(parents=True, exist_ok=True)
             for result in self.results(each):
                 if result.name.startswith(".") or "/" in result.name or "\\" in result.name:
-                    raise HexadError(f"the name of a result is none of a file: {result.name!r}")
+                    raise HexadError(f"job {self.id} has a result whose name contains a path, {result.name!r}: report this as a fault")
                 self.fetch_file(result, where / result.name)
                 paths.append(where / result.name)
         return paths
@@ -159,7 +159,7 @@ class Job(ABC):
                 path = pathlib.Path(directory) / "file"
                 self.fetch_file(result, path)
                 return path
-        raise HexadError(f"job {self.id} has no {name}")
+        raise HexadError(f"job {self.id} has no result {name}: results() lists its files")
 
     def read(self, name: str, frame: int | None = None) -> bytes:
         """The bytes of one file of a result."""

@@ -164,7 +164,7 @@ class LocalJob(Job):
     def wait(self, timeout: float | None = None, check: bool = True) -> LocalJob:
         with self.changed:
             if not self.changed.wait_for(lambda: self.has_ended, timeout):
-                raise WaitTimeout(f"job {self.id} is still {self.state} after {timeout} s")
+                raise WaitTimeout(f"the wait for job {self.id} ended after {timeout} s; the job is {self.state} and goes on: wait again")
         if check:
             self.check()
         return self
@@ -225,7 +225,7 @@ class Local(Service):
                  input_roots: Sequence[PathLike] = (), workers: int = 1) -> None:
         found = worker or os.environ.get("HEXAD_WORKER") or shutil.which("hexad-worker")
         if not found:
-            raise HexadError("there is no hexad-worker on the PATH, and HEXAD_WORKER does not name it")
+            raise HexadError("there is no hexad-worker on the PATH: install it, or set HEXAD_WORKER to its path")
         self.worker = os.fspath(found)
         self.temporary = None if directory else tempfile.TemporaryDirectory(prefix="hexad.")
         self.directory = pathlib.Path(directory or (self.temporary.name if self.temporary else "")).absolute()

@@ -72,7 +72,7 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
     """The order of bytes for struct (or `ascii`), and the elements."""
     form, elements = "", []
     if file.readline().strip() != b"ply":
-        raise Damaged("this is not a PLY file")
+        raise Damaged("the first line of the PLY file is not 'ply': fetch the file again")
     for line in file:
         words = line.decode("ascii", "replace").split()
         if words[:1] == ["format"]:
@@ -85,7 +85,7 @@ def read_header(file: BinaryIO) -> tuple[str, list[Element]]:
             elements[-1].properties.append((words[2], TYPES[words[1]], None))
         elif words == ["end_header"]:
             return form, elements
-    raise Damaged("the header of the PLY file has no end")
+    raise Damaged("the header of the PLY file has no end: fetch the file again")
 
 
 def make_column(code: str, values: list[Any]) -> Any:
@@ -98,13 +98,13 @@ def read_records(file: BinaryIO, form: str, element: Element) -> dict[str, Any]:
     if form == "ascii":
         rows = [file.readline().split() for _ in range(element.count)]
         if any(len(row) != len(names) for row in rows):
-            raise Damaged("the PLY file is cut off")
+            raise Damaged("the PLY file ends early: fetch the file again")
         return {name: make_column(code, [float(row[i]) if code in "fd" else int(row[i]) for row in rows])
                 for i, (name, code, _) in enumerate(element.properties)}
     record = struct.Struct(form + "".join(code for _, code, _ in element.properties))
     data = file.read(record.size * element.count)
     if len(data) != record.size * element.count:
-        raise Damaged("the PLY file is cut off")
+        raise Damaged("the PLY file ends early: fetch the file again")
     if numpy:
         table = numpy.frombuffer(data, [(name, form + code) for name, code, _ in element.properties])
         return {name: numpy.ascontiguousarray(table[name]) for name in names}
@@ -117,7 +117,7 @@ def read_list(file: BinaryIO, form: str, length_code: str, code: str) -> list[An
         record = struct.Struct(f"{form}{count}{what}")
         data = file.read(record.size)
         if len(data) != record.size:
-            raise Damaged("the PLY file is cut off")
+            raise Damaged("the PLY file ends early: fetch the file again")
         return record.unpack(data)
 
     if form == "ascii":
@@ -134,7 +134,7 @@ def read_faces(file: BinaryIO, form: str, element: Element) -> Any:
         kind = numpy.dtype([("n", form + length_code), ("corners", form + code, 3)])
         data = file.read(kind.itemsize * element.count)
         if len(data) != kind.itemsize * element.count:
-            raise Damaged("the PLY file is cut off")
+            raise Damaged("the PLY file ends early: fetch the file again")
         table = numpy.frombuffer(data, kind)
         if (table["n"] != 3).any():
             raise Damaged(f"the PLY file has {element.name}s that are not triangles")
