@@ -357,11 +357,13 @@ static void refuse_dependency(const queue_submission *put, size_t index, reply *
 /* Sets the problem results_full: results have reached a bound, and no job may be deleted automatically. */
 static void refuse_results(const char *owner, bool of_user, reply *r)
 {
-    reply_set_problem(r, "results_full", NULL,
-                      "the results of %s have reached their bound (settings %s), and no job may be deleted "
-                      "automatically: fetch results, or delete jobs",
-                      of_user ? owner : "all users",
-                      of_user ? "user_results_mb, user_results_count" : "results_mb, results_count");
+    reply_set_problem(
+        r, "results_full", NULL,
+        "the job is not accepted, because the results of %s have reached their bound (setting %s), and "
+        "none that was fetched is left to delete: fetch results with hexadctl fetch, so that hexad may "
+        "delete them",
+        of_user ? owner : "all users",
+        of_user ? "user_results_mb or user_results_count" : "results_mb or results_count");
     reply_add_header(r, "Retry-After", "30");
 }
 

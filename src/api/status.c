@@ -30,7 +30,8 @@ static void look_at_jobs(const http_context *c, finding *f)
     if (executor_takes_jobs(c->x)) return;
     f->state = "draining";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail, "the service is draining and accepts no jobs");
+    snprintf(f->detail, sizeof f->detail,
+             "the service is draining or stopping and accepts no jobs: run hexadctl undrain to end a drain");
 }
 
 /* A held queue does not prevent the service from accepting jobs. */
@@ -74,9 +75,10 @@ static void look_at_results(const http_context *c, finding *f)
     if (!usage.full) return;
     f->state = "full";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail,
-             "results_full: results have reached a bound (settings results_mb, results_count), "
-             "and no job may be deleted automatically: fetch results, or delete jobs");
+    snprintf(
+        f->detail, sizeof f->detail,
+        "results_full: the results of all users have reached their bound (setting results_mb or results_count), "
+        "and none that was fetched is left to delete: fetch results, so that hexad may delete them");
 }
 
 /* An unwritable output root does not prevent readiness: jobs without output.directory can run. */

@@ -283,13 +283,16 @@ bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e)
 
 const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE])
 {
-    char landlock[32] = "no Landlock";
+    char files[96] =
+        "unrestricted files (this kernel has no Landlock, or its parameter lsm= does not list it)";
     int version = landlock_version();
-    if (version > 0) snprintf(landlock, sizeof landlock, "Landlock version %d", version);
+    if (version > 0) snprintf(files, sizeof files, "restricted files (Landlock version %d)", version);
     if (mode == SANDBOX_OFF)
-        snprintf(text, SANDBOX_TEXT_SIZE, "no sandbox");
+        snprintf(text, SANDBOX_TEXT_SIZE, "off");
     else
-        snprintf(text, SANDBOX_TEXT_SIZE, "no_new_privs, seccomp (%s calls), %s",
-                 has_filters() ? "filtered" : "all", landlock);
+        snprintf(text, SANDBOX_TEXT_SIZE, "no new privileges, %s, %s",
+                 has_filters() ? "filtered system calls (seccomp)"
+                               : "unfiltered system calls (this kernel has no seccomp filters)",
+                 files);
     return text;
 }

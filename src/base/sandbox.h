@@ -49,7 +49,7 @@ bool sandbox_check(sandbox_mode mode, error *e);
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e);
 
 /* Describes, for the log, the effect of sandbox_enter on this kernel; call it before. Returns `text`. */
-enum { SANDBOX_TEXT_SIZE = 96 };
+enum { SANDBOX_TEXT_SIZE = 192 };
 const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE]);
 
 #endif

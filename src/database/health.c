@@ -81,8 +81,8 @@ bool health_allows_changes(health *h, error *e)
                   h->known.damage, HEALTH_WAY_OUT);
     else
         error_set(e, ERROR_DATABASE_DAMAGED,
-                  "the database of the queue is damaged (%s) and is no longer changed: %s", h->known.damage,
-                  HEALTH_WAY_OUT);
+                  "the database of the queue, queue.db, is damaged (%s) and is not changed any more: %s",
+                  h->known.damage, HEALTH_WAY_OUT);
     pthread_mutex_unlock(&h->mutex);
     return false;
 }

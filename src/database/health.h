@@ -14,9 +14,9 @@
 #include "base/error.h"
 
 /* Instruction in messages about damage. */
-#define HEALTH_WAY_OUT                                                                                      \
-    "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt" \
-    " without one; doc/operations.md says how"
+#define HEALTH_WAY_OUT                                                                                          \
+    "stop hexad, and replace queue.db by the last backup; \"A damaged database\" in doc/operations.md has the " \
+    "steps, also without a backup"
 
 typedef struct health_report {
     bool damaged, checking;

@@ -104,7 +104,9 @@ static estimator_verdict decide(const engine_ending *ending, const engine_reques
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
         e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
-    error_set(e, ERROR_INTERNAL, "the worker ended without an answer and without an error");
+    error_set(
+        e, ERROR_INTERNAL,
+        "the worker of the estimate ended without an answer and without an error: report it with the spec");
     return ESTIMATOR_NONE;
 }
 
@@ -122,7 +124,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, double withi
     if (ended)
         verdict = decide(&ending, request, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (%s)", timeout_s,
+        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (%s): raise this limit", timeout_s,
                   asked ? "the limit of the request" : "setting estimate_timeout_s");
     free(ending.last_words);
     store_remove(request->directory, NULL);

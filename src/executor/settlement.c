@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <inttypes.h>
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,8 +35,14 @@ static void set_success(settlement *s, queue_outcome outcome)
     s->outcome = outcome;
 }
 
-/* The task of an attempt that crashed or stalled is tried again while it has attempts left. */
-static void set_crashed(settlement *s, const queue_claimed *c, const error *why)
+/* The last part of the messages of crashed attempts. */
+static const char ADVICE_FAULT[] = ", a fault of hexad: report it with the spec and the log",
+                  ADVICE_STOPPED[] =
+                      ": look for the cause in the logs of the job and of the machine, then retry the job";
+
+/* The task of an attempt that crashed or stalled is tried again while it has attempts left. `advice` is for the user when
+ * it has none. */
+static void set_crashed(settlement *s, const queue_claimed *c, const error *why, const char *advice)
 {
     if (c->task.spent < c->job.max_attempts) {
         s->verdict = SETTLEMENT_RETRY_CRASHED;
@@ -43,7 +50,8 @@ static void set_crashed(settlement *s, const queue_claimed *c, const error *why)
         return;
     }
     error e = *why;
-    error_set(&e, why->code, "%s in attempt %d of %d", why->message, c->task.spent, c->job.max_attempts);
+    error_set(&e, why->code, "%s in attempt %d of %d%s", why->message, c->task.spent, c->job.max_attempts,
+              advice);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -94,17 +102,26 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
     if (ending->exit_status == WORKER_EXIT_CANCELLED) {
         /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
         error_set(&said, ERROR_INTERNAL, "another process stopped the worker");
-        set_crashed(s, c, &said);
+        set_crashed(s, c, &said, ADVICE_STOPPED);
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL,
-                  "the worker ended with exit status %d without an error message%s%.200s",
-                  ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
+        error_set(
+            &said, ERROR_INTERNAL,
+            "the worker ended with exit status %d and no error message: report it with the spec and the "
+            "log%s%.200s",
+            ending->exit_status, *ending->last_words ? ", whose last line is: " : "", ending->last_words);
     if (error_is_of_storage(said.code))
         set_storage(s, &said);
     else
         set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
+}
+
+/* Whether a fault of the program causes this signal, and not another process. */
+static bool is_fault(int signal)
+{
+    return signal == SIGSEGV || signal == SIGBUS || signal == SIGILL || signal == SIGFPE ||
+           signal == SIGABRT || signal == SIGSYS;
 }
 
 static void decide_signal(const queue_claimed *c, const engine_ending *ending, settlement *s)
@@ -122,7 +139,7 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
     const char *name = sigabbrev_np(ending->signal);
     error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
               name ? name : "?");
-    set_crashed(s, c, &e);
+    set_crashed(s, c, &e, is_fault(ending->signal) ? ADVICE_FAULT : ADVICE_STOPPED);
 }
 
 static bool is_success(const engine_ending *ending)
@@ -171,7 +188,7 @@ static void decide_loss(const queue_claimed *c, const engine_ending *ending, set
         return;
     case ENGINE_CRASHED:
         error_set(&e, ERROR_INTERNAL, "%s", ending->why);
-        set_crashed(s, c, &e);
+        set_crashed(s, c, &e, ADVICE_STOPPED);
         return;
     case ENGINE_OUT_OF_TIME:
         error_set(&e, ERROR_LIMIT_TIME, "%s", ending->why);
@@ -202,7 +219,8 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
         error_set(&e, ERROR_STALLED, "the worker reported no progress for %g s (limits.stall_s)", limit_s);
-        set_crashed(s, c, &e);
+        set_crashed(s, c, &e,
+                    ": raise limits.stall_s; if the job stalls again, report it with the spec and the log");
         return;
     case SETTLEMENT_DRAINED:
     case SETTLEMENT_PAUSED:
@@ -304,8 +322,8 @@ static void bound_interruptions(const settlement_place *place, const queue_claim
         times <= place->max_interruptions)
         return;
     error_set(&e, ERROR_INTERRUPTED,
-              "the daemon or the host of the worker ended %d times while the job ran, and "
-              "max_interruptions allows %d: find the cause, then retry the job",
+              "hexad or the machine of the worker stopped %d times while the job ran, and the setting "
+              "max_interruptions allows %d: look for the cause in the log of hexad, then retry the job",
               times, place->max_interruptions);
     set_end(s, QUEUE_FAILED, &e);
 }

@@ -298,7 +298,8 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
     char message[128];
     if (!j->ordered || s->back || x->state == QUEUE_SUCCEEDED) return true;
     if (x->error_code && strcmp(x->error_code, error_code_name(ERROR_NO_SURFACE)) == 0) return true;
-    snprintf(message, sizeof message, "this frame starts with the points of frame %d, which is %s", frame,
+    snprintf(message, sizeof message,
+             "this frame starts with the points of frame %d, which is %s: retry the job", frame,
              queue_state_name(x->state));
     return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
                                  e);

@@ -212,8 +212,8 @@ bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue
                               error *e)
 {
     char message[128];
-    snprintf(message, sizeof message, "this job depends on the job %s, which is %s", need,
-             queue_state_name(how));
+    snprintf(message, sizeof message, "this job depends on the job %s, which is %s: retry that job first",
+             need, queue_state_name(how));
     return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
                                  e);
 }

@@ -103,8 +103,7 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
     free(owner);
     return mine || error_set(e, ERROR_OUTPUT_TAKEN,
                              "%s: the " WORKER_REPORT_NAME
-                             " there was delivered for another user: choose another directory (setting "
-                             "share_outputs)",
+                             " there was delivered for another user: choose another directory",
                              path);
 }
 

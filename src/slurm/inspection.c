@@ -261,8 +261,11 @@ static void follow_cancel(view *v)
 
 static void avoid_host(slurm *s, const char *host)
 {
-    log_write(LOG_LEVEL_WARNING, "slurm: the node %s could not run an attempt and is excluded for %d minutes",
-              host, AVOID_MS / 60000);
+    log_write(
+        LOG_LEVEL_WARNING,
+        "slurm: an attempt failed on the node %s before its worker started, and the node is excluded for %d minutes:"
+        " check that hexad-node and work_dir are available there",
+        host, AVOID_MS / 60000);
     pthread_mutex_lock(&s->mutex);
     slurm_avoided *next = &s->avoided[s->avoided_next++ % AVOIDED_MOST];
     snprintf(next->host, sizeof next->host, "%s", host);

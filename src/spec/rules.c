@@ -125,7 +125,8 @@ static void check_feature(reading *r, const json_at *at)
     if (resolve.node && !s->resolve)
         reading_add_fault(r, &resolve, "must be true: for another target, remove this member");
     if (s->resolve && !s->has_feature)
-        reading_add_fault(r, &resolve, "requires feature: give \"feature\": {}");
+        reading_add_fault(r, &resolve,
+                          "requires feature: add \"feature\": {} to /sampling, which has defaults");
     if (s->resolve && curvature.node)
         reading_add_fault(r, &curvature, "excludes resolve: give a count or another target");
     if ((s->has_feature || s->curve_spacing > 0) && alpha.node)
@@ -391,8 +392,8 @@ void rules_check_coherent(reading *r, const json_at *at)
     if (s->method != SPEC_METHOD_SIZED)
         reading_add_fault(
             r, &coherent,
-            "requires the method \"sized\", which excludes sampling.alpha: use sampling.curvature "
-            "or grid");
+            s->has_alpha ? "excludes /sampling/alpha: replace alpha by /sampling/curvature or /sampling/grid"
+                         : "requires /solver/method \"sized\": remove /solver/method, whose default it is");
     if (s->features)
         reading_add_fault(
             r, &coherent,

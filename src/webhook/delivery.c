@@ -286,8 +286,11 @@ static bool deliver(caller *r)
     if (taken)
         log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%s", d->id, d->event);
     else if (last)
-        log_write(LOG_LEVEL_WARNING, "webhook given up job=%s event=%s try=%d: %s", d->id, d->event,
-                  d->tries + 1, why.message);
+        log_write(
+            LOG_LEVEL_WARNING,
+            "webhook given up job=%s event=%s try=%d: %s; this event is not sent again: repair the receiver, and "
+            "see the job with hexadctl show",
+            d->id, d->event, d->tries + 1, why.message);
     else
         log_write(LOG_LEVEL_WARNING, "webhook not delivered job=%s event=%s try=%d next_s=%g: %s", d->id,
                   d->event, d->tries + 1, clock_seconds(wait), why.message);

@@ -84,7 +84,7 @@ def refusal(service):
 
 
 def says_the_way_out(line):
-    return "queue.db" in line and "damaged" in line and "hexad --backup" in line and "--adopt" in line
+    return "queue.db" in line and "damaged" in line and "last backup" in line and "doc/operations.md" in line
 
 
 def readiness(service):
@@ -96,7 +96,7 @@ def await_damage(service):
     reply = wait_until(lambda: (r := readiness(service)).status == 503 and r, "word of the damage")
     assert reply.headers["Content-Type"] == "application/problem+json"
     problem = reply.json
-    assert problem["code"] == "database_damaged" and "hexad --backup" in problem["detail"]
+    assert problem["code"] == "database_damaged" and "last backup" in problem["detail"]
     assert problem["checks"]["database"] == "damaged"
     return problem
 
@@ -112,7 +112,7 @@ def check_refuses(service, job):
                                ("DELETE", f"/v1/jobs/{job}", None)):
         reply = service.post(path, body) if method == "POST" else service.request(method, path)
         assert reply.status == 503, (method, path, reply.body)
-        assert reply.json["code"] == "database_damaged" and "hexad --backup" in reply.json["detail"]
+        assert reply.json["code"] == "database_damaged" and "last backup" in reply.json["detail"]
     assert figure(service, "hexad_database_damaged") == 1
     assert service.get("/healthz").status == 200
     assert sum("the database is damaged" in line for line in service.log.read_text().splitlines()) == 1

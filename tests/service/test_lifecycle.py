@@ -167,7 +167,7 @@ def test_too_many_deaths_of_the_daemon_end_a_job(new_service, tmp_path):
         service.start()
     done = service.wait_state(job, "failed")
     assert done["error"]["code"] == "interrupted"
-    assert "ended 2 times" in done["error"]["message"] and "max_interruptions" in done["error"]["message"]
+    assert "stopped 2 times" in done["error"]["message"] and "max_interruptions" in done["error"]["message"]
     assert service.post(f"/v1/jobs/{job}/retry").status == 200
     service.wait_worker(job)
     service.end(signal.SIGKILL)

@@ -62,7 +62,7 @@ def test_the_same_bytes(worker, tmp_path, inputs, kind):
     for mode in ("off", "available"):
         done = worker(spec_of(surface(inputs, kind)), "--input-root", inputs, "--sandbox", mode, output=mode)
         assert done.returncode in (0, 10, 11), done.stderr
-        assert ("sandbox: no_new_privs, seccomp (filtered calls)" in done.stderr) == (mode == "available")
+        assert ("sandbox: no new privileges, filtered system calls (seccomp)" in done.stderr) == (mode == "available")
     for name in ("points.ply", "preview.png", "preview.exr"):
         assert (tmp_path / "off" / name).read_bytes() == (tmp_path / "available" / name).read_bytes()
 
@@ -91,12 +91,12 @@ def test_modes_that_are_none(worker):
 @pytest.mark.parametrize("kind", ["mesh", *(pytest.param(kind, marks=pytest.mark.extended) for kind in ("vdb", "exr"))])
 def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
     service = new_service("--input_roots", inputs).start()
-    assert "worker sandbox: no_new_privs, seccomp (filtered calls)" in service.log.read_text()
+    assert "worker sandbox: no new privileges, filtered system calls (seccomp)" in service.log.read_text()
     job = service.submit(spec_of(surface(inputs, kind)))
     service.wait_state(job, "succeeded")
     log = (service.state / "attempts" / f"{job}.1" / "worker.log")
     log = log if log.exists() else service.state / "results" / job / "worker.log"
-    assert "sandbox: no_new_privs, seccomp (filtered calls)" in log.read_text()
+    assert "sandbox: no new privileges, filtered system calls (seccomp)" in log.read_text()
 
 
 def test_a_file_longer_than_allowed_ends_the_job(new_service):

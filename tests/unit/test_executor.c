@@ -626,6 +626,26 @@ static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
     assert_int_equal(s.state, QUEUE_CANCELLED);
 }
 
+/* A signal that a fault of the program causes is to be reported; for one that another process sent, logs name the cause. */
+static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
+{
+    (void)state;
+    queue_claimed claimed = {.job = {.memory_mb = 77, .max_attempts = 3}, .task = {.spent = 3}};
+    engine_ending ending = {.exit_status = -1, .signal = SIGSEGV};
+    settlement s;
+    settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
+    assert_string_equal(
+        s.message,
+        "the worker was killed by signal 11 (SIGSEGV) in attempt 3 of 3, a fault of hexad: report it "
+        "with the spec and the log");
+    ending.signal = SIGKILL;
+    settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
+    assert_non_null(strstr(s.message, "look for the cause in the logs of the job and of the machine"));
+    settlement_decide(&claimed, SETTLEMENT_STALLED, 600, &ending, "/", &s);
+    assert_non_null(
+        strstr(s.message, "no progress for 600 s (limits.stall_s) in attempt 3 of 3: raise limits.stall_s"));
+}
+
 static void test_a_crashed_job_holds_nobody_up(void **state)
 {
     place *p = *state;
@@ -900,6 +920,7 @@ int main(void)
         CASE(test_a_host_that_shrank),
         CASE(test_free_space_is_that_of_the_state_directory_too),
         cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
+        cmocka_unit_test(test_a_crash_in_the_last_attempt_says_what_to_do),
         CASE(test_a_crashed_job_holds_nobody_up),
         CASE(test_waits_double),
         CASE(test_a_clock_that_is_set_back_delays_no_retry),

@@ -172,7 +172,7 @@ static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
     e = (error){0};
     assert_false(queue_put(p->q, &plain, &receipt, &e));
     assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
-    assert_non_null(strstr(e.message, "hexad --backup"));
+    assert_non_null(strstr(e.message, "replace queue.db by the last backup"));
     bool found;
     queue_claimed claimed;
     assert_false(queue_claim(p->q, &wide, &claimed, &found, NULL));

@@ -853,7 +853,8 @@ static void test_faults(void **state)
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
                  "8193");
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
-    expect_fault("{\"sampling\":{\"resolve\":true}}", invalid, "/sampling/resolve", "give \"feature\": {}");
+    expect_fault("{\"sampling\":{\"resolve\":true}}", invalid, "/sampling/resolve",
+                 "add \"feature\": {} to /sampling");
     expect_fault("{\"sampling\":{\"resolve\":false,\"feature\":{}}}", invalid, "/sampling/resolve",
                  "must be true");
     expect_fault("{\"sampling\":{\"resolve\":true,\"feature\":{},\"curvature\":{\"ratio\":2}}}", invalid,
@@ -911,9 +912,10 @@ static void test_coherent_sequences(void **state)
     (void)state;
     static const char start[] = "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"queue\":"
                                 "{\"frames\":\"1-3\",\"coherent\":true},\"sampling\":";
-    static const char *const wrong[][2] = {{"{\"time_s\":9}}", "sampling.time_s"},
-                                           {"{\"count\":9},\"solver\":{\"method\":\"paper\"}}", "\"sized\""},
-                                           {"{\"count\":9,\"alpha\":{\"d\":1}}}", "\"sized\""}};
+    static const char *const wrong[][2] = {
+        {"{\"time_s\":9}}", "sampling.time_s"},
+        {"{\"count\":9},\"solver\":{\"method\":\"paper\"}}", "\"sized\""},
+        {"{\"count\":9,\"alpha\":{\"d\":1}}}", "excludes /sampling/alpha: replace alpha by "}};
     error e = {0};
     char *text = mem_printf("%s{\"count\":9}}", start);
     json *document = json_parse(text, strlen(text), NULL);
