@@ -93,7 +93,9 @@ static bool choose_frame(const http_context *c, const http_request *request, con
     }
     *state = task.state;
     queue_task_clear(&task);
-    if (!found) reply_set_problem(r, "not_found", NULL, "the job %s has no frame %s", job->id, given);
+    if (!found)
+        reply_set_problem(r, "not_found", NULL, "the job %s has no frame %s: choose one of its queue.frames",
+                          job->id, given);
     return found;
 }
 

@@ -97,7 +97,8 @@ static bool choose_attempt(const http_context *c, const http_request *request, c
     if (*frame != QUEUE_NO_FRAME) {
         if (!queue_get_frame(c->q, job->id, *frame, &task, &found, &e)) goto failed;
         if (!found) {
-            reply_set_problem(r, "not_found", NULL, "the job %s has no frame %d", job->id, *frame);
+            reply_set_problem(r, "not_found", NULL,
+                              "the job %s has no frame %d: choose one of its queue.frames", job->id, *frame);
             return false;
         }
     } else {

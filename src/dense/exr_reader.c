@@ -220,7 +220,7 @@ static bool open_image(image *m)
     if (!open_file(m) || !choose(m)) return false;
     if (exr_get_storage(m->file, m->part_index, &m->storage) != EXR_ERR_SUCCESS ||
         exr_get_data_window(m->file, m->part_index, &m->window) != EXR_ERR_SUCCESS)
-        return damaged(m, "its header is damaged");
+        return damaged(m, "the header of the file is damaged: save it again");
     if (m->storage != EXR_STORAGE_SCANLINE && m->storage != EXR_STORAGE_TILED) {
         error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
                   "part \"%.200s\" is deep (several samples per pixel): flatten it to one value per pixel",
@@ -315,7 +315,7 @@ static bool decode_rows(image *m)
     int32_t rows = 0;
     char where[80];
     if (exr_get_scanlines_per_chunk(m->file, m->part_index, &rows) != EXR_ERR_SUCCESS || rows < 1)
-        return damaged(m, "its header is damaged");
+        return damaged(m, "the header of the file is damaged: save it again");
     for (int64_t y = 0; y < height_of(m); y += rows) {
         exr_chunk_info_t chunk;
         snprintf(where, sizeof where, "its rows from %lld on are missing or damaged",
@@ -334,7 +334,7 @@ static bool decode_tiles(image *m)
     char where[80];
     if (exr_get_tile_sizes(m->file, m->part_index, 0, 0, &wide, &high) != EXR_ERR_SUCCESS || wide < 1 ||
         high < 1)
-        return damaged(m, "its header is damaged");
+        return damaged(m, "the header of the file is damaged: save it again");
     for (int64_t y = 0; y * high < height_of(m); y++)
         for (int64_t x = 0; x * wide < width_of(m); x++) {
             exr_chunk_info_t chunk;

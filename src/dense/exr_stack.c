@@ -59,7 +59,8 @@ static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e
                          "the file ended while it was read: check the disk and copy it again");
     if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > most ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     for (char *p = text; *p; p++)
         if ((unsigned char)*p < ' ' && !(list && (*p == '\t' || *p == '\n'))) *p = ' ';
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);

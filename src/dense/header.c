@@ -34,9 +34,10 @@ static bool check_values(const header *h, error *e)
 {
     for (int k = 0; k < 3; k++) {
         if (h->size[k] < 1 || h->size[k] > largest_side)
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "claims %lld samples along axis %d: at most %lld are read",
-                             (long long)h->size[k], k, (long long)largest_side);
+            return error_set(
+                e, ERROR_INPUT_DAMAGED,
+                "claims %lld samples along axis %d, and at most %lld are read: correct its header",
+                (long long)h->size[k], k, (long long)largest_side);
         if (h->size[k] == 1)
             return error_set(
                 e, ERROR_NO_SURFACE,
@@ -44,15 +45,20 @@ static bool check_values(const header *h, error *e)
                 (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
     }
     if (h->size[0] * h->size[1] > most_samples / h->size[2])
-        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld x %lld x %lld samples", (long long)h->size[0],
-                         (long long)h->size[1], (long long)h->size[2]);
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "claims %lld x %lld x %lld samples, and at most %lld are read: correct its header",
+                         (long long)h->size[0], (long long)h->size[1], (long long)h->size[2],
+                         (long long)most_samples);
     if (h->volumes < 0 || h->volumes > most_samples / (h->size[0] * h->size[1] * h->size[2]))
-        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld volumes", (long long)h->volumes);
+        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld volumes: correct its header",
+                         (long long)h->volumes);
     if (h->components < 0 || h->components > 4)
-        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld values at each sample",
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "claims %lld values at each sample, and at most 4 are read: correct its header",
                          (long long)h->components);
     if (h->byte_skip > most_samples || h->byte_skip < -most_samples)
-        return error_set(e, ERROR_INPUT_DAMAGED, "claims that its data begin after %lld bytes",
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "claims that its data begin after %lld bytes: correct its header",
                          (long long)h->byte_skip);
     for (int k = 0; k < 16; k++)
         if (!isfinite(h->index_to_world[k]))
@@ -67,7 +73,8 @@ static bool check_values(const header *h, error *e)
         ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;
     return (ended && h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
-           error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file made its reader return an invalid answer: save it in another format");
 }
 
 static bool check_answer(FILE *stream, header *h, char **text, error *e)
@@ -76,7 +83,8 @@ static bool check_answer(FILE *stream, header *h, char **text, error *e)
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "the file ended while it was read: check the disk and copy it again");
     if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     return check_text(stream, h, text, e) && check_values(h, e);
 }
 

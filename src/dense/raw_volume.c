@@ -310,7 +310,8 @@ static bool place_files(raw_volume *s, error *e)
     for (uint32_t k = 0; k < s->head.file_count; k++) {
         char *end = strchr(name, '\n');
         if (!end)
-            return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the file made its reader return an invalid answer: save it in another format");
         *end = '\0';
         s->names[k] = mem_printf("%.*s%s", *name == '/' ? 0 : folder, s->path, name);
         name = end + 1;

@@ -70,7 +70,8 @@ static bool read_answer(tiff_stack *s, tiff_answer *a, error *e)
     if (a->magic != TIFF_READER_MAGIC || a->code >= ERROR_CODE_COUNT ||
         a->text_length > TIFF_READER_TEXT_MAX ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     for (char *p = text; *p; p++)
         if (*p < ' ' || *p > '~') *p = '?';
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);

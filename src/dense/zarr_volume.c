@@ -76,7 +76,8 @@ static bool read_answer(zarr_volume *v, unsigned char *to, size_t bytes, bool *i
                          "the file ended while it was read: check the disk and copy it again");
     if (a.magic != ZARR_READER_MAGIC || a.code >= ERROR_CODE_COUNT || a.text_length > ZARR_READER_TEXT_MAX ||
         fread(text, 1, a.text_length, v->reader.stream) != a.text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     for (char *p = text; *p; p++)
         if (*p < ' ' || *p > '~') *p = '?';
     *is_whole = a.code != ERROR_NONE || fread(to, 1, bytes, v->reader.stream) == bytes;

@@ -82,7 +82,8 @@ static void decide_success(const char *directory, settlement *s)
         snprintf(s->message, sizeof s->message, "%s", e.message);
         return;
     }
-    error_prefix(&e, "the worker reported success but wrote no valid result");
+    error_prefix(
+        &e, "the worker reported success but wrote no valid result (report this with the spec and the log)");
     e.code = ERROR_INTERNAL;
     set_end(s, QUEUE_FAILED, &e);
 }

@@ -716,7 +716,8 @@ static bool make_patches(mesh_surface *s, error *e)
         s->patches.patch[k] = (field_patch){&p->base, m->one_sided[k], fmax(area, DBL_MIN)};
         all += area;
     }
-    if (!(all > 0)) return error_set(e, ERROR_NO_SURFACE, "the triangles of the mesh have no area");
+    if (!(all > 0))
+        return error_set(e, ERROR_NO_SURFACE, "the triangles of the mesh have no area: repair the mesh");
     return make_tree_of_trees(s, e);
 }
 

@@ -59,7 +59,8 @@ static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READ
     text[0] = 0;
     if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
     text[h->text_length] = 0;
     for (char *p = text; *p; p++) /* it may quote the file */
@@ -133,7 +134,8 @@ static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, fl
     if (!read_all(stream, head, sizeof *head, 1, e)) return false;
     if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
         head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     for (char *p = head->name; *p; p++) /* it is the file's */
         if (*p < ' ' || *p > '~') *p = '?';
     *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
@@ -145,7 +147,8 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
     uint32_t count;
     if (!read_all(stream, &count, sizeof count, 1, e)) return false;
     if (count > MESH_VALUES_MOST)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
     if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
         return error_set(
             e, ERROR_LIMIT_MEMORY,
@@ -191,7 +194,8 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
              (!values || read_values(stream, &m, memory_limit, values, e));
     }
     if (ok && fgetc(stream) != EOF)
-        ok = error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
+        ok = error_set(e, ERROR_INPUT_DAMAGED,
+                       "the file made its reader return more data than announced: save it in another format");
     if (!ok) {
         mesh_free(&m);
         return false;

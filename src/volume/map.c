@@ -23,16 +23,18 @@ static bool check_finite(const vdb_grid *g, error *e)
             bool active = g->leaf_active[leaf * 8 + (size_t)(k >> 6)] >> (k & 63) & 1;
             if (!active || isfinite(g->leaf_values[leaf * VDB_LEAF_VOXELS + (size_t)k])) continue;
             const int32_t *o = g->leaf_origin[leaf];
-            return error_set(e, ERROR_INPUT_DAMAGED, "the voxel (%d, %d, %d) is not finite", o[0] + (k >> 6),
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the voxel (%d, %d, %d) is not finite: replace its value", o[0] + (k >> 6),
                              o[1] + (k >> 3 & 7), o[2] + (k & 7));
         }
     for (size_t k = 0; k < g->tile_count; k++)
         if (g->tiles[k].active && !isfinite(g->tiles[k].value)) {
             const int32_t *o = g->tiles[k].origin;
-            return error_set(e, ERROR_INPUT_DAMAGED, "the tile at (%d, %d, %d) is not finite", o[0], o[1],
-                             o[2]);
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the tile at (%d, %d, %d) is not finite: replace its value", o[0], o[1], o[2]);
         }
-    return isfinite(g->background) || error_set(e, ERROR_INPUT_DAMAGED, "its background is not finite");
+    return isfinite(g->background) ||
+           error_set(e, ERROR_INPUT_DAMAGED, "its background is not finite: replace its value");
 }
 
 static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, char name[VDB_NAME_SIZE],
@@ -43,7 +45,8 @@ static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, cha
     if (!grid_selection_find_in_file(fd, request, &index, &any, name, e)) return NULL;
     vdb_grid *grid = vdb_load_grid(fd, index, (vdb_loading){0}, memory_limit, e);
     if (grid && check_finite(grid, e) && grid->active_voxels > 0) return grid;
-    if (grid && grid->active_voxels == 0) error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel");
+    if (grid && grid->active_voxels == 0)
+        error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel: choose another grid");
     vdb_grid_free(grid);
     error_prefix(e, "grid \"%s\"", name);
     return NULL;

@@ -59,7 +59,7 @@ static bool report_unusable(const samples *s, error *e)
     size_t v = first % VOXELS;
     return error_set(
         e, ERROR_INPUT_DAMAGED,
-        "the volume has %zu voxels near its surface whose values are not finite or beyond %g, the first at (%d, %d, %d)",
+        "the volume has %zu voxels near its surface whose values are not finite or beyond %g, the first at (%d, %d, %d): replace their values",
         bad, (double)largest_value, b[0] * SIDE + (int)(v >> 6), b[1] * SIDE + (int)(v >> 3 & 7),
         b[2] * SIDE + (int)(v & 7));
 }
