@@ -101,10 +101,13 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
     if (!queue_get_output_owner(p->q, name, &owner, e)) return false;
     bool mine = !owner || strcmp(owner, user) == 0;
     free(owner);
-    return mine || error_set(e, ERROR_OUTPUT_TAKEN,
-                             "%s: the " WORKER_REPORT_NAME
-                             " there was delivered for another user: choose another directory",
-                             path);
+    return mine ||
+           error_set(
+               e, ERROR_OUTPUT_TAKEN,
+               "%s: the " WORKER_REPORT_NAME
+               " there was delivered for another user: choose another directory (only with the setting share_outputs "
+               "may users replace results of others)",
+               path);
 }
 
 /* ---- copies */

@@ -19,8 +19,8 @@ typedef struct criterion {
     verdict_outcome otherwise; /* the outcome when it fails */
     bool of_thin_parts;        /* see verdict_reason */
     bool (*fails)(const verdict_input *in, double *value, double *bound);
-    const char *
-        message; /* a format: what was found, with the value and the bound as its arguments, then what to do */
+    /* a format: what was found, with the value and perhaps the bound as arguments, then what to do */
+    const char *message;
     double unit; /* factor of both arguments: 100 for a percentage */
 } criterion;
 
@@ -116,12 +116,12 @@ static bool lost_area(const verdict_input *in, double *value, double *bound)
 
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, false, out_of_sweeps,
-     "rms_step: the solve ended before it converged: the RMS step of its last sweep is %.3g spacings "
-     "(solver.step_tolerance %.3g). Raise solver.max_sweeps.",
+     "rms_step: the solve reached solver.max_sweeps before it converged; the RMS step of its last sweep is "
+     "%.3g spacings. Raise solver.max_sweeps.",
      1},
     {"rms_step", VERDICT_NOT_CONVERGED, false, out_of_time,
-     "rms_step: the time ended before the solve converged: the RMS step of its last sweep is %.3g spacings "
-     "(solver.step_tolerance %.3g). Raise sampling.time_s.",
+     "rms_step: sampling.time_s ended before the solve converged; the RMS step of its last sweep is %.3g "
+     "spacings. Raise sampling.time_s.",
      1},
     {"step_left", VERDICT_NOT_CONVERGED, false, step_left,
      "step_left: the points have not converged: their next relaxation step is %.3g spacings (at most %.3g). "

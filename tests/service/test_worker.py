@@ -130,7 +130,7 @@ def test_no_points_are_placed_where_memory_holds_none(worker, sampling):
     solver = {"method": "paper"} if "control" in sampling else {}
     words = last_words(worker(sphere(sampling=sampling, solver=solver, limits={"memory_mb": 64},
                                      output={"preview": {"size": [4096, 4096]}})))
-    assert words["code"] == "limit_memory" and "and 0 MiB of the limit are left" in words["message"]
+    assert words["code"] == "limit_memory" and "leave 0 of 64 MiB: set it to at least " in words["message"]
 
 
 @pytest.mark.sanitized
@@ -436,8 +436,8 @@ def test_a_count_that_no_grading_can_meet(worker):
 def test_features_bound_the_spacing(worker, tmp_path):
     """An ellipsoid is 0.4 thick along its shortest axis: a count that is too small names one that is enough."""
     words = last_words(worker(ellipsoid(20, feature={"ratio": 0.5})))
-    assert words["code"] == "spec_invalid" and "/sampling/resolve" in words["message"]
-    least = int(re.search(r"require about (\d+)", words["message"])[1])
+    assert words["code"] == "spec_invalid" and words["message"].startswith("/sampling/count: 20 points are too few")
+    least = int(re.search(r"set it to at least (\d+)", words["message"])[1])
     assert worker(ellipsoid(least, feature={"ratio": 0.5})).returncode in (0, 11)
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
     assert points.count == least
