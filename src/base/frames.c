@@ -1,5 +1,7 @@
 #include "base/frames.h"
 
+#include <assert.h>
+#include <ctype.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -85,6 +87,26 @@ int *frames_parse(const char *text, size_t *count, error *e)
     return numbers;
 }
 
+/* The length of "%04d" or "%d" at the start of the text, and the minimum number of digits; 0: it is something else. */
+static size_t match_conversion(const char *at, int *digits)
+{
+    bool wide = at[1] == '0' && at[2] >= '1' && at[2] <= '9';
+    if (at[wide ? 3 : 1] != 'd') return 0;
+    *digits = wide ? at[2] - '0' : 1;
+    return wide ? 4 : 2;
+}
+
+/* Likewise for Houdini's "$F4" or "$F", but not for its other variables ("$FF", "$FPS", "$FSTART"). */
+static size_t match_variable(const char *at, int *digits)
+{
+    if (at[1] != 'F') return 0;
+    bool wide = at[2] >= '1' && at[2] <= '9';
+    size_t length = wide ? 3 : 2;
+    if (isalnum((unsigned char)at[length])) return 0;
+    *digits = wide ? at[2] - '0' : 1;
+    return length;
+}
+
 /* The position of the number in the path, and its minimum number of digits; NULL: there is none. */
 static const char *find_pattern(const char *path, size_t *length, int *digits)
 {
@@ -95,12 +117,8 @@ static const char *find_pattern(const char *path, size_t *length, int *digits)
             *digits = (int)marks;
             return at;
         }
-        if (at[0] != '%') continue;
-        bool wide = at[1] == '0' && at[2] >= '1' && at[2] <= '9';
-        if (at[wide ? 3 : 1] != 'd') continue;
-        *length = wide ? 4 : 2;
-        *digits = wide ? at[2] - '0' : 1;
-        return at;
+        *length = *at == '%' ? match_conversion(at, digits) : *at == '$' ? match_variable(at, digits) : 0;
+        if (*length) return at;
     }
     return NULL;
 }
@@ -119,4 +137,27 @@ char *frames_path(const char *path, int frame)
     const char *at = find_pattern(path, &length, &digits);
     if (!at) return mem_strdup(path);
     return mem_printf("%.*s%0*d%s", (int)(at - path), path, digits, frame, at + length);
+}
+
+size_t frames_prefix(const char *pattern)
+{
+    size_t length;
+    int digits;
+    const char *at = find_pattern(pattern, &length, &digits);
+    assert(at);
+    return (size_t)(at - pattern);
+}
+
+bool frames_match(const char *pattern, const char *path, int *frame)
+{
+    int number;
+    size_t prefix = frames_prefix(pattern);
+    if (strncmp(pattern, path, prefix) != 0) return false;
+    const char *at = path + prefix;
+    if (!read_number(&at, &number)) return false;
+    char *own = frames_path(pattern, number);
+    bool same = strcmp(own, path) == 0;
+    free(own);
+    if (same) *frame = number;
+    return same;
 }

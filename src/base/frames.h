@@ -1,8 +1,8 @@
 /* frames: frame numbers of a sequence, and paths that contain one.
  *
  * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 .. 999999999, each
- * at most once. In a path the first `####` (the number of # is the minimum number of digits) or `%04d` (`%d`) stands
- * for the number. Pure functions, any thread.
+ * at most once. In a path the first `####` (the number of # is the minimum number of digits), `%04d` (`%d`) or `$F4`
+ * (`$F`) stands for the number. Pure functions, any thread.
  */
 #ifndef HEXAD_BASE_FRAMES_H
 #define HEXAD_BASE_FRAMES_H
@@ -18,9 +18,18 @@
 /* The numbers in the given order; the caller frees them. Error: spec_invalid. */
 int *frames_parse(const char *text, size_t *count, error *e);
 
+/* The notations of the number, for messages. */
+#define FRAMES_NOTATIONS "####, %04d or $F4"
+
 bool frames_is_pattern(const char *path);
 
 /* The path of one frame; the caller frees it. */
 char *frames_path(const char *path, int frame);
+
+/* The number of characters before the frame number; the path must be a pattern. */
+size_t frames_prefix(const char *pattern);
+
+/* Whether `path` is the path of a frame, whose number is written to *frame. */
+bool frames_match(const char *pattern, const char *path, int *frame);
 
 #endif

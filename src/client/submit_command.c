@@ -1,7 +1,6 @@
 /* submit_command: the commands submit, validate, estimate, upload and inspect of hexadctl. */
 #include <errno.h>
 #include <glob.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -300,30 +299,16 @@ static int upload_file(client *c, const char *argument, const command_options *o
     return code;
 }
 
-/* Whether the file's path is that of a frame of the pattern; then *frame is its number. */
-static bool is_frame(const char *pattern, const char *path, const char *digits, int *frame)
-{
-    char *end = NULL;
-    long number = *digits >= '0' && *digits <= '9' ? strtol(digits, &end, 10) : -1;
-    if (number < 0 || number > INT_MAX) return false;
-    *frame = (int)number;
-    char *own = frames_path(pattern, *frame);
-    bool same = strcmp(own, path) == 0;
-    free(own);
-    return same;
-}
-
 /* The numbers of the files of the pattern, in order, to be freed. */
 static int *list_frames(const char *pattern, size_t *count)
 {
     glob_t found = {0};
     int *frame = NULL;
-    const size_t before = strcspn(pattern, "#%");
-    char *wide = mem_printf("%.*s*", (int)before, pattern);
+    char *wide = mem_printf("%.*s*", (int)frames_prefix(pattern), pattern);
     if (glob(wide, GLOB_NOESCAPE, NULL, &found) == 0) {
         frame = mem_alloc(found.gl_pathc * sizeof *frame);
         for (size_t i = 0; i < found.gl_pathc; i++)
-            if (is_frame(pattern, found.gl_pathv[i], found.gl_pathv[i] + before, &frame[*count])) ++*count;
+            if (frames_match(pattern, found.gl_pathv[i], &frame[*count])) ++*count;
         qsort(frame, *count, sizeof *frame, compare_ints);
     }
     globfree(&found);

@@ -34,7 +34,7 @@ static const char usage[] =
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
-    "                    in a quoted file name matches all numbers\n"
+    "                    (or %04d, $F4) in a quoted file name matches all numbers\n"
     "  inspect PATH      describe a file that jobs may read, and print specs that sample it; PATH is written\n"
     "                    as in a spec\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"

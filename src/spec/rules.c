@@ -197,7 +197,8 @@ static void check_exr(reading *r, const json_at *at)
             "(given \"%s\")",
             SURFACE_MOST_SLICES, x->slices);
     else if (!surface_name_slices(x))
-        reading_add_fault(r, &path, "must contain one #### or %%04d in place of the slice number");
+        reading_add_fault(r, &path, "must contain one %s in place of the slice number",
+                          FRAMES_NOTATIONS);
 }
 
 /* With slices the path names a stack. */
@@ -422,13 +423,15 @@ static void check_frames(reading *r, const json_at *at)
     if (!any && !s->has_frame_values)
         reading_add_fault(
             r, &frames,
-            "all frames are equal: write #### or %%04d in place of the frame number into a path "
-            "of the surface, or add by_frame");
+            "all frames are equal: write %s in place of the frame number into a path "
+            "of the surface, or add by_frame",
+            FRAMES_NOTATIONS);
     if (s->directory && !frames_is_pattern(s->directory))
         reading_add_fault(
             r, &frames,
-            "output.directory is the same for all frames, which would overwrite each other: add "
-            "#### or %%04d in place of the frame number");
+            "output.directory is the same for all frames, which would overwrite each other: add %s "
+            "in place of the frame number",
+            FRAMES_NOTATIONS);
 }
 
 static void check_transform(reading *r, const json_at *at)

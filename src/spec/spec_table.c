@@ -402,7 +402,7 @@ const spec_row spec_rows[] = {
      AT(surface.volume.path),
      .prose =
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
-         "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of the "
+         "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the "
          "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
@@ -601,8 +601,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 4096,
      AT(surface.exr.path),
-     .prose = "The files, with #### (at least as many digits) or %04d in place of the slice number. They "
-              "must lie below one of the service's input roots."},
+     .prose =
+         "The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They "
+         "must lie below one of the service's input roots."},
     {.pointer = "/surface/exr/slices",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -1651,7 +1652,7 @@ const spec_row spec_rows[] = {
      AT(directory),
      .prose = "The service copies the results into this directory: an absolute path below one of its "
               "output roots. It is created if missing. Files of the same name are replaced. In a sequence, "
-              "#### or %04d stands for the frame number."},
+              "####, %04d or $F4 stands for the frame number."},
 
     GROUP("/limits", 0,
           "The resources that the job may use. 0: the default of the service or of the worker."),
@@ -1740,10 +1741,11 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(frames),
-     .prose = "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The "
-              "first #### or %04d in each input path stands for the frame number. At least one input path "
-              "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
-              "most 100000 frames."},
+     .prose =
+         "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The "
+         "first ####, %04d or $F4 in each input path stands for the frame number. At least one input path "
+         "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
+         "most 100000 frames."},
     {.pointer = "/queue/by_frame",
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,

@@ -332,7 +332,7 @@ static void set_missing(const char *path, const char *where, bool sent, int why,
 {
     const bool denied = why == EACCES;
     const char *hint = frames_is_pattern(path)
-                           ? "add queue.frames, in which #### and %04d stand for the frame number"
+                           ? "add queue.frames: " FRAMES_NOTATIONS " in a path stands for the frame number"
                        : sent                   ? "upload it again with hexadctl upload"
                        : denied && *where       ? "let the user of the service read it"
                        : denied                 ? "let this user read it"

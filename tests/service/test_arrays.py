@@ -63,6 +63,16 @@ def test_a_sequence_is_one_job(service, footage):
     assert [t["frame"] for t in rest["tasks"]] == [11] and rest["next"] is None
 
 
+def test_a_frame_number_is_written_as_in_houdini(service, build, footage, tmp_path):
+    spec = {**sequence(footage, "8-9"), "surface": {"vdb": {"path": str(footage / "a.$F4.vdb")}}}
+    done = service.wait_state(service.submit(spec), "succeeded")
+    read = [service.get(f"/v1/jobs/{done['id']}/results/report.json?frame={n}").json["inputs"][0]["path"] for n in (8, 9)]
+    assert read == [str(footage / "a.0008.vdb"), str(footage / "a.0009.vdb")]
+    sent = subprocess.run([build / "hexadctl", "upload", footage / "a.$F4.vdb"], env=service.environment(), text=True,
+                          capture_output=True, timeout=PATIENCE_S)
+    assert sent.returncode == 0 and len(sent.stdout.splitlines()) == 3, sent.stderr
+
+
 def test_a_frame_that_is_missing_fails_alone(service, footage):
     job = service.submit(sequence(footage, "9-10"))
     done = service.wait_state(job, "failed")

@@ -395,7 +395,7 @@ def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
                             capture_output=True, text=True, timeout=PATIENCE_S)
     for done in (run("submit", tmp_path / "spec.json"), worker):
         assert done.returncode in (2, 3) and "cannot read" in done.stderr and "a.####.vdb" in done.stderr, done.stderr
-        assert "add queue.frames, in which #### and %04d stand for the frame number" in done.stderr, done.stderr
+        assert "add queue.frames: ####, %04d or $F4 in a path stands for the frame number" in done.stderr, done.stderr
 
 
 def faulty(footage, **parts):

@@ -71,11 +71,34 @@ static void test_paths(void **state)
     expect_path("b.#", 12, "b.12");
     expect_path("b.%04d.vdb", 7, "b.0007.vdb");
     expect_path("b.%d.vdb", 7, "b.7.vdb");
+    expect_path("b.$F4.vdb", 7, "b.0007.vdb");
+    expect_path("b_$F_v2.vdb", 12345, "b_12345_v2.vdb");
+    expect_path("b.$F9", 7, "b.000000007");
     expect_path("plain", 7, "plain");
     expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* nothing else means anything */
     assert_true(frames_is_pattern("x.%03d"));
     assert_false(frames_is_pattern("100%.vdb"));
     assert_false(frames_is_pattern("%0d%"));
+    static const char *const others[] = {"$FF.vdb", "$FPS",  "$FSTART.vdb", "$FEND", "$F0.vdb",
+                                         "$F12",    "$f4.x", "$",           "$4"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (frames_is_pattern(others[i])) fail_msg("%s", others[i]);
+}
+
+static void test_a_path_is_matched_with_a_pattern(void **state)
+{
+    (void)state;
+    int frame = -1;
+    assert_int_equal(frames_prefix("a/b.$F4.vdb"), 4);
+    assert_true(frames_match("b.####.vdb", "b.0007.vdb", &frame));
+    assert_int_equal(frame, 7);
+    assert_true(frames_match("b$F.vdb", "b123456.vdb", &frame));
+    assert_int_equal(frame, 123456);
+    static const char *const others[] = {"b.7.vdb",    "b.00007.vdb", "b.0007.vd",        "b.0007.vdb2",
+                                         "c.0007.vdb", "b.",          "b.9999999999.vdb", "b.-007.vdb"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (frames_match("b.####.vdb", others[i], &frame)) fail_msg("%s", others[i]);
+    assert_int_equal(frame, 123456);
 }
 
 int main(void)
@@ -84,6 +107,7 @@ int main(void)
         cmocka_unit_test(test_numbers),
         cmocka_unit_test(test_nonsense),
         cmocka_unit_test(test_paths),
+        cmocka_unit_test(test_a_path_is_matched_with_a_pattern),
     };
     return cmocka_run_group_tests_name("frames", tests, NULL, NULL);
 }

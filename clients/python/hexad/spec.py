@@ -419,9 +419,9 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     for NIfTI right-anterior-superior.
 
     path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2,
-        MetaImage, or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of
-        the slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names
-        must lie below one of the service's input roots.
+        MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in
+        place of the slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that
+        it names must lie below one of the service's input roots.
     index: Which volume of a file with more than three axes, counted from 0. Required if there are several.
         For channel c at time t of a TIFF file with C channels it is c + C t.
     level: Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0.
@@ -516,8 +516,8 @@ class SurfaceExr(_SurfaceExrNeeded, _SurfaceExrRest):
     volume covers the data windows of all slices; a pixel outside the data window of its slice is 0. In tiled
     files with levels, the full-resolution level is read. Deep images are refused.
 
-    path: The files, with #### (at least as many digits) or %04d in place of the slice number. They must lie
-        below one of the service's input roots.
+    path: The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They must
+        lie below one of the service's input roots.
     slices: The slices: "1-93", or every second one: "1-93x2". At least 2, at most 65536.
     part: The name of the part. Optional if only one part has the channel.
     channel: The name of the channel including its layer, such as "density" or "fog.Y". Optional if there is
@@ -1202,7 +1202,7 @@ class Output(_OutputRest):
         end of the data, which is an interface with surface.labels.closed. Requires mesh and surface.labels.
         Default: False.
     directory: The service copies the results into this directory: an absolute path below one of its output
-        roots. It is created if missing. Files of the same name are replaced. In a sequence, #### or %04d
+        roots. It is created if missing. Files of the same name are replaced. In a sequence, ####, %04d or $F4
         stands for the frame number.
     """
 
@@ -1266,8 +1266,8 @@ class Queue(_QueueRest):
     depends_on: Identifiers of jobs that must succeed before this one starts. If one of them does not succeed,
         this job fails. Default: [].
     after: Identifiers of jobs that must end before this one starts, successful or not. Default: [].
-    frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####
-        or %04d in each input path stands for the frame number. At least one input path must contain one,
+    frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####,
+        %04d or $F4 in each input path stands for the frame number. At least one input path must contain one,
         unless by_frame is given; output.directory must contain one in any case. At most 100000 frames.
     by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of exactly
         one value for each frame, {"/solver/seed": [1, 2, 3]}, or a ramp, {"/surface/analytic/radius":
