@@ -11,7 +11,7 @@
 #include "http/parameter.h"
 #include "spec/spec.h"
 
-const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
+const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", "accept", NULL};
 
 /* The sentence of an error that states to which jobs a command applies. */
 static const char *rule_of(queue_command command)
@@ -141,7 +141,7 @@ static void check_names(json_at patch, json *errors)
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
         reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
-                           "cannot be changed: change only priority, labels or retention_s");
+                           "cannot be changed: change only priority, labels, retention_s or accept");
     }
 }
 
@@ -207,10 +207,12 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
     if (prioritised && !jobs_admit_priority(c, request, s->priority, "/priority", r)) goto done;
     json_at given = json_member(&patch, "labels");
     if (given.node) labels = json_print(given.node);
+    const unsigned accept = job_json_outcomes(s->accept);
     const queue_edit edit = {
         .priority = prioritised ? &s->priority : NULL,
         .labels = labels,
         .retention_s = json_member(&patch, "retention_s").node ? &s->retention_s : NULL,
+        .accept = json_member(&patch, "accept").node ? &accept : NULL,
     };
     apply(c, request, &job, &edit, revision, r);
 done:

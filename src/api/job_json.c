@@ -125,6 +125,12 @@ static void put_delivery(json *object, const char *state, const char *code, cons
     json_put_string(o, "message", message);
 }
 
+/* The words of the spec are the outcomes of the queue in the same order. */
+unsigned job_json_outcomes(unsigned accept)
+{
+    return accept << QUEUE_CONVERGED;
+}
+
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
 {
     bool own = viewer == JOB_JSON_OWNER;
@@ -136,6 +142,10 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *pro
     json_put_string(o, "state", queue_state_name(job->state));
     json_put_bool(o, "paused", job->paused);
     json_put_string(o, "outcome", queue_outcome_name(job->outcome));
+    if (own && job->state == QUEUE_SUCCEEDED)
+        json_put_bool(o, "accepted", job->accepted);
+    else
+        json_put_null(o, "accepted");
     json_put_integer(o, "priority", job->priority);
     job_json_put_stored(o, "labels", job->labels);
     job_json_put_time(o, "created", job->created_ms);

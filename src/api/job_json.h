@@ -23,6 +23,9 @@ typedef enum job_json_viewer { JOB_JSON_READER, JOB_JSON_OWNER } job_json_viewer
 /* JOB_JSON_OWNER for the owner of the job and for administrators. */
 job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owner);
 
+/* The set of outcomes (queue.h) of spec.accept. */
+unsigned job_json_outcomes(unsigned accept);
+
 /* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last progress
  * line of its worker (JSON text); NULL: none. */
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress);

@@ -570,6 +570,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .depends_on_count = s->depends_on_count,
         .after = (const char *const *)s->after,
         .after_count = s->after_count,
+        .accept = job_json_outcomes(s->accept),
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
         .timeout_ms = ms_of(s->timeout_s),

@@ -102,6 +102,7 @@ static void print_job_text(json_at job)
     if (outcome) {
         putchar(' ');
         print_text(stdout, outcome);
+        if (!json_bool(json_member(&job, "accepted"), true)) fputs(" (not accepted)", stdout);
     }
     if (json_type_of(fault) == JSON_OBJECT) {
         const char *why = json_string(json_member(&fault, "code"), "?");

@@ -165,6 +165,10 @@ static int post_spec(client *c, const char *to, const char *path, const command_
 int command_submit(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
+    if (options->accept && !options->wait) {
+        print_failure("submit: --accept requires --wait");
+        return COMMAND_USAGE;
+    }
     int code = post_spec(c, JOBS, argument, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");

@@ -36,7 +36,8 @@ static int end_wait(client *c, const json *document, const command_options *opti
     print_ratings(stderr, "packing: ", json_member(&job, "notes"));
     print_notes(stderr, json_member(&job, "notes"));
     int code = command_print_frame_outcomes(c, job, stderr);
-    return code == COMMAND_OK ? code_of_end(job) : code;
+    bool accepted = options->accept && json_bool(json_member(&job, "accepted"), false);
+    return code == COMMAND_OK && !accepted ? code_of_end(job) : code;
 }
 
 static bool is_copied(json_at job)

@@ -173,6 +173,9 @@
 #define COPYING "CREATE INDEX job_copying ON job (seq) WHERE copy_state = 'pending';"
 #define UNDELIVERED "CREATE INDEX job_undelivered ON job (seq) WHERE " SCHEMA_UNDELIVERED ";"
 
+/* The outcomes for which dependent jobs start (SCHEMA_ACCEPTED). Default: all. */
+#define ACCEPT "accept INTEGER NOT NULL DEFAULT 14"
+
 /* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
 #define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
 #define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
@@ -223,7 +226,7 @@ static const char tables[] =
     "  key TEXT,"
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
-    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ","
+    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
@@ -462,6 +465,8 @@ static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " 
                                                   "ALTER TABLE task ADD COLUMN " COPY_MESSAGE ";" COPYING;
 /* Migration from version 12, in which jobs whose results were not delivered were not counted. */
 static const char add_undelivered[] = UNDELIVERED;
+/* Migration from version 13, in which dependent jobs started with any outcome. */
+static const char add_accept[] = "ALTER TABLE job ADD COLUMN " ACCEPT ";";
 /* A job failed when its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -496,6 +501,7 @@ static const struct step {
     {2, 11, add_running},
     {2, 11, add_reports},
     {2, 12, add_undelivered},
+    {2, 13, add_accept},
     {1, 11, find_linked_reports},
     {1, 11, find_copies},
 };

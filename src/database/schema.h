@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 13
+#define SCHEMA_VERSION 14
 
 /* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
@@ -23,6 +23,12 @@
  * the later ones. */
 #define SCHEMA_CLAIMABLE \
     "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
+
+/* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has the
+ * bit 1 << queue_outcome for each accepted outcome. */
+#define SCHEMA_ACCEPTED                                                                                       \
+    "(job.state = 'succeeded' AND (job.accept & 2 OR job.succeeded = job.unresolved + job.not_converged) AND" \
+    " (job.accept & 4 OR job.unresolved = 0) AND (job.accept & 8 OR job.not_converged = 0))"
 
 /* The priority and the seq of the first job that the user of a row of owner may have claimed. */
 #define SCHEMA_FIRST_JOB                                                                \

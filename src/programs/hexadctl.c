@@ -26,7 +26,7 @@
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
-    "  submit SPEC|- [--wait] [--priority N] [--label LABEL]... [--key KEY]\n"
+    "  submit SPEC|- [--wait [--accept]] [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --priority replaces the priority in the spec;\n"
     "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
     "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
@@ -47,8 +47,9 @@ static const char usage[] =
     "                    --json. --picture writes its preview; for an array, the previews of all finished\n"
     "                    frames in one picture\n"
     "  attempts ID       list all attempts of a job\n"
-    "  wait ID...        wait until jobs end and show their progress; the exit status is that of the worst\n"
-    "                    outcome\n"
+    "  wait ID... [--accept]\n"
+    "                    wait until jobs end and show their progress; the exit status is that of the worst\n"
+    "                    outcome. --accept: an outcome that the job's queue.accept contains counts as 0\n"
     "  cancel ID... [--yes]\n"
     "                    cancel waiting and running jobs\n"
     "  cancel --label LABEL [--owner USER]\n"
@@ -121,7 +122,7 @@ static const struct entry {
     need argument;
     const char *options; /* that belong to it; --server and --json belong to all */
 } commands[] = {
-    {"submit", command_submit, ONE, "--wait --priority --label --key"},
+    {"submit", command_submit, ONE, "--wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},
@@ -129,7 +130,7 @@ static const struct entry {
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
     {"show", command_show, JOB, "--picture"},
     {"attempts", command_attempts, JOB, ""},
-    {"wait", command_wait, JOBS, ""},
+    {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
     {"fetch", command_fetch, JOB, "--frame --output"},
     {"log", command_log, JOB, "--frame --attempt"},
@@ -175,7 +176,8 @@ static const struct {
 static const struct {
     const char *name;
     size_t offset;
-} flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes)};
+} flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes),
+             OPTION("accept", accept)};
 
 typedef struct line {
     const struct entry *entry;

@@ -208,6 +208,9 @@ static bool store_edit(database *d, const queue_edit *edit, const job_state *j, 
     if (edit->priority)
         ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(j->seq),
                  integer(*edit->priority));
+    if (edit->accept)
+        ok = ok &&
+             RUN(d, e, "UPDATE job SET accept = ?2 WHERE seq = ?1", integer(j->seq), integer(*edit->accept));
     if (edit->labels)
         ok = ok &&
              RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(j->seq), text(edit->labels)) &&

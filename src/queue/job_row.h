@@ -6,6 +6,7 @@
 #define HEXAD_QUEUE_JOB_ROW_H
 
 #include "database/database.h"
+#include "database/schema.h"
 #include "queue/queue.h"
 
 #define JOB_COLUMNS                                                                                         \
@@ -13,8 +14,8 @@
     " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"         \
     " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads," \
     " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"     \
-    " job.error_message, job.cached_from, job.copy_state, job.copy_code, job.copy_message"
-#define JOB_COLUMN_COUNT 33
+    " job.error_message, job.cached_from, job.copy_state, job.copy_code, job.copy_message, " SCHEMA_ACCEPTED
+#define JOB_COLUMN_COUNT 34
 
 #define TASK_COLUMNS                                                                                   \
     "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms," \

@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "database/schema.h"
+#include "queue/job_row.h"
 #include "queue/owner.h"
 
 #define STATE_COLUMNS                                                                                   \
@@ -208,12 +210,16 @@ bool job_state_end_waiting(database *d, job_state *j, queue_state state, const c
     return true;
 }
 
-bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue_state how, int64_t now,
-                              error *e)
+bool job_state_fail_dependent(database *d, job_state *j, const job_state_need *need, int64_t now, error *e)
 {
-    char message[128];
-    snprintf(message, sizeof message, "this job depends on the job %s, which is %s: retry that job first",
-             need, queue_state_name(how));
+    char message[160];
+    if (need->state == QUEUE_SUCCEEDED)
+        snprintf(message, sizeof message,
+                 "this job depends on the job %s, whose outcome is %s, which its queue.accept excludes",
+                 need->id, queue_outcome_name(need->outcome));
+    else
+        snprintf(message, sizeof message, "this job depends on the job %s, which is %s: retry that job first",
+                 need->id, queue_state_name(need->state));
     return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
                                  e);
 }
@@ -225,7 +231,7 @@ bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *
     *lost = false;
     sqlite3_stmt *s = ASK(d, e,
                           "SELECT state, any_end FROM dependency JOIN job ON seq = needs"
-                          " WHERE dependency.job = ?1 AND state != 'succeeded'",
+                          " WHERE dependency.job = ?1 AND NOT " SCHEMA_ACCEPTED,
                           integer(j->seq));
     while (database_next(d, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
@@ -239,13 +245,12 @@ bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *
 
 /* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted again,
  * since a retried job ends more than once. */
-static bool update_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
-                             error *e)
+static bool update_dependent(database *d, const job_state_need *need, job_state *j, int64_t now, error *e)
 {
     job_state before = *j;
     bool lost = false;
     if (!job_state_count_needs(d, j, &j->pending, &lost, e)) return false;
-    if (lost && !job_state_fail_dependent(d, j, need, state, now, e)) return false;
+    if (lost && !job_state_fail_dependent(d, j, need, now, e)) return false;
     return save_one(d, &before, j, now, e);
 }
 
@@ -261,12 +266,15 @@ static bool next_dependent(database *d, int64_t need, int64_t after, job_state *
                 j, found, e);
 }
 
-static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
+static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
 {
     bool ok = false;
-    sqlite3_stmt *s = ASK(d, e, "SELECT id FROM job WHERE seq = ?1", integer(seq));
-    while (database_next(d, s, &ok, e))
-        snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    sqlite3_stmt *s = ASK(d, e, "SELECT id, state, outcome FROM job WHERE seq = ?1", integer(seq));
+    while (database_next(d, s, &ok, e)) {
+        snprintf(need->id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+        queue_state_from_name((const char *)sqlite3_column_text(s, 1), &need->state);
+        need->outcome = job_row_outcome(s, 2);
+    }
     return ok;
 }
 
@@ -275,28 +283,23 @@ static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
 static bool update_dependents(database *d, const job_state *ended, int64_t now, error *e)
 {
     size_t count = 1, capacity = 16;
-    struct {
-        int64_t seq;
-        queue_state state;
-    } *line = mem_alloc(capacity * sizeof *line);
-    line[0].seq = ended->seq;
-    line[0].state = ended->state;
+    int64_t *line = mem_alloc(capacity * sizeof *line);
+    line[0] = ended->seq;
     bool ok = true;
     for (size_t i = 0; ok && i < count; i++) {
-        char id[ULID_SIZE] = "";
+        job_state_need need = {0};
         bool found = true;
         int64_t after = 0;
-        ok = read_id(d, line[i].seq, id, e);
+        ok = read_need(d, line[i], &need, e);
         while (ok && found) {
             job_state j;
-            ok = next_dependent(d, line[i].seq, after, &j, &found, e);
+            ok = next_dependent(d, line[i], after, &j, &found, e);
             if (!ok || !found) break;
             after = j.seq;
-            ok = update_dependent(d, id, line[i].state, &j, now, e);
+            ok = update_dependent(d, &need, &j, now, e);
             if (!queue_state_is_final(j.state)) continue;
             if (count == capacity) line = mem_resize(line, (capacity *= 2) * sizeof *line);
-            line[count].seq = j.seq;
-            line[count++].state = j.state;
+            line[count++] = j.seq;
         }
     }
     free(line);

@@ -43,12 +43,19 @@ bool job_state_save(database *d, const job_state *before, job_state *j, int64_t 
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
                            const char *message, int64_t now, error *e);
 
-/* Counts the jobs for which this one still waits. *lost: one of them had to succeed and has ended without success. */
+/* Counts the jobs for which this one still waits. *lost: one of them had to succeed, and has ended without success or
+ * with an outcome that it does not accept. */
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
 
-/* Fails all waiting tasks, because the job `need`, which this one depends on, ended in the state `how`. */
-bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue_state how, int64_t now,
-                              error *e);
+/* A job on which others depend, and how it has ended. */
+typedef struct job_state_need {
+    char id[ULID_SIZE];
+    queue_state state;
+    queue_outcome outcome;
+} job_state_need;
+
+/* Fails all waiting tasks, because this job, which depends on `need`, will not start. */
+bool job_state_fail_dependent(database *d, job_state *j, const job_state_need *need, int64_t now, error *e);
 
 /* Adds an event. `frame` may be QUEUE_NO_FRAME; `attempt` is 0 if the event belongs to no attempt. */
 bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,

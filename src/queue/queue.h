@@ -58,6 +58,12 @@ typedef enum queue_outcome {
     QUEUE_NOT_CONVERGED
 } queue_outcome;
 
+/* A set of outcomes has a bit for each. */
+#define QUEUE_OUTCOME_BIT(outcome) (1u << (outcome))
+#define QUEUE_ANY_OUTCOME                                                       \
+    (QUEUE_OUTCOME_BIT(QUEUE_CONVERGED) | QUEUE_OUTCOME_BIT(QUEUE_UNRESOLVED) | \
+     QUEUE_OUTCOME_BIT(QUEUE_NOT_CONVERGED))
+
 const char *queue_state_name(queue_state state); /* "queued", ... */
 bool queue_state_from_name(const char *name, queue_state *state);
 bool queue_state_is_final(queue_state state);
@@ -118,6 +124,7 @@ typedef struct queue_job {
     char *paths;      /* see queue_submission; NULL in a listing */
     queue_state state;
     queue_outcome outcome; /* the worst of its tasks */
+    bool accepted; /* it has succeeded, and `accept` of the submission contains the outcomes of all tasks */
     bool paused;
     bool array; /* has one task per frame */
     queue_counts tasks;
@@ -152,10 +159,12 @@ typedef struct queue_submission {
     /* The tasks run one after another, each starting from the result of the task before. A task that does not succeed
      * ends the later ones, except that one that fails with no_surface is skipped. */
     bool ordered;
-    const char *const *depends_on; /* ids of jobs that must succeed before this one starts */
+    const char *const
+        *depends_on; /* ids of jobs that must succeed, and be accepted, before this one starts */
     size_t depends_on_count;
     const char *const *after; /* ids of jobs that must end before this one starts */
     size_t after_count;
+    unsigned accept;           /* set of outcomes with which jobs that depend on this one start; 0: all */
     const char *const *inputs; /* names of the uploaded files that the job reads */
     size_t input_count;
     int64_t timeout_ms, stall_ms; /* limits of an attempt; 0: the service's own */
@@ -180,7 +189,8 @@ typedef enum queue_verdict {
 typedef struct queue_receipt {
     queue_verdict verdict;
     char id[ULID_SIZE];
-    queue_state state; /* queued, blocked, or failed: a job that it depends on has failed */
+    queue_state
+        state; /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
     int64_t revision;
     size_t dependency;
 } queue_receipt;
@@ -302,6 +312,7 @@ typedef struct queue_edit {
     const int *priority;        /* NULL: stays */
     const char *labels;         /* NULL: stay */
     const int64_t *retention_s; /* NULL: unchanged; counts from the job's end, also if it has ended */
+    const unsigned *accept; /* NULL: unchanged. Dependent jobs that have started or failed stay as they are */
 } queue_edit;
 
 typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_edited;

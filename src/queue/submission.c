@@ -4,6 +4,8 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "database/schema.h"
+#include "queue/job_row.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
 #include "queue/usage.h"
@@ -58,14 +60,20 @@ static bool check_results(database *d, submitting *s, bool *full, error *e)
     return true;
 }
 
-/* Reads the state of a job on which the new one depends. */
-static bool look_at_need(database *d, const char *id, bool *found, queue_state *state, error *e)
+/* Reads how far a job is on which the new one depends. */
+static bool look_at_need(database *d, const char *id, bool *found, job_state_need *need, bool *accepted,
+                         error *e)
 {
     bool ok = false;
     *found = false;
-    sqlite3_stmt *row = ASK(d, e, "SELECT state FROM job WHERE id = ?1", text(id));
-    while (database_next(d, row, &ok, e))
-        *found = queue_state_from_name((const char *)sqlite3_column_text(row, 0), state);
+    snprintf(need->id, sizeof need->id, "%s", id);
+    sqlite3_stmt *row =
+        ASK(d, e, "SELECT state, outcome, " SCHEMA_ACCEPTED " FROM job WHERE id = ?1", text(id));
+    while (database_next(d, row, &ok, e)) {
+        *found = queue_state_from_name((const char *)sqlite3_column_text(row, 0), &need->state);
+        need->outcome = job_row_outcome(row, 1);
+        *accepted = sqlite3_column_int(row, 2);
+    }
     return ok;
 }
 
@@ -76,18 +84,17 @@ static const char *need_at(const queue_submission *in, size_t index, bool *any_e
     return *any_end ? in->after[index - in->depends_on_count] : in->depends_on[index];
 }
 
-/* Counts the jobs for which the new one has to wait. *lost: one that ended without success, or NULL. */
-static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
-                        bool *unknown, error *e)
+/* Counts the jobs for which the new one has to wait. *lost: one that has ended and for which the new one waits in vain. */
+static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *unknown,
+                        error *e)
 {
     *unknown = false;
     *pending = 0;
-    *lost = NULL;
     for (size_t i = 0; i < s->in->depends_on_count + s->in->after_count; i++) {
-        bool found, any_end, again = false;
-        queue_state state = QUEUE_QUEUED;
+        bool found, any_end, accepted = false, again = false;
+        job_state_need need = {0};
         const char *id = need_at(s->in, i, &any_end);
-        if (!look_at_need(d, id, &found, &state, e)) return false;
+        if (!look_at_need(d, id, &found, &need, &accepted, e)) return false;
         if (!found) {
             s->receipt.verdict = QUEUE_UNKNOWN_DEPENDENCY;
             s->receipt.dependency = i;
@@ -96,12 +103,9 @@ static bool check_needs(database *d, submitting *s, int *pending, const char **l
         }
         bool other;
         for (size_t k = 0; k < i; k++) again |= strcmp(id, need_at(s->in, k, &other)) == 0;
-        if (again || state == QUEUE_SUCCEEDED || (any_end && queue_state_is_final(state))) continue;
+        if (again || accepted || (any_end && queue_state_is_final(need.state))) continue;
         ++*pending;
-        if (queue_state_is_final(state)) {
-            *lost = id;
-            *how = state;
-        }
+        if (queue_state_is_final(need.state)) *lost = need;
     }
     return true;
 }
@@ -113,14 +117,15 @@ static bool insert_job(database *d, const submitting *s, job_state *j, int64_t n
         RUN(d, e,
             "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
             " is_array, is_ordered, pending, tasks, ready, created_ms, name, labels, trace, webhook, key,"
-            " body_hash)"
+            " body_hash, accept)"
             " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?19, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17,"
-            " ?18)",
+            " ?18, ?20)",
             text(s->receipt.id), text(s->owner), text(queue_state_name(j->state)), integer(in->priority),
             integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
             integer(j->array), integer(j->pending), integer(j->tasks), integer(now), text(in->name),
             text(in->labels), text(in->trace), text(in->webhook), text(in->key),
-            text(in->key ? in->body_hash : NULL), integer(j->ordered));
+            text(in->key ? in->body_hash : NULL), integer(j->ordered),
+            integer(in->accept ? in->accept : QUEUE_ANY_OUTCOME));
     j->seq = database_last_row(d);
     return ok &&
            RUN(d, e,
@@ -159,15 +164,14 @@ static bool put(database *d, change *c)
     error *e = &c->fault;
     bool stop = false;
     int pending = 0;
-    const char *lost = NULL;
-    queue_state how = QUEUE_FAILED;
+    job_state_need lost = {0};
     if (!find_replay(d, s, &stop, e)) return false;
     if (stop) return true;
     if (!check_share(d, s, &stop, e)) return false;
     if (stop) return true;
     if (!check_results(d, s, &stop, e)) return false;
     if (stop) return true;
-    if (!check_needs(d, s, &pending, &lost, &how, &stop, e)) return false;
+    if (!check_needs(d, s, &pending, &lost, &stop, e)) return false;
     if (stop) return true;
     if (!database_has_room(d)) {
         s->receipt.verdict = QUEUE_NO_ROOM;
@@ -185,9 +189,9 @@ static bool put(database *d, change *c)
     j.state = job_state_derive(&j);
     ulid_make(now, s->receipt.id);
     bool ok = insert_job(d, s, &j, now, e) && insert_tasks(d, s, &j, e) && job_state_begin(d, &j, now, e);
-    if (ok && lost) {
+    if (ok && *lost.id) {
         job_state before = j;
-        ok = job_state_fail_dependent(d, &j, lost, how, now, e) && job_state_save(d, &before, &j, now, e);
+        ok = job_state_fail_dependent(d, &j, &lost, now, e) && job_state_save(d, &before, &j, now, e);
     }
     s->receipt.verdict = QUEUE_CREATED;
     s->receipt.state = j.state;

@@ -139,6 +139,12 @@ static void put_type(json *schema, const spec_row *row, schema_use use)
     case SPEC_TYPE_WORD:
         put_words(schema, row);
         break;
+    case SPEC_TYPE_WORDS:
+        json_put_string(schema, "type", "array");
+        json_put_number(schema, "minItems", 1);
+        json_put_bool(schema, "uniqueItems", true);
+        put_words(json_put_object(schema, "items"), row);
+        break;
     case SPEC_TYPE_STRING:
         put_length(schema, row->low, row->high);
         break;

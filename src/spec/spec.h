@@ -36,7 +36,7 @@ typedef struct spec_volume {
 } spec_volume;
 
 typedef struct spec_exr {
-    char *path;          /* with #### or %04d */
+    char *path;          /* with FRAMES_NOTATIONS */
     char *slices;        /* "1-93" or "1-93x2" */
     char **files;        /* of the slices, from the first on */
     int *numbers;        /* of each */
@@ -303,6 +303,7 @@ typedef struct spec {
     size_t depends_on_count;
     char **after; /* likewise */
     size_t after_count;
+    unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
     char *frames; /* as given; NULL: the job is not a sequence. Their numbers: */
     int *frame;
     size_t frame_count;

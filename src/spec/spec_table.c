@@ -1736,6 +1736,14 @@ const spec_row spec_rows[] = {
      .otherwise = "[]",
      AT_HAS(after, after_count),
      .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
+    {.pointer = "/queue/accept",
+     .type = SPEC_TYPE_WORDS,
+     .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
+     WORDS(SPEC_OUTCOME),
+     AT(accept),
+     .prose = "The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend "
+              "on it (depends_on) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
+              "ends with status 0 for it. The state and the outcome of the job do not change."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,

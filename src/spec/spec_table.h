@@ -20,6 +20,7 @@ typedef enum spec_type {
     SPEC_TYPE_LARGE,    /* integer to 2^53: int64_t or uint64_t */
     SPEC_TYPE_BOOL,     /* bool */
     SPEC_TYPE_WORD,     /* one of `words`; an enum, in the order of the words */
+    SPEC_TYPE_WORDS,    /* array of at least one of `words`; unsigned, a bit for each in their order */
     SPEC_TYPE_STRING,   /* char *; low and high bound its length in characters */
     SPEC_TYPE_VECTOR,   /* three numbers: vec3; the bounds hold for each */
     SPEC_TYPE_TRIPLE,   /* three integers: int[3]; the bounds hold for each */
@@ -72,7 +73,7 @@ typedef struct spec_row {
     unsigned shapes;  /* bit per spec_shape that has the member; 0: independent of the shape */
     double low, high;
     const char *otherwise;    /* the default as JSON; NULL: none */
-    const char *const *words; /* of SPEC_TYPE_WORD, ended by NULL */
+    const char *const *words; /* of SPEC_TYPE_WORD and SPEC_TYPE_WORDS, ended by NULL */
     size_t offset,
         has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
     const char *unit; /* NULL: none */

@@ -31,6 +31,14 @@ typedef enum spec_reconstruction {
     SPEC_RECONSTRUCTION_LIST(WORDS_ENUMERATOR, SPEC_RECONSTRUCTION) SPEC_RECONSTRUCTION_COUNT
 } spec_reconstruction;
 
+/* /queue/accept: outcomes, from best to worst */
+#define SPEC_OUTCOME_LIST(ENTRY, prefix)    \
+    ENTRY(prefix, CONVERGED, "converged")   \
+    ENTRY(prefix, UNRESOLVED, "unresolved") \
+    ENTRY(prefix, NOT_CONVERGED, "not_converged")
+
+typedef enum spec_outcome { SPEC_OUTCOME_LIST(WORDS_ENUMERATOR, SPEC_OUTCOME) } spec_outcome;
+
 /* /surface/mesh/holes */
 #define SPEC_HOLES_LIST(ENTRY, prefix) \
     ENTRY(prefix, KEEP, "keep")        \

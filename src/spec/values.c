@@ -175,23 +175,49 @@ static void read_size(reading *r, const json_at *at, const spec_row *row, json *
     for (int i = 0; i < 2; i++) json_append_number(list, size[i]);
 }
 
-static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
+/* The index of the word in the row's list. -1: it is another value, and a fault was added. */
+static int find_word(reading *r, const json_at *at, const spec_row *row)
 {
     char allowed[256] = "";
     const char *text = json_string(*at, "");
     for (int i = 0; row->words[i]; i++) {
-        const char *word = row->words[i];
-        if (strcmp(word, text) == 0) {
-            if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
-            if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
-            if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
-            json_put_string(normal, spec_row_key(row), word);
-            return;
-        }
+        if (strcmp(row->words[i], text) == 0) return i;
         size_t n = strlen(allowed);
-        snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
+        snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", row->words[i]);
     }
     reading_add_mismatch(r, at, "must be %s%s", strchr(allowed, ',') ? "one of " : "", allowed);
+    return -1;
+}
+
+static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    int i = find_word(r, at, row);
+    if (i < 0) return;
+    if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
+    if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
+    if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
+    json_put_string(normal, spec_row_key(row), row->words[i]);
+}
+
+/* The normalised list has each word once, in the order of the row. */
+static void read_words(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    unsigned found = 0;
+    size_t count = json_size(*at);
+    if (json_type_of(*at) != JSON_ARRAY || count == 0) {
+        reading_add_mismatch(r, at, "must be an array of at least one word");
+        return;
+    }
+    for (size_t k = 0; k < count; k++) {
+        json_at element = json_element(at, k);
+        int i = find_word(r, &element, row);
+        if (i < 0) return;
+        found |= 1u << i;
+    }
+    memcpy(reading_target(r, row->offset), &found, sizeof found);
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (int i = 0; row->words[i]; i++)
+        if (found & 1u << i) json_append_string(list, row->words[i]);
 }
 
 static void read_bool(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -264,6 +290,9 @@ void values_read(reading *r, const json_at *at, const spec_row *row, json *norma
         break;
     case SPEC_TYPE_WORD:
         read_word(r, at, row, normal);
+        break;
+    case SPEC_TYPE_WORDS:
+        read_words(r, at, row, normal);
         break;
     case SPEC_TYPE_STRING:
         read_string(r, at, row, normal);

@@ -388,6 +388,33 @@ def test_show_and_wait_say_which_frames_are_unresolved(run, service):
     assert "converged" not in run("wait", good).stderr
 
 
+def test_wait_ends_with_zero_for_accepted_outcomes(run, service):
+    job, strict = (service.submit({**PARTLY_UNRESOLVED, "queue": {**PARTLY_UNRESOLVED["queue"], "accept": accept}})
+                   for accept in (["converged", "unresolved"], ["converged"]))
+    dependent = service.submit(sphere(100, queue={"depends_on": [strict]}))
+    assert run("wait", job).returncode == 11 and run("wait", "--accept", job).returncode == 0
+    refused = run("wait", "--accept", strict)
+    assert refused.returncode == 11 and f"{strict} succeeded unresolved (not accepted)" in refused.stdout
+    assert run("wait", "--accept", job, strict).returncode == 11
+    assert service.job(job)["accepted"] is True and service.job(strict)["accepted"] is False
+    failed = service.wait_state(dependent, "failed")
+    assert failed["error"]["code"] == "dependency_failed" and f"{strict}, whose outcome is unresolved" in failed["error"]["message"]
+    assert failed["accepted"] is None
+    changed = service.request("PATCH", f"/v1/jobs/{strict}", json.dumps({"accept": ["unresolved", "converged"]}),
+                              {"Content-Type": "application/json"})
+    assert changed.status == 200 and changed.json["accepted"] is True, changed.body
+    assert run("retry", strict, "--dependents").returncode == 0
+    assert service.wait_state(dependent, "succeeded")["accepted"] is True
+
+
+def test_submit_accepts_outcomes_only_when_it_waits(run, tmp_path):
+    (tmp_path / "spec.json").write_text(json.dumps({**PARTLY_UNRESOLVED, "queue": {
+        **PARTLY_UNRESOLVED["queue"], "accept": ["converged", "unresolved"]}}))
+    refused = run("submit", tmp_path / "spec.json", "--accept")
+    assert refused.returncode == 2 and "--accept requires --wait" in refused.stderr
+    assert run("submit", tmp_path / "spec.json", "--wait", "--accept").returncode == 0
+
+
 def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
     spec = json.dumps({**sequence(footage, "8"), "queue": {}})
     (tmp_path / "spec.json").write_text(spec)

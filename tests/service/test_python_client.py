@@ -307,6 +307,15 @@ def test_without_a_daemon_all_is_the_same(client, local, tmp_path):
     assert local.inspect(path)["mesh"]
 
 
+def test_outcomes_are_accepted_as_the_spec_says(client, local):
+    thin = {"surface": {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.1}},
+            "sampling": {"count": 100}, "outcome": {"require": {"hex_fraction": 0.5}}, "output": {"preview": False}}
+    for service in (client, local):
+        for accept in (["converged"], ["unresolved"]):
+            job = service.submit({**thin, "queue": {"accept": accept}}, wait=True)
+            assert job.outcome == "unresolved" and job.accepted is (job.outcome in accept)
+
+
 def test_frames_without_a_daemon_fail_as_with_one(client, local):
     """One frame has no surface: the others have results, and the job says why it failed."""
     spec = {**FRAMES, "surface": {"offset": {"surface": FRAMES["surface"], "distance": 0}},

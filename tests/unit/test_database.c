@@ -298,8 +298,11 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 13 had not. */
+#define BEFORE_14 "ALTER TABLE job DROP COLUMN accept;"
+
 /* What version 12 had not. */
-#define BEFORE_13 "DROP INDEX job_undelivered;"
+#define BEFORE_13 BEFORE_14 "DROP INDEX job_undelivered;"
 
 /* What version 11 had not. */
 #define BEFORE_12                                                                                \
@@ -557,6 +560,24 @@ static void test_dependencies_of_version_7_are_on_success(void **state)
     alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, second, QUEUE_FAILED);
+}
+
+/* In version 13 any outcome started dependent jobs, and still does for jobs of that version. */
+static void test_any_outcome_of_a_job_of_version_13_is_accepted(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    s.accept = QUEUE_OUTCOME_BIT(QUEUE_CONVERGED);
+    submit_for(p, &s, first);
+    s.depends_on = (const char *[]){first};
+    s.depends_on_count = 1;
+    submit_for(p, &s, second);
+    alter_database(p, BEFORE_14 "PRAGMA user_version = 13;");
+    queue_ending unresolved = success;
+    unresolved.outcome = QUEUE_UNRESOLVED;
+    assert_true(finish(p, first, 0, claim(p, first), &unresolved));
+    expect_state(p, second, QUEUE_QUEUED);
 }
 
 /* In version 5 the id of a notification was its number, which other queues gave, too. */
@@ -863,6 +884,7 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
         CASE(test_dependencies_of_version_7_are_on_success),
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),

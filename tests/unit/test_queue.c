@@ -374,6 +374,50 @@ static void test_who_depends_on_a_failure_fails(void **state)
     claim(p, id[1]);
 }
 
+static void test_dependents_start_with_accepted_outcomes_only(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain, after = plain;
+    char first[ULID_SIZE], second[ULID_SIZE], third[ULID_SIZE];
+    static const int frames[] = {1, 2};
+    s.frames = frames;
+    s.frame_count = 2;
+    s.accept = QUEUE_OUTCOME_BIT(QUEUE_CONVERGED) | QUEUE_OUTCOME_BIT(QUEUE_NOT_CONVERGED);
+    submit_for(p, &s, first);
+    after.depends_on = (const char *[]){first};
+    after.depends_on_count = 1;
+    submit_for(p, &after, second);
+    queue_ending ending = success;
+    ending.outcome = QUEUE_UNRESOLVED;
+    assert_true(finish(p, first, 0, claim(p, first), &ending));
+    ending.outcome = QUEUE_NOT_CONVERGED;
+    assert_true(finish(p, first, 1, claim(p, first), &ending));
+    queue_job job = get(p, first);
+    assert_true(job.state == QUEUE_SUCCEEDED && job.outcome == QUEUE_NOT_CONVERGED && !job.accepted);
+    queue_job_clear(&job);
+    job = get(p, second);
+    assert_int_equal(job.state, QUEUE_FAILED);
+    assert_string_equal(job.error_code, "dependency_failed");
+    assert_non_null(strstr(job.error_message, "queue.accept"));
+    queue_job_clear(&job);
+    assert_int_equal(submit(p, &after).state, QUEUE_FAILED);
+    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    after.depends_on_count = 0;
+    after.after = (const char *[]){first};
+    after.after_count = 1;
+    submit_for(p, &after, third); /* which needs the end only */
+    claim(p, third);
+
+    const unsigned all = QUEUE_ANY_OUTCOME;
+    queue_edited edited;
+    assert_true(queue_change(p->q, first, -1, &(queue_edit){.accept = &all}, &edited, NULL));
+    job = get(p, first);
+    assert_true(job.accepted);
+    queue_job_clear(&job);
+    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_QUEUED);
+    claim(p, second);
+}
+
 /* first <- second <- third; bob's is behind the first, and the last one behind it and one that is not retried. */
 static void test_a_retry_takes_what_failed_behind_it(void **state)
 {
@@ -1286,6 +1330,7 @@ int main(void)
         CASE(test_list_by_name_and_time),
         CASE(test_lists_are_sorted),
         CASE(test_who_depends_on_a_failure_fails),
+        CASE(test_dependents_start_with_accepted_outcomes_only),
         CASE(test_a_retry_takes_what_failed_behind_it),
         CASE(test_an_array_has_one_state),
         CASE(test_cancel_of_an_array),

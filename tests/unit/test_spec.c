@@ -347,7 +347,7 @@ static void test_words_of_every_row(void **state)
         const spec_row *row = &spec_rows[i];
         bool shape = strcmp(spec_row_key(row), "shape") == 0; /* other shapes need other members */
         for (size_t k = 0; !shape && !is_in_list(row) && row->words && row->words[k]; k++) {
-            char *quoted = mem_printf("\"%s\"", row->words[k]);
+            char *quoted = mem_printf(row->type == SPEC_TYPE_WORDS ? "[\"%s\"]" : "\"%s\"", row->words[k]);
             try_value(row, document(quoted), true, NAN);
             free(quoted);
         }
@@ -666,7 +666,8 @@ static void test_normalised_is_idempotent(void **state)
         "\"points_vdb\":false,\"points_npz\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
-        "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"coherent\":false,"
+        "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],"
+        "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");
     free(text);
     spec_free(s);
@@ -963,6 +964,38 @@ static void test_frames(void **state)
     faults = bad(SPHERE ",\"queue\":{\"frames\":\"3-1\"}}", &e);
     assert_string_equal(faults.item[0].pointer, "/queue/frames");
     assert_non_null(strstr(e.message, "3-1"));
+}
+
+static void test_accepted_outcomes(void **state)
+{
+    (void)state;
+    error e = {0};
+    static const char *const given[][2] = {
+        {"{}", "[\"converged\",\"unresolved\",\"not_converged\"]"},
+        {"{\"accept\":[\"unresolved\",\"converged\",\"unresolved\"]}", "[\"converged\",\"unresolved\"]"}};
+    static const unsigned expected[] = {7, 1u << SPEC_OUTCOME_CONVERGED | 1u << SPEC_OUTCOME_UNRESOLVED};
+    for (size_t k = 0; k < 2; k++) {
+        char *text = mem_printf(SPHERE ",\"queue\":%s}", given[k][0]);
+        json *root = document(text);
+        spec *s = spec_parse(root, NULL, &e);
+        if (!s) fail_msg("%s", e.message);
+        assert_int_equal(s->accept, expected[k]);
+        char *normal = json_print(json_find(s->normalised, "/queue/accept"));
+        assert_string_equal(normal, given[k][1]);
+        free(normal);
+        spec_free(s);
+        json_free(root);
+        free(text);
+    }
+    static const char *const wrong[][2] = {{"[]", "/queue/accept"},
+                                           {"\"converged\"", "/queue/accept"},
+                                           {"[\"converged\",\"good\"]", "/queue/accept/1"}};
+    for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+        char *text = mem_printf(SPHERE ",\"queue\":{\"accept\":%s}}", wrong[k][0]);
+        spec_faults faults = bad(text, &e);
+        assert_string_equal(faults.item[0].pointer, wrong[k][1]);
+        free(text);
+    }
 }
 
 #define BY_FRAME(values) SPHERE ",\"queue\":{\"frames\":\"10-14x2\",\"by_frame\":" values "}}"
@@ -1283,6 +1316,7 @@ int main(void)
         cmocka_unit_test(test_words_of_every_row),
         cmocka_unit_test(test_attributes),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_accepted_outcomes),
         cmocka_unit_test(test_values_by_frame),
         cmocka_unit_test(test_faults_of_values_by_frame),
         cmocka_unit_test(test_a_later_frame_is_checked),

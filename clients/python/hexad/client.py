@@ -87,7 +87,7 @@ class RemoteJob(Job):
         return self.command("deliver", repeat=False)
 
     def edit(self, **members: Any) -> RemoteJob:
-        """Changes `priority`, `labels` or `retention_s`."""
+        """Changes `priority`, `labels`, `retention_s` or `accept`."""
         self.document = self.transport.send("PATCH", self.path, members)
         return self
 

@@ -90,6 +90,12 @@ class Job(ABC):
         return outcome
 
     @property
+    def accepted(self) -> bool | None:
+        """Whether `queue.accept` of its spec contains the outcomes of all frames; None: it has not succeeded."""
+        accepted: bool | None = self.document["accepted"]
+        return accepted
+
+    @property
     def error(self) -> dict[str, Any] | None:
         """The `code` and `message` of a failed job."""
         error: dict[str, Any] | None = self.document["error"]

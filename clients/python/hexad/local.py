@@ -21,6 +21,7 @@ from .problems import BY_CODE, Conflict, IdempotencyMismatch
 __all__ = ["Local", "LocalJob"]
 
 SUCCEEDED = (0, 10, 11)  # exit codes of the worker
+OUTCOMES = ("converged", "unresolved", "not_converged")  # from best to worst
 BAD_SPEC, NO_SURFACE, CANCELLED = 2, 4, 6
 
 
@@ -52,7 +53,8 @@ class LocalJob(Job):
     """A job of this machine. A thread runs its frames, one after another."""
 
     def __init__(self, local: Local, id: str, spec: dict[str, Any]) -> None:
-        super().__init__({"id": id, "name": spec.get("name"), "state": "queued", "outcome": None, "error": None, "spec": spec})
+        super().__init__({"id": id, "name": spec.get("name"), "state": "queued", "outcome": None, "accepted": None,
+                          "error": None, "spec": spec})
         self.local, self.spec = local, spec
         queue = spec.get("queue", {})
         self.coherent = bool(queue.get("coherent"))
@@ -137,7 +139,8 @@ class LocalJob(Job):
     def settle(self, failed: tuple[int, int | None] | None) -> None:
         if not failed:
             outcomes = [json.loads((self.place_of(f) / "report.json").read_bytes())["outcome"] for f in self.done]
-            self.enter("succeeded", max(outcomes, key=("converged", "unresolved", "not_converged").index, default=None))
+            self.document["accepted"] = set(outcomes) <= set(self.spec.get("queue", {}).get("accept", OUTCOMES))
+            self.enter("succeeded", max(outcomes, key=OUTCOMES.index, default=None))
             return
         code, frame = failed
         if code == CANCELLED:
