@@ -11,7 +11,8 @@
 #include "http/parameter.h"
 #include "spec/spec.h"
 
-const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", "accept", NULL};
+const char *const job_commands_patch_members[] = {"priority", "labels",      "retention_s",
+                                                  "accept",   "max_running", NULL};
 
 /* The sentence of an error that states to which jobs a command applies. */
 static const char *rule_of(queue_command command)
@@ -140,8 +141,9 @@ static void check_names(json_at patch, json *errors)
         size_t k = 0;
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
-        reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
-                           "cannot be changed: change only priority, labels, retention_s or accept");
+        reply_append_fault(
+            errors, json_pointer(&member, pointer, sizeof pointer),
+            "cannot be changed: change only priority, labels, retention_s, accept or max_running");
     }
 }
 
@@ -213,6 +215,7 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
         .labels = labels,
         .retention_s = json_member(&patch, "retention_s").node ? &s->retention_s : NULL,
         .accept = json_member(&patch, "accept").node ? &accept : NULL,
+        .max_running = json_member(&patch, "max_running").node ? &s->max_running : NULL,
     };
     apply(c, request, &job, &edit, revision, r);
 done:

@@ -571,6 +571,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .after = (const char *const *)s->after,
         .after_count = s->after_count,
         .accept = job_json_outcomes(s->accept),
+        .max_running = s->max_running,
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
         .timeout_ms = ms_of(s->timeout_s),

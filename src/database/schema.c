@@ -176,6 +176,12 @@
 /* The outcomes for which dependent jobs start (SCHEMA_ACCEPTED). Default: all. */
 #define ACCEPT "accept INTEGER NOT NULL DEFAULT 14"
 
+/* The maximum number of tasks of a job that run at the same time; 0: none. */
+#define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
+#define READY                                                                       \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
+    "  WHERE " SCHEMA_CLAIMABLE ";"
+
 /* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
 #define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
 #define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
@@ -226,16 +232,14 @@ static const char tables[] =
     "  key TEXT,"
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
-    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ","
+    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ", " MAX_RUNNING ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
     "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING UNDELIVERED
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
-    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
-    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
-    "  WHERE " SCHEMA_CLAIMABLE ";"
+    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;" READY
 
     "CREATE TABLE spec ("
     "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
@@ -467,6 +471,9 @@ static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " 
 static const char add_undelivered[] = UNDELIVERED;
 /* Migration from version 13, in which dependent jobs started with any outcome. */
 static const char add_accept[] = "ALTER TABLE job ADD COLUMN " ACCEPT ";";
+/* Migration from version 14, in which any number of tasks of a job could run. */
+static const char add_max_running[] =
+    "ALTER TABLE job ADD COLUMN " MAX_RUNNING "; DROP INDEX job_ready;" READY;
 /* A job failed when its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -490,6 +497,7 @@ static const struct step {
     {1, 4, leave_unnamed},
     {2, 5, add_outbox_event},
     {2, 5, add_state_count},
+    {2, 14, add_max_running}, /* before find_owners, whose condition has the column */
     {2, 6, add_turns},
     {1, 6, find_owners},
     {2, 7, add_any_end},

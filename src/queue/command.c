@@ -211,6 +211,9 @@ static bool store_edit(database *d, const queue_edit *edit, const job_state *j, 
     if (edit->accept)
         ok = ok &&
              RUN(d, e, "UPDATE job SET accept = ?2 WHERE seq = ?1", integer(j->seq), integer(*edit->accept));
+    if (edit->max_running)
+        ok = ok && RUN(d, e, "UPDATE job SET max_running = ?2 WHERE seq = ?1", integer(j->seq),
+                       integer(*edit->max_running));
     if (edit->labels)
         ok = ok &&
              RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(j->seq), text(edit->labels)) &&

@@ -165,6 +165,7 @@ typedef struct queue_submission {
     const char *const *after; /* ids of jobs that must end before this one starts */
     size_t after_count;
     unsigned accept;           /* set of outcomes with which jobs that depend on this one start; 0: all */
+    int max_running;           /* tasks of the job that run at the same time; 0: any number */
     const char *const *inputs; /* names of the uploaded files that the job reads */
     size_t input_count;
     int64_t timeout_ms, stall_ms; /* limits of an attempt; 0: the service's own */
@@ -312,6 +313,7 @@ typedef struct queue_edit {
     const int *priority;        /* NULL: stays */
     const char *labels;         /* NULL: stay */
     const int64_t *retention_s; /* NULL: unchanged; counts from the job's end, also if it has ended */
+    const int *max_running;     /* NULL: unchanged. Running tasks continue */
     const unsigned *accept; /* NULL: unchanged. Dependent jobs that have started or failed stay as they are */
 } queue_edit;
 

@@ -304,10 +304,11 @@ typedef struct spec {
     char **after; /* likewise */
     size_t after_count;
     unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
-    char *frames; /* as given; NULL: the job is not a sequence. Their numbers: */
+    char *frames;    /* as given; NULL: the job is not a sequence. Their numbers: */
     int *frame;
     size_t frame_count;
     bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */
+    int max_running;       /* frames at once; 0: any number */
     bool coherent;         /* each frame begins with the points of the one before */
     int64_t retention_s;   /* 0: the service's */
     char *webhook;         /* NULL: none */

@@ -1741,9 +1741,10 @@ const spec_row spec_rows[] = {
      .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
      WORDS(SPEC_OUTCOME),
      AT(accept),
-     .prose = "The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend "
-              "on it (depends_on) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
-              "ends with status 0 for it. The state and the outcome of the job do not change."},
+     .prose =
+         "The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend "
+         "on it (depends_on) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
+         "ends with status 0 for it. The state and the outcome of the job do not change."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1765,6 +1766,15 @@ const spec_row spec_rows[] = {
          "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
+    {.pointer = "/queue/max_running",
+     .type = SPEC_TYPE_INTEGER,
+     .low = 0,
+     .high = 100000,
+     .otherwise = "0",
+     AT(max_running),
+     .unit = "frames",
+     .prose =
+         "The maximum number of frames that run at the same time; 0: as many as the service has room for."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from service import PATIENCE_S, Service, long_sphere, sphere, wait_until
+from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere, wait_until
 
 
 TETRAHEDRON = "OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
@@ -71,6 +71,19 @@ def test_a_frame_number_is_written_as_in_houdini(service, build, footage, tmp_pa
     sent = subprocess.run([build / "hexadctl", "upload", footage / "a.$F4.vdb"], env=service.environment(), text=True,
                           capture_output=True, timeout=PATIENCE_S)
     assert sent.returncode == 0 and len(sent.stdout.splitlines()) == 3, sent.stderr
+
+
+def test_at_most_max_running_frames_run(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 4, "--threads", 4, base=tmp_path).start()
+    job = service.submit(sphere(queue={"frames": "1-4", "max_running": 2, "by_frame": {"/solver/seed": [1, 2, 3, 4]}}))
+    later = service.submit(sphere())
+    service.wait_state(later, "running")  # so the frames that wait were passed over
+    assert service.job(job)["tasks"]["running"] == 2
+    changed = service.request("PATCH", f"/v1/jobs/{job}", json.dumps({"max_running": 3}), {"Content-Type": "application/json"})
+    assert changed.status == 200, changed.body
+    wait_until(lambda: service.job(job)["tasks"]["running"] == 3, "a third frame")
+    service.open_gate(job)
+    assert service.wait_state(job, "succeeded")["tasks"]["succeeded"] == 4
 
 
 def test_a_frame_that_is_missing_fails_alone(service, footage):

@@ -298,8 +298,14 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 14 had not. */
+#define BEFORE_15                                                                   \
+    "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN max_running;"                \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
+    "  WHERE ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0);"
+
 /* What version 13 had not. */
-#define BEFORE_14 "ALTER TABLE job DROP COLUMN accept;"
+#define BEFORE_14 BEFORE_15 "ALTER TABLE job DROP COLUMN accept;"
 
 /* What version 12 had not. */
 #define BEFORE_13 BEFORE_14 "DROP INDEX job_undelivered;"
@@ -560,6 +566,25 @@ static void test_dependencies_of_version_7_are_on_success(void **state)
     alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, second, QUEUE_FAILED);
+}
+
+/* In version 14 nothing bounded the running tasks of a job. */
+static void test_jobs_of_version_14_have_no_max_running(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE];
+    s.frames = (const int[]){1, 2, 3};
+    s.frame_count = 3;
+    submit_for(p, &s, id);
+    claim(p, id);
+    alter_database(p, BEFORE_15 "PRAGMA user_version = 14;");
+    claim(p, id);
+    claim(p, id);
+    s.max_running = 1;
+    submit_for(p, &s, id);
+    claim(p, id);
+    claim(p, NULL);
 }
 
 /* In version 13 any outcome started dependent jobs, and still does for jobs of that version. */
@@ -884,6 +909,7 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_jobs_of_version_14_have_no_max_running),
         CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
         CASE(test_dependencies_of_version_7_are_on_success),
         CASE(test_notifications_of_version_5_get_ids),

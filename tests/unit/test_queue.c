@@ -582,6 +582,35 @@ static void test_an_array_has_one_state(void **state)
     assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
 }
 
+static void test_a_job_runs_at_most_max_running_tasks(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    s.frames = (const int[]){1, 2, 3, 4, 5};
+    s.frame_count = 5;
+    s.max_running = 2;
+    submit_for(p, &s, id);
+    put(p, "other", -1, other);
+    int attempt = claim(p, id);
+    claim(p, id);
+    claim(p, other); /* which the array does not hold up */
+    claim(p, NULL);
+    reopen(p);
+    claim(p, NULL);
+    assert_true(finish(p, id, 0, attempt, &success));
+    claim(p, id);
+    claim(p, NULL);
+    queue_edited edited;
+    assert_true(queue_change(p->q, id, -1, &(queue_edit){.max_running = &(const int){1}}, &edited, NULL));
+    assert_true(finish(p, id, 1, 1, &crash));
+    claim(p, NULL); /* task 2 still runs */
+    assert_true(queue_change(p->q, id, -1, &(queue_edit){.max_running = &(const int){0}}, &edited, NULL));
+    claim(p, id);
+    claim(p, id);
+    claim(p, NULL);
+}
+
 static void test_cancel_of_an_array(void **state)
 {
     place *p = *state;
@@ -1333,6 +1362,7 @@ int main(void)
         CASE(test_dependents_start_with_accepted_outcomes_only),
         CASE(test_a_retry_takes_what_failed_behind_it),
         CASE(test_an_array_has_one_state),
+        CASE(test_a_job_runs_at_most_max_running_tasks),
         CASE(test_cancel_of_an_array),
         CASE(test_tasks_in_order_begin_with_the_one_before),
         CASE(test_what_follows_a_failure_fails_with_it),

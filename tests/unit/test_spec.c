@@ -667,7 +667,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],"
-        "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"coherent\":false,"
+        "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"max_running\":0,\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");
     free(text);
     spec_free(s);

@@ -87,7 +87,7 @@ class RemoteJob(Job):
         return self.command("deliver", repeat=False)
 
     def edit(self, **members: Any) -> RemoteJob:
-        """Changes `priority`, `labels`, `retention_s` or `accept`."""
+        """Changes `priority`, `labels`, `retention_s`, `accept` or `max_running`."""
         self.document = self.transport.send("PATCH", self.path, members)
         return self
 

@@ -1253,6 +1253,7 @@ class _QueueRest(TypedDict, total=False):
     accept: Sequence[Literal["converged", "unresolved", "not_converged"]]
     frames: str
     by_frame: Mapping[str, Union[Sequence[Any], QueueByFrameValue]]
+    max_running: int
     coherent: bool
     retention_s: int
     webhook: str
@@ -1279,6 +1280,8 @@ class Queue(_QueueRest):
         {"from": 1, "to": 2}}: linear in the frame number, from the lowest to the highest frame. Only members
         of surface, region, sampling, solver and output may change; paths, slices, solver.threads and
         output.directory may not. At most 10000 frames.
+    max_running: The maximum number of frames that run at the same time; 0: as many as the service has room
+        for. (frames) Default: 0.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
         the surface and keep their ids. Requires frames and the method sized; excludes features,
         sampling.time_s and sampling.alpha. Default: False.
