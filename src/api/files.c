@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include "api/job_json.h"
+#include "base/compare.h"
+#include "base/frames.h"
 #include "base/memory.h"
 #include "http/parameter.h"
 
@@ -126,4 +128,115 @@ void files_list(const http_context *c, const http_request *request, reply *r)
     closedir(listing);
     names_clear(&found);
     reply_set_json(r, 200, document);
+}
+
+/* ---- frames of a sequence */
+
+/* A path with the place of a frame number, cut at the file or directory whose name has it. */
+typedef struct frame_pattern {
+    const char *whole;
+    char *directory; /* "": the path has none */
+    char *name;
+    bool in_directory; /* the name is that of a directory on the way to the files */
+} frame_pattern;
+
+static frame_pattern cut_pattern(const char *pattern)
+{
+    size_t first = frames_prefix(pattern);
+    while (first > 0 && pattern[first - 1] != '/') first--;
+    size_t length = strcspn(pattern + first, "/");
+    return (frame_pattern){.whole = pattern,
+                           .directory = mem_strndup(pattern, first),
+                           .name = mem_strndup(pattern + first, length),
+                           .in_directory = pattern[first + length] == '/'};
+}
+
+typedef struct numbers {
+    int *item;
+    size_t count, capacity;
+} numbers;
+
+/* Whether jobs may read the file of the frame. The kind of the directory's entry suffices for most files. */
+static bool is_frame_readable(const http_context *c, const frame_pattern *p, const struct dirent *entry,
+                              int frame)
+{
+    struct stat info;
+    if (!p->in_directory && (entry->d_type == DT_REG || entry->d_type == DT_DIR)) return true;
+    char *path = frames_path(p->whole, frame);
+    bool found = store_find_input(c->roots, path, &info);
+    free(path);
+    return found;
+}
+
+/* Adds the frames in one directory, up to one more than a job may have. */
+static bool add_frames(const http_context *c, const frame_pattern *p, const char *directory, numbers *out,
+                       error *e)
+{
+    int frame = 0, fd = store_open_directory(c->roots, directory, e);
+    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
+    if (!listing) {
+        if (fd < 0) return false;
+        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", directory, strerror(errno));
+        close(fd);
+        return false;
+    }
+    for (struct dirent *entry; out->count <= FRAMES_MOST && (entry = readdir(listing));) {
+        if (entry->d_name[0] == '.' || !frames_match(p->name, entry->d_name, &frame) ||
+            !is_frame_readable(c, p, entry, frame))
+            continue;
+        if (out->count == out->capacity)
+            out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
+        out->item[out->count++] = frame;
+    }
+    closedir(listing);
+    return true;
+}
+
+/* Adds the frames of a relative path, which is below one or several of the roots. */
+static void add_frames_of_roots(const http_context *c, const frame_pattern *p, numbers *out)
+{
+    bool is_directory;
+    const char *root;
+    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
+        char *directory = mem_printf("%s/%s", root, p->directory);
+        if (is_directory) add_frames(c, p, directory, out, NULL);
+        free(directory);
+    }
+}
+
+static void sort_numbers(numbers *n)
+{
+    size_t kept = 0;
+    if (n->count) qsort(n->item, n->count, sizeof *n->item, compare_ints);
+    for (size_t i = 0; i < n->count; i++)
+        if (!kept || n->item[kept - 1] != n->item[i]) n->item[kept++] = n->item[i];
+    n->count = kept;
+}
+
+bool files_find_frames(const http_context *c, const char *pattern, int **frames, size_t *count, error *e)
+{
+    frame_pattern p = cut_pattern(pattern);
+    numbers found = {0};
+    bool ok = true;
+    if (*pattern == '/')
+        ok = add_frames(c, &p, p.directory, &found, e);
+    else
+        add_frames_of_roots(c, &p, &found);
+    sort_numbers(&found);
+    if (ok && !found.count)
+        ok = error_set(e, ERROR_INPUT_MISSING,
+                       "no file below the input roots matches %s: check the directory and the name", pattern);
+    if (ok && found.count > FRAMES_MOST)
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "more than %d files match %s: write the frame numbers, and submit several jobs",
+                       FRAMES_MOST, pattern);
+    free(p.directory);
+    free(p.name);
+    if (!ok) {
+        free(found.item);
+        return false;
+    }
+    *frames = found.item;
+    *count = found.count;
+    return true;
 }

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "api/document_cache.h"
+#include "api/files.h"
 #include "api/inputs.h"
 #include "api/job_json.h"
 #include "api/job_lookup.h"
@@ -136,6 +137,68 @@ static bool check_frames(const http_context *c, const spec *s, reply *r)
     return good;
 }
 
+/* Sets a problem about a member of the spec. If its path was mapped, the message contains both paths. */
+static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
+{
+    const char *asked = paths_asked(o->paths, pointer);
+    error fault = *why;
+    if (asked)
+        error_set(&fault, why->code, "%s (mapped from %s by the setting path_mappings)", why->message, asked);
+    json *errors = json_new_array();
+    reply_append_fault(errors, pointer, fault.message);
+    reply_set_error(r, &fault, errors);
+}
+
+/* The first path with the place of a frame number. The parser requires one for FRAMES_ALL. */
+static spec_input find_pattern(const spec *s)
+{
+    spec_input input = {0};
+    for (size_t k = 0; spec_input_at(s, k, &input) && !frames_is_pattern(input.path);) k++;
+    return input;
+}
+
+/* Replaces "all" in queue.frames by the numbers of the files that exist now, and parses the document again. If there
+ * are none or too many, or the caller may not list directories, sets a problem and returns false. */
+static bool resolve_frames(const http_context *c, const access_caller *caller, json *document, order *o,
+                           reply *r)
+{
+    error e = {0};
+    int *frames = NULL;
+    size_t count = 0;
+    if (!o->s->frames || strcmp(o->s->frames, FRAMES_ALL) != 0) return true;
+    if (!(caller->scopes & SCOPE_SUBMIT)) {
+        reply_set_problem(r, "forbidden", NULL,
+                          "/queue/frames: \"" FRAMES_ALL
+                          "\" requires the scope %s: use a token that has it, or "
+                          "write the frame numbers",
+                          scope_name(SCOPE_SUBMIT));
+        return false;
+    }
+    char *text = NULL;
+    if (files_find_frames(c, find_pattern(o->s).path, &frames, &count, &e)) {
+        text = frames_print(frames, count);
+        if (strlen(text) > SPEC_FRAMES_LENGTH_MAX) {
+            error_set(
+                &e, ERROR_SPEC_INVALID,
+                "the numbers of the %zu files have too many gaps to list them: write the frame numbers, and "
+                "submit several jobs",
+                count);
+            free(text);
+            text = NULL;
+        }
+    }
+    free(frames);
+    if (!text) {
+        refuse_member(o, "/queue/frames", &e, r);
+        return false;
+    }
+    json_set_string(json_find(document, "/queue/frames"), text);
+    free(text);
+    spec_free(o->s);
+    o->s = build_spec(document, r);
+    return o->s;
+}
+
 /* Parses the body into an order. If it is invalid, sets a problem and returns false. */
 static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
 {
@@ -151,20 +214,9 @@ static bool read_order(const http_context *c, const http_request *request, order
         spec_free(o->s);
         o->s = build_spec(document, r);
     }
+    bool ok = o->s && resolve_frames(c, request->caller, document, o, r);
     json_free(document);
-    return o->s && check_frames(c, o->s, r);
-}
-
-/* Sets a problem about a member of the spec. If its path was mapped, the message contains both paths. */
-static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
-{
-    const char *asked = paths_asked(o->paths, pointer);
-    error fault = *why;
-    if (asked)
-        error_set(&fault, why->code, "%s (mapped from %s by the setting path_mappings)", why->message, asked);
-    json *errors = json_new_array();
-    reply_append_fault(errors, pointer, fault.message);
-    reply_set_error(r, &fault, errors);
+    return ok && check_frames(c, o->s, r);
 }
 
 /* Checks that the input files exist and may be read, so that the submission fails and not the job. The worker opens

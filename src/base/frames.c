@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <ctype.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -85,6 +86,31 @@ int *frames_parse(const char *text, size_t *count, error *e)
     }
     *count = used;
     return numbers;
+}
+
+/* The number of numbers from `numbers` on that have equal steps. */
+static size_t count_steps(const int *numbers, size_t count)
+{
+    size_t used = count < 2 ? count : 2;
+    while (used < count && numbers[used] - numbers[used - 1] == numbers[1] - numbers[0]) used++;
+    return used;
+}
+
+char *frames_print(const int *numbers, size_t count)
+{
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    for (size_t i = 0, used; i < count; i += used) {
+        used = count_steps(numbers + i, count - i);
+        int step = used > 1 ? numbers[i + 1] - numbers[i] : 1;
+        if (used == 2 && step > 1) used = 1;
+        fprintf(out, "%s%d", i ? "," : "", numbers[i]);
+        if (used > 1) fprintf(out, "-%d", numbers[i + used - 1]);
+        if (step > 1 && used > 1) fprintf(out, "x%d", step);
+    }
+    fclose(out);
+    return text;
 }
 
 /* The length of "%04d" or "%d" at the start of the text, and the minimum number of digits; 0: it is something else. */

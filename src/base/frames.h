@@ -15,8 +15,14 @@
 /* Maximum number of frames, which are one task each. */
 #define FRAMES_MOST 100000
 
+/* Instead of numbers: those of all files. The service replaces it by numbers. */
+#define FRAMES_ALL "all"
+
 /* The numbers in the given order; the caller frees them. Error: spec_invalid. */
 int *frames_parse(const char *text, size_t *count, error *e);
+
+/* The text of ascending numbers, which is short if they have equal steps; the caller frees it. */
+char *frames_print(const int *numbers, size_t count);
 
 /* The notations of the number, for messages. */
 #define FRAMES_NOTATIONS "####, %04d or $F4"

@@ -14,6 +14,7 @@
 
 #include "base/build_part.h"
 #include "base/error.h"
+#include "base/frames.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
 #include "base/sandbox.h"
@@ -180,6 +181,10 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     if (!whole->frames)
         return error_set(e, ERROR_SPEC_INVALID,
                          "--frame requires a spec with queue.frames: omit it, or add queue.frames");
+    if (strcmp(whole->frames, FRAMES_ALL) == 0)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "/queue/frames: only the service finds the numbers of \"" FRAMES_ALL
+                         "\": write the numbers");
     while (i < whole->frame_count && whole->frame[i] != frame) i++;
     if (i == whole->frame_count)
         return error_set(e, ERROR_SPEC_INVALID,

@@ -197,8 +197,7 @@ static void check_exr(reading *r, const json_at *at)
             "(given \"%s\")",
             SURFACE_MOST_SLICES, x->slices);
     else if (!surface_name_slices(x))
-        reading_add_fault(r, &path, "must contain one %s in place of the slice number",
-                          FRAMES_NOTATIONS);
+        reading_add_fault(r, &path, "must contain one %s in place of the slice number", FRAMES_NOTATIONS);
 }
 
 /* With slices the path names a stack. */
@@ -412,20 +411,24 @@ static void check_frames(reading *r, const json_at *at)
     spec *s = r->s;
     json_at frames = json_member(at, "frames");
     error e = {0};
-    bool any = false;
+    bool any = false, all;
     if (!s->frames) return;
-    if (!(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
+    all = strcmp(s->frames, FRAMES_ALL) == 0;
+    if (!all && !(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
         reading_add_fault(r, &frames, "%s", e.message);
         return;
     }
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
-    if (!any && !s->has_frame_values)
+    if (!any && all)
         reading_add_fault(
-            r, &frames,
-            "all frames are equal: write %s in place of the frame number into a path "
-            "of the surface, or add by_frame",
+            r, &frames, "\"" FRAMES_ALL "\" requires the path of a file with %s in place of the frame number",
             FRAMES_NOTATIONS);
+    else if (!any && !s->has_frame_values)
+        reading_add_fault(r, &frames,
+                          "all frames are equal: write %s in place of the frame number into a path "
+                          "of the surface, or add by_frame",
+                          FRAMES_NOTATIONS);
     if (s->directory && !frames_is_pattern(s->directory))
         reading_add_fault(
             r, &frames,

@@ -304,7 +304,7 @@ typedef struct spec {
     char **after; /* likewise */
     size_t after_count;
     unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
-    char *frames;    /* as given; NULL: the job is not a sequence. Their numbers: */
+    char *frames;    /* as given; NULL: the job is not a sequence. Their numbers; FRAMES_ALL has none: */
     int *frame;
     size_t frame_count;
     bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */
@@ -317,6 +317,8 @@ typedef struct spec {
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;
+
+#define SPEC_FRAMES_LENGTH_MAX 100000 /* characters of /queue/frames */
 
 /* The faults of a spec, at most SPEC_MAX_FAULTS, each with the JSON Pointer of its member. */
 #define SPEC_MAX_FAULTS 16

@@ -1748,13 +1748,13 @@ const spec_row spec_rows[] = {
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
-     .high = 1000,
+     .high = SPEC_FRAMES_LENGTH_MAX,
      AT(frames),
      .prose =
          "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The "
          "first ####, %04d or $F4 in each input path stands for the frame number. At least one input path "
          "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
-         "most 100000 frames."},
+         "most 100000 frames. \"all\": the frames of all files of the first such path at the submission."},
     {.pointer = "/queue/by_frame",
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,

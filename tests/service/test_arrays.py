@@ -73,6 +73,58 @@ def test_a_frame_number_is_written_as_in_houdini(service, build, footage, tmp_pa
     assert sent.returncode == 0 and len(sent.stdout.splitlines()) == 3, sent.stderr
 
 
+def test_all_frames_are_those_of_the_files_at_the_submission(new_service, footage, tmp_path):
+    film, more = tmp_path / "film", tmp_path / "more"
+    for name in ("a.0008.off", "a.0009.off", "a.0011.off", "a.0013.off", "a.7.off", "b.0001.off", "a.0008.off.bak"):
+        film.mkdir(exist_ok=True)
+        (film / name).write_text(TETRAHEDRON)
+    (film / "a.0012.off").symlink_to(film / "a.0008.off")
+    (film / "a.0014.off").symlink_to("/etc/hostname")  # which jobs may not read
+    more.mkdir()
+    (more / "a.0002.off").write_text(TETRAHEDRON)
+    service = new_service("--input_roots", f"{film},{more}", base=tmp_path).start()
+
+    def spec(path, **queue):
+        return {"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": 50},
+                "output": {"preview": False}, "queue": {"frames": "all", **queue}}
+
+    job = service.submit(spec(film / "a.####.off"))
+    (film / "a.0020.off").write_text(TETRAHEDRON)
+    done = service.wait_state(job, "succeeded")
+    assert done["spec"]["queue"]["frames"] == "8-9,11-13" and done["tasks"]["all"] == 5
+    assert service.post("/v1/jobs:validate", spec("a.%04d.off")).json["spec"]["queue"]["frames"] == "2,8-9,11-13,20"
+    wrong = service.post("/v1/jobs", spec(film / "a.$F4.off", by_frame={"/solver/seed": [1, 2]}))
+    assert wrong.status == 422 and "2 values for 6 frames" in wrong.json["detail"], wrong.body
+    for path, code in ((film / "c.####.off", "input_missing"), (film / "none/a.####.off", "input_missing"),
+                       ("/etc/a.####.off", "path_forbidden")):
+        refused = service.post("/v1/jobs", spec(path))
+        assert refused.json["code"] == code and refused.json["errors"][0]["pointer"] == "/queue/frames", refused.body
+    shots = film / "shots"
+    for number in (3, 4, 5):
+        (shots / f"{number:03d}").mkdir(parents=True)
+        if number != 4:
+            (shots / f"{number:03d}" / "a.off").write_text(TETRAHEDRON)
+    assert service.post("/v1/jobs:validate", spec(shots / "###/a.off")).json["spec"]["queue"]["frames"] == "3,5"
+
+
+def test_more_frames_than_a_job_may_have_are_refused(new_service, tmp_path):
+    film = tmp_path / "film"
+    film.mkdir()
+    for number in range(100001):
+        (film / f"a.{number}.off").touch()
+    service = new_service("--input_roots", film, base=tmp_path).start()
+    spec = {"version": 1, "surface": {"mesh": {"path": "a.#.off"}}, "sampling": {"count": 50}, "queue": {"frames": "all"}}
+    refused = service.post("/v1/jobs", spec)
+    assert refused.status == 422 and refused.json["code"] == "spec_invalid", refused.body
+    assert "more than 100000 files match a.#.off" in refused.json["detail"]
+
+
+def test_the_worker_alone_finds_no_frames(build, footage, tmp_path):
+    words = [build / "hexad-worker", "run", "-", "--output", tmp_path / "out", "--frame", "8"]
+    done = subprocess.run(words, input=json.dumps(sequence(footage, "all")), text=True, capture_output=True, timeout=PATIENCE_S)
+    assert done.returncode == 2 and "only the service finds" in done.stderr
+
+
 def test_at_most_max_running_frames_run(new_service, tmp_path):
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 4, "--threads", 4, base=tmp_path).start()
     job = service.submit(sphere(queue={"frames": "1-4", "max_running": 2, "by_frame": {"/solver/seed": [1, 2, 3, 4]}}))

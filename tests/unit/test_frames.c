@@ -56,6 +56,25 @@ static void test_nonsense(void **state)
     expect_refused("1-999999999,1-999999999", "at most 100000");
 }
 
+static void expect_printed(const char *expected, const int *numbers, size_t count)
+{
+    char *text = frames_print(numbers, count);
+    assert_string_equal(text, expected);
+    expect(text, numbers, count);
+    free(text);
+}
+
+static void test_numbers_are_printed_as_ranges(void **state)
+{
+    (void)state;
+    expect_printed("7", (const int[]){7}, 1);
+    expect_printed("1-3", (const int[]){1, 2, 3}, 3);
+    expect_printed("1-2,9", (const int[]){1, 2, 9}, 3);
+    expect_printed("1,5", (const int[]){1, 5}, 2);
+    expect_printed("1-9x4,10,12-15", (const int[]){1, 5, 9, 10, 12, 13, 14, 15}, 8);
+    expect_printed("0,2-3", (const int[]){0, 2, 3}, 3);
+}
+
 static void expect_path(const char *pattern, int frame, const char *expected)
 {
     char *path = frames_path(pattern, frame);
@@ -106,6 +125,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_numbers),
         cmocka_unit_test(test_nonsense),
+        cmocka_unit_test(test_numbers_are_printed_as_ranges),
         cmocka_unit_test(test_paths),
         cmocka_unit_test(test_a_path_is_matched_with_a_pattern),
     };

@@ -964,6 +964,9 @@ static void test_frames(void **state)
     faults = bad(SPHERE ",\"queue\":{\"frames\":\"3-1\"}}", &e);
     assert_string_equal(faults.item[0].pointer, "/queue/frames");
     assert_non_null(strstr(e.message, "3-1"));
+    faults = bad(SPHERE ",\"queue\":{\"frames\":\"all\",\"by_frame\":{\"/solver/seed\":[1]}}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/frames");
+    assert_non_null(strstr(e.message, "requires the path of a file with ####"));
 }
 
 static void test_accepted_outcomes(void **state)

@@ -1274,7 +1274,8 @@ class Queue(_QueueRest):
         'unresolved', 'not_converged'].
     frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####,
         %04d or $F4 in each input path stands for the frame number. At least one input path must contain one,
-        unless by_frame is given; output.directory must contain one in any case. At most 100000 frames.
+        unless by_frame is given; output.directory must contain one in any case. At most 100000 frames. "all":
+        the frames of all files of the first such path at the submission.
     by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of exactly
         one value for each frame, {"/solver/seed": [1, 2, 3]}, or a ramp, {"/surface/analytic/radius":
         {"from": 1, "to": 2}}: linear in the frame number, from the lowest to the highest frame. Only members
