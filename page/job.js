@@ -140,6 +140,7 @@ function Facts({job, now}) {
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
     ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
+    ["Accepted", job.accepted === false && "no: queue.accept excludes the outcome"],
     ["Delivery", job.delivery && (job.delivery.message || job.delivery.state)],
     ["Result of", job.cached_from && html`<a href=${`#/jobs/${job.cached_from}`}>${job.cached_from}</a>`], ["Id", html`<code>${job.id}</code>`],
   ];
@@ -167,8 +168,9 @@ function Tasks({job, frame, onChoose}) {
   useEffect(() => readSoon.cancel, [readSoon]);
   return html`<section aria-label="Frames"><h2>Frames</h2><${Trouble} error=${error} /><div class="frames">${tasks.map(task => {
     const {word, sign, kind} = stateOf(task);
+    const waits = task.waits ? `, waits for this frame of ${task.waits === 1 ? "another job" : `${task.waits} other jobs`}` : "";
     return html`<button key=${task.frame} class=${`frame ${kind}`} aria-pressed=${task.frame === frame}
-      title=${`Frame ${task.frame}: ${word}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
+      title=${`Frame ${task.frame}: ${word}${waits}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
       ><span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
   })}</div></section>`;
 }

@@ -204,6 +204,7 @@ json *job_json_append_task(json *list, const queue_task *t)
     json_put_integer(o, "attempt", t->attempt);
     json_put_integer(o, "spent", t->spent);
     json_put_integer(o, "interrupted", t->interrupted);
+    json_put_integer(o, "waits", t->waits);
     job_json_put_time(o, "not_before", t->not_before_ms);
     job_json_put_time(o, "started", t->started_ms);
     job_json_put_time(o, "finished", t->finished_ms);

@@ -393,15 +393,36 @@ static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], co
     return true;
 }
 
-static void refuse_dependency(const queue_submission *put, size_t index, reply *r)
+/* Describes why a job may not depend on this one. */
+static void describe_dependency(const queue_receipt *receipt, const char *id, char detail[256])
 {
+    if (receipt->verdict == QUEUE_UNKNOWN_DEPENDENCY)
+        snprintf(detail, 256, "the job %.100s does not exist: list the jobs for their IDs", id);
+    else if (receipt->verdict == QUEUE_REPEATED_DEPENDENCY)
+        snprintf(detail, 256,
+                 "the job %.100s is listed twice in depends_on, after and after_frames: remove one", id);
+    else if (receipt->frame == QUEUE_NO_FRAME)
+        snprintf(detail, 256, "the job %.100s has no frames: name it in depends_on", id);
+    else
+        snprintf(detail, 256, "the job %.100s has no frame %d: submit the frames that it has", id,
+                 receipt->frame);
+}
+
+static void refuse_dependency(const queue_submission *put, const queue_receipt *receipt, reply *r)
+{
+    const struct {
+        const char *name;
+        const char *const *ids;
+        size_t count;
+    } lists[] = {{"depends_on", put->depends_on, put->depends_on_count},
+                 {"after", put->after, put->after_count},
+                 {"after_frames", put->after_frames, put->after_frames_count}};
     char pointer[64], detail[256];
     json *errors = json_new_array();
-    bool after = index >= put->depends_on_count;
-    if (after) index -= put->depends_on_count;
-    snprintf(pointer, sizeof pointer, "/queue/%s/%zu", after ? "after" : "depends_on", index);
-    snprintf(detail, sizeof detail, "the job %.100s does not exist: list the jobs for their IDs",
-             (after ? put->after : put->depends_on)[index]);
+    size_t index = receipt->dependency, k = 0;
+    for (; index >= lists[k].count; k++) index -= lists[k].count;
+    snprintf(pointer, sizeof pointer, "/queue/%s/%zu", lists[k].name, index);
+    describe_dependency(receipt, lists[k].ids[index], detail);
     reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
@@ -461,7 +482,9 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                "needed, or try again later");
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
-        refuse_dependency(put, receipt->dependency, r);
+    case QUEUE_REPEATED_DEPENDENCY:
+    case QUEUE_UNKNOWN_FRAME:
+        refuse_dependency(put, receipt, r);
         break;
     }
     free(location);
@@ -622,6 +645,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .depends_on_count = s->depends_on_count,
         .after = (const char *const *)s->after,
         .after_count = s->after_count,
+        .after_frames = (const char *const *)s->after_frames,
+        .after_frames_count = s->after_frames_count,
         .accept = job_json_outcomes(s->accept),
         .max_running = s->max_running,
         .inputs = (const char *const *)sent,

@@ -178,6 +178,14 @@
 
 /* The maximum number of tasks of a job that run at the same time; 0: none. */
 #define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
+/* Tasks that wait for frames of other jobs (queue/frame_needs), and whether the first queued task of an ordered job does. */
+#define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"
+#define FIRST_HELD "first_held INTEGER NOT NULL DEFAULT 0"
+#define WAITS "waits INTEGER NOT NULL DEFAULT 0"
+#define BY_FRAME "by_frame INTEGER NOT NULL DEFAULT 0"
+#define TASK_READY                                                                        \
+    "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued' AND waits = 0;" \
+    "CREATE INDEX task_held ON task (job, number) WHERE state = 'queued' AND waits > 0;"
 #define READY                                                                       \
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
     "  WHERE " SCHEMA_CLAIMABLE ";"
@@ -233,6 +241,7 @@ static const char tables[] =
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
     "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ", " MAX_RUNNING ","
+    "  " HELD ", " FIRST_HELD ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
@@ -264,11 +273,10 @@ static const char tables[] =
     "  finished_ms INTEGER,"
     "  error_code TEXT,"
     "  error_message TEXT,"
-    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ","
+    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ", " WAITS ","
     "  PRIMARY KEY (job, number)"
     ") STRICT, WITHOUT ROWID;"
-    "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;"
-    "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued';"
+    "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;" TASK_READY
     "CREATE INDEX task_running ON task (job, number) WHERE state = 'running';"
     "CREATE INDEX task_delayed ON task (not_before_ms) WHERE state = 'delayed';"
 
@@ -300,7 +308,7 @@ static const char tables[] =
 
     "CREATE TABLE dependency ("
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
-    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, " ANY_END ","
+    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, " ANY_END ", " BY_FRAME ","
     "  PRIMARY KEY (job, needs)"
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
@@ -472,8 +480,13 @@ static const char add_undelivered[] = UNDELIVERED;
 /* Migration from version 13, in which dependent jobs started with any outcome. */
 static const char add_accept[] = "ALTER TABLE job ADD COLUMN " ACCEPT ";";
 /* Migration from version 14, in which any number of tasks of a job could run. */
-static const char add_max_running[] =
-    "ALTER TABLE job ADD COLUMN " MAX_RUNNING "; DROP INDEX job_ready;" READY;
+static const char add_max_running[] = "ALTER TABLE job ADD COLUMN " MAX_RUNNING ";";
+/* Migration from version 15, in which no task waited for a frame of another job. */
+static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
+                                      "ALTER TABLE job ADD COLUMN " FIRST_HELD ";"
+                                      "ALTER TABLE task ADD COLUMN " WAITS ";"
+                                      "ALTER TABLE dependency ADD COLUMN " BY_FRAME ";"
+                                      "DROP INDEX job_ready; DROP INDEX task_ready;" READY TASK_READY;
 /* A job failed when its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -497,7 +510,8 @@ static const struct step {
     {1, 4, leave_unnamed},
     {2, 5, add_outbox_event},
     {2, 5, add_state_count},
-    {2, 14, add_max_running}, /* before find_owners, whose condition has the column */
+    {2, 14, add_max_running}, /* these two before find_owners, whose condition has their columns */
+    {2, 15, add_frame_needs},
     {2, 6, add_turns},
     {1, 6, find_owners},
     {2, 7, add_any_end},

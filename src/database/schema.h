@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 15
+#define SCHEMA_VERSION 16
 
 /* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
@@ -20,9 +20,11 @@
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
 /* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a running or delayed task blocks
- * the later ones. max_running 0: any number of tasks may run. */
-#define SCHEMA_CLAIMABLE                                                                        \
-    "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)" \
+ * the later ones. max_running 0: any number of tasks may run. A held task waits for frames of other jobs;
+ * in an ordered job it blocks the later ones, too. */
+#define SCHEMA_CLAIMABLE                                      \
+    "ready > held AND pending = 0 AND is_paused = 0 AND"      \
+    " (is_ordered = 0 OR running + delayed + first_held = 0)" \
     " AND (max_running = 0 OR running < max_running)"
 
 /* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has the

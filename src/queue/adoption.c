@@ -16,24 +16,26 @@ typedef struct finding {
     bool accepted;
 } finding;
 
-/* Finds the task if it waits: its number, and whether it is delayed. */
+/* Finds the task if it waits: its number, and whether it is delayed or held. */
 static bool find_waiting(database *d, const finding *f, const job_state *j, int *number, bool *delayed,
-                         bool *found, error *e)
+                         bool *held, bool *found, error *e)
 {
     bool ok = false;
     sqlite3_stmt *s =
         f->frame == QUEUE_NO_FRAME
             ? ASK(d, e,
-                  "SELECT number, state FROM task WHERE job = ?1 AND number = 0 AND frame IS NULL"
+                  "SELECT number, state, waits FROM task WHERE job = ?1 AND number = 0 AND frame IS NULL"
                   " AND state IN ('queued', 'delayed')",
                   integer(j->seq))
             : ASK(d, e,
-                  "SELECT number, state FROM task WHERE job = ?1 AND frame = ?2 AND state IN ('queued', 'delayed')",
+                  "SELECT number, state, waits FROM task WHERE job = ?1 AND frame = ?2"
+                  " AND state IN ('queued', 'delayed')",
                   integer(j->seq), integer(f->frame));
     while (database_next(d, s, &ok, e)) {
         *found = true;
         *number = sqlite3_column_int(s, 0);
         *delayed = strcmp((const char *)sqlite3_column_text(s, 1), "delayed") == 0;
+        *held = sqlite3_column_int(s, 2) > 0;
     }
     return ok;
 }
@@ -44,19 +46,21 @@ static bool end_found(database *d, change *asked)
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     int number = 0;
-    bool found = false, delayed = false;
+    bool found = false, delayed = false, held = false;
     job_state j;
     if (!job_state_load(d, f->id, &j, &found, e) || !found) return asked->fault.code == ERROR_NONE;
     found = false;
-    if (!find_waiting(d, f, &j, &number, &delayed, &found, e)) return false;
+    if (!find_waiting(d, f, &j, &number, &delayed, &held, &found, e)) return false;
     if (!found) return true;
     job_state before = j;
     --*(delayed ? &j.delayed : &j.ready);
+    j.held -= held;
     j.succeeded++;
     job_state_count_outcome(&j, f->outcome);
+    job_state_note_ended(&j, f->frame);
     f->accepted = true;
     return RUN(d, e,
-               "UPDATE task SET state = 'succeeded', outcome = ?3, not_before_ms = NULL,"
+               "UPDATE task SET state = 'succeeded', outcome = ?3, not_before_ms = NULL, waits = 0,"
                " finished_ms = ?4, error_code = NULL, error_message = NULL WHERE job = ?1 AND number = ?2",
                integer(j.seq), integer(number), text(queue_outcome_name(f->outcome)), integer(now)) &&
            RUN(d, e, "UPDATE job SET result_bytes = NULL WHERE seq = ?1", integer(j.seq)) &&

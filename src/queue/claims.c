@@ -110,13 +110,13 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     bool ok = false, any = false;
     int number = 0, attempt = 0, frame = QUEUE_NO_FRAME;
     job_state j;
-    sqlite3_stmt *s =
-        ASK(d, e,
-            "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
-            " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
-            " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' ORDER BY number LIMIT 1)"
-            " RETURNING number, attempt, frame",
-            integer(seq), integer(now));
+    sqlite3_stmt *s = ASK(
+        d, e,
+        "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
+        " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
+        " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' AND waits = 0 ORDER BY number LIMIT 1)"
+        " RETURNING number, attempt, frame",
+        integer(seq), integer(now));
     while (database_next(d, s, &ok, e)) {
         any = true;
         number = sqlite3_column_int(s, 0);
@@ -281,6 +281,7 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
         return false;
     ++*job_state_counter(j, x->state);
     job_state_count_outcome(j, x->outcome);
+    job_state_note_ended(j, frame);
     if (x->cached_from &&
         !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(j->seq), text(x->cached_from)))
         return false;

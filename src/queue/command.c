@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "queue/frame_needs.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
 
@@ -32,13 +33,15 @@ static bool set_paused(job_state *j, bool paused, bool *changed)
     return true;
 }
 
-static bool retry(database *d, job_state *j, bool *changed, error *e)
+static bool retry(database *d, job_state *j, int64_t now, bool *changed, error *e)
 {
-    bool lost = false;
+    bool lost = false, hopeless = false;
     int pending = 0;
     if (!queue_state_is_final(j->state) || j->state == QUEUE_SUCCEEDED) return true;
     if (!job_state_count_needs(d, j, &pending, &lost, e)) return false;
     if (lost) return true;
+    if (!frame_needs_are_hopeless(d, j, &hopeless, e)) return false;
+    if (hopeless) return true;
     *changed = true;
     if (!RUN(
             d, e,
@@ -50,7 +53,7 @@ static bool retry(database *d, job_state *j, bool *changed, error *e)
     j->failed = j->cancelled_tasks = j->timed_out = 0;
     j->pending = pending;
     j->cancelled = j->paused = false;
-    return true;
+    return frame_needs_begin(d, j, now, e);
 }
 
 /* Marks the results to copy again: those that could not be copied, otherwise all. */
@@ -88,7 +91,7 @@ static bool tell(database *d, change *asked)
         ok = set_paused(&j, t->command == QUEUE_PAUSE, &t->changed);
         break;
     case QUEUE_RETRY:
-        ok = retry(d, &j, &t->changed, e);
+        ok = retry(d, &j, now, &t->changed, e);
         break;
     case QUEUE_DELIVER:
         ok = deliver(d, &j, &t->changed, e);
@@ -160,7 +163,7 @@ static bool retry_dependent(database *d, retrying *x, int64_t seq, int64_t now, 
     job_state j;
     if (!read_owner(d, seq, id, x->owner, &own, e) || !job_state_load_seq(d, seq, &j, e)) return false;
     job_state before = j;
-    if (own && !retry(d, &j, &changed, e)) return false;
+    if (own && !retry(d, &j, now, &changed, e)) return false;
     if (changed) {
         x->retried.count++;
         return job_state_save(d, &before, &j, now, e);

@@ -6,13 +6,14 @@
 
 #include "base/memory.h"
 #include "database/schema.h"
+#include "queue/frame_needs.h"
 #include "queue/job_row.h"
 #include "queue/owner.h"
 
 #define STATE_COLUMNS                                                                                   \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
-    "retention_s, is_ordered, unresolved"
+    "retention_s, is_ordered, unresolved, held"
 
 static void read_state(sqlite3_stmt *s, job_state *j)
 {
@@ -38,6 +39,8 @@ static void read_state(sqlite3_stmt *s, job_state *j)
         .retention_s = sqlite3_column_int64(s, 19),
         .ordered = sqlite3_column_int(s, 20),
         .unresolved = sqlite3_column_int(s, 21),
+        .held = sqlite3_column_int(s, 22),
+        .ended = JOB_STATE_NONE_ENDED,
     };
     queue_state_from_name((const char *)sqlite3_column_text(s, 2), &j->state);
 }
@@ -94,7 +97,7 @@ queue_state job_state_derive(const job_state *j)
     }
     if (j->cancelled) return QUEUE_CANCELLING;
     if (j->running) return QUEUE_RUNNING;
-    if (j->pending) return QUEUE_BLOCKED;
+    if (j->pending || (waiting == j->tasks && (j->held == waiting || j->first_held))) return QUEUE_BLOCKED;
     if (j->paused) return QUEUE_PAUSED;
     return waiting < j->tasks ? QUEUE_RUNNING : QUEUE_QUEUED;
 }
@@ -139,7 +142,7 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
         " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
         " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
-        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, error_code = NULL, error_message = NULL,"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, held = ?22, first_held = ?23, error_code = NULL, error_message = NULL,"
         " delivered_ms = iif(?18 IS NOT NULL AND delivered >= ?11, coalesce(delivered_ms, ?18), NULL)"
         " WHERE seq = ?1",
         integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
@@ -147,7 +150,8 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         integer(j->ready), integer(j->delayed), integer(j->running), integer(j->succeeded),
         integer(j->failed), integer(j->cancelled_tasks), integer(j->timed_out), integer(j->not_converged),
         integer(j->attempts), integer_if(j->started_ms, j->started_ms > 0), integer_if(j->finished_ms, final),
-        integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved));
+        integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved),
+        integer(j->held), integer(j->first_held));
 }
 
 /* Adds the notification of the job's end to the outbox, if the job has a webhook. */
@@ -162,6 +166,12 @@ static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
                integer(seq), integer(now), text(event));
 }
 
+void job_state_note_ended(job_state *j, int frame)
+{
+    if (frame == QUEUE_NO_FRAME) return;
+    j->ended = j->ended == JOB_STATE_NONE_ENDED || j->ended == frame ? frame : JOB_STATE_ALL_ENDED;
+}
+
 void job_state_count_outcome(job_state *j, queue_outcome outcome)
 {
     j->unresolved += outcome == QUEUE_UNRESOLVED;
@@ -171,6 +181,8 @@ void job_state_count_outcome(job_state *j, queue_outcome outcome)
 /* Stores one job; its dependents are not updated. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
+    j->first_held = false;
+    if (j->ordered && j->held && !frame_needs_hold_first(d, j, &j->first_held, e)) return false;
     j->state = job_state_derive(j);
     j->revision = before->revision + 1;
     bool was_final = queue_state_is_final(before->state), is_final = queue_state_is_final(j->state);
@@ -200,13 +212,14 @@ bool job_state_end_waiting(database *d, job_state *j, queue_state state, const c
                            const char *message, int64_t now, error *e)
 {
     if (!RUN(d, e,
-             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5, "
-             "not_before_ms = NULL"
+             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5,"
+             " not_before_ms = NULL, waits = 0"
              " WHERE job = ?1 AND state IN ('queued', 'delayed')",
              integer(j->seq), text(queue_state_name(state)), text(code), text(message), integer(now)))
         return false;
     *job_state_counter(j, state) += j->ready + j->delayed;
-    j->ready = j->delayed = 0;
+    if (j->array && j->ready + j->delayed) job_state_note_ended(j, JOB_STATE_ALL_ENDED);
+    j->ready = j->delayed = j->held = 0;
     return true;
 }
 
@@ -231,7 +244,7 @@ bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *
     *lost = false;
     sqlite3_stmt *s = ASK(d, e,
                           "SELECT state, any_end FROM dependency JOIN job ON seq = needs"
-                          " WHERE dependency.job = ?1 AND NOT " SCHEMA_ACCEPTED,
+                          " WHERE dependency.job = ?1 AND by_frame = 0 AND NOT " SCHEMA_ACCEPTED,
                           integer(j->seq));
     while (database_next(d, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
@@ -257,13 +270,13 @@ static bool update_dependent(database *d, const job_state_need *need, job_state 
 /* Loads the next job with a seq above `after` that depends on the ended one. */
 static bool next_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found, error *e)
 {
-    return load(d,
-                ASK(d, e,
-                    "SELECT " STATE_COLUMNS
-                    " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
-                    " WHERE needs = ?1 AND job > ?2 AND state = 'blocked' ORDER BY job LIMIT 1)",
-                    integer(need), integer(after)),
-                j, found, e);
+    return load(
+        d,
+        ASK(d, e,
+            "SELECT " STATE_COLUMNS " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
+            " WHERE needs = ?1 AND job > ?2 AND by_frame = 0 AND state = 'blocked' ORDER BY job LIMIT 1)",
+            integer(need), integer(after)),
+        j, found, e);
 }
 
 static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
@@ -278,37 +291,89 @@ static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
     return ok;
 }
 
-/* Updates all dependent jobs. A dependent that fails ends its own dependents; ended jobs are kept in a list, so that
- * there is no recursion. */
-static bool update_dependents(database *d, const job_state *ended, int64_t now, error *e)
+/* Loads the next unfinished job with a seq above `after` whose frames wait for frames of this one. */
+static bool next_frame_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found,
+                                 error *e)
 {
-    size_t count = 1, capacity = 16;
-    int64_t *line = mem_alloc(capacity * sizeof *line);
-    line[0] = ended->seq;
-    bool ok = true;
-    for (size_t i = 0; ok && i < count; i++) {
-        job_state_need need = {0};
-        bool found = true;
-        int64_t after = 0;
-        ok = read_need(d, line[i], &need, e);
-        while (ok && found) {
-            job_state j;
-            ok = next_dependent(d, line[i], after, &j, &found, e);
-            if (!ok || !found) break;
-            after = j.seq;
-            ok = update_dependent(d, &need, &j, now, e);
-            if (!queue_state_is_final(j.state)) continue;
-            if (count == capacity) line = mem_resize(line, (capacity *= 2) * sizeof *line);
-            line[count++] = j.seq;
-        }
+    return load(d,
+                ASK(d, e,
+                    "SELECT " STATE_COLUMNS
+                    " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
+                    " WHERE needs = ?1 AND job > ?2 AND by_frame = 1 AND held > 0 ORDER BY job LIMIT 1)",
+                    integer(need), integer(after)),
+                j, found, e);
+}
+
+/* Jobs whose ends, or ends of whose frames, others wait for. A list instead of recursion. */
+typedef struct ended_jobs {
+    struct ended_job {
+        int64_t seq;
+        bool whole; /* the job has ended */
+        int frame;  /* job_state.ended */
+    } * item;
+    size_t count, capacity;
+} ended_jobs;
+
+static void add_ended(ended_jobs *list, const job_state *before, const job_state *j)
+{
+    bool whole = queue_state_is_final(j->state) && !queue_state_is_final(before->state);
+    if (!whole && j->ended == JOB_STATE_NONE_ENDED) return;
+    if (list->count == list->capacity)
+        list->item = mem_resize(list->item, (list->capacity = list->capacity * 2 + 4) * sizeof *list->item);
+    list->item[list->count++] = (struct ended_job){j->seq, whole, j->ended};
+}
+
+static bool update_jobs(database *d, ended_jobs *list, int64_t seq, int64_t now, error *e)
+{
+    job_state_need need = {0};
+    bool found = true, ok = read_need(d, seq, &need, e);
+    for (int64_t after = 0; ok && found;) {
+        job_state j;
+        ok = next_dependent(d, seq, after, &j, &found, e);
+        if (!ok || !found) break;
+        after = j.seq;
+        job_state before = j;
+        ok = update_dependent(d, &need, &j, now, e);
+        add_ended(list, &before, &j);
     }
-    free(line);
+    return ok;
+}
+
+static bool update_frames(database *d, ended_jobs *list, int64_t seq, int frame, int64_t now, error *e)
+{
+    bool found = true, ok = true;
+    for (int64_t after = 0; ok && found;) {
+        job_state j;
+        ok = next_frame_dependent(d, seq, after, &j, &found, e);
+        if (!ok || !found) break;
+        after = j.seq;
+        job_state before = j;
+        ok = frame_needs_update(d, &j, frame, now, e);
+        if (ok && (j.held != before.held || j.ended != before.ended)) ok = save_one(d, &before, &j, now, e);
+        add_ended(list, &before, &j);
+    }
+    return ok;
+}
+
+/* Updates what waits for the jobs in the list, and for those that end because of them. */
+static bool update_dependents(database *d, ended_jobs *list, int64_t now, error *e)
+{
+    bool ok = true;
+    for (size_t i = 0; ok && i < list->count; i++) {
+        struct ended_job ended = list->item[i];
+        if (ended.whole) ok = update_jobs(d, list, ended.seq, now, e);
+        if (ok && ended.frame != JOB_STATE_NONE_ENDED)
+            ok = update_frames(d, list, ended.seq, ended.frame, now, e);
+    }
     return ok;
 }
 
 bool job_state_save(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
-    return save_one(d, before, j, now, e) &&
-           (!queue_state_is_final(j->state) || queue_state_is_final(before->state) ||
-            update_dependents(d, j, now, e));
+    ended_jobs list = {0};
+    bool ok = save_one(d, before, j, now, e);
+    if (ok) add_ended(&list, before, j);
+    ok = ok && update_dependents(d, &list, now, e);
+    free(list.item);
+    return ok;
 }

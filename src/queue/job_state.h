@@ -20,7 +20,14 @@ typedef struct job_state {
         not_converged;
     int attempts;
     int64_t started_ms, finished_ms, retention_s;
+    int held;        /* ready tasks that wait for frames of other jobs (queue/frame_needs) */
+    bool first_held; /* set by job_state_save: in an ordered job the first queued task is held */
+    int ended;       /* the frame that has ended since the job state was loaded, see job_state_note_ended */
 } job_state;
+
+/* No task of a frame has ended; several have. */
+#define JOB_STATE_NONE_ENDED QUEUE_NO_FRAME
+#define JOB_STATE_ALL_ENDED (QUEUE_NO_FRAME + 1)
 
 /* *found is false if there is no such job. */
 bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e);
@@ -29,6 +36,9 @@ bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
 
 /* The state that follows from the counts and flags. */
 queue_state job_state_derive(const job_state *j);
+
+/* Notes that the task of this frame has ended (JOB_STATE_ALL_ENDED: several), for tasks of other jobs that wait for it. */
+void job_state_note_ended(job_state *j, int frame);
 
 /* Counts the outcome of a task that succeeded. */
 void job_state_count_outcome(job_state *j, queue_outcome outcome);

@@ -164,6 +164,10 @@ typedef struct queue_submission {
     size_t depends_on_count;
     const char *const *after; /* ids of jobs that must end before this one starts */
     size_t after_count;
+    /* ids of arrays with all of `frames`: a task starts when that of the same frame in these has succeeded and is
+     * accepted */
+    const char *const *after_frames;
+    size_t after_frames_count;
     unsigned accept;           /* set of outcomes with which jobs that depend on this one start; 0: all */
     int max_running;           /* tasks of the job that run at the same time; 0: any number */
     const char *const *inputs; /* names of the uploaded files that the job reads */
@@ -184,7 +188,9 @@ typedef enum queue_verdict {
     QUEUE_RESULTS_FULL,      /* a bound on all results is reached and none may be deleted (queue_bounds) */
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
     QUEUE_NO_ROOM,           /* free disk space is below the reserve of queue_reserve */
-    QUEUE_UNKNOWN_DEPENDENCY /* the receipt has the index in depends_on, continued in after */
+    QUEUE_UNKNOWN_DEPENDENCY, /* the receipt has the index in depends_on, continued in after and after_frames */
+    QUEUE_REPEATED_DEPENDENCY, /* likewise: a job in after_frames that is listed before */
+    QUEUE_UNKNOWN_FRAME /* likewise: a job in after_frames lacks `frame` of the receipt; QUEUE_NO_FRAME: it is not an array */
 } queue_verdict;
 
 typedef struct queue_receipt {
@@ -194,6 +200,7 @@ typedef struct queue_receipt {
         state; /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
     int64_t revision;
     size_t dependency;
+    int frame;
 } queue_receipt;
 
 /* Stores the job if `receipt->verdict` is QUEUE_CREATED, and nothing otherwise. */
@@ -352,6 +359,7 @@ typedef struct queue_task {
     int64_t ran_ms;        /* running time of the attempts that count and were put back */
     int64_t not_before_ms; /* queued: earliest time of the next attempt; 0: now */
     int64_t started_ms, finished_ms;
+    int waits;                        /* queued: number of frames of other jobs that it waits for */
     char *error_code, *error_message; /* NULL: none */
 } queue_task;
 

@@ -4,7 +4,10 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/compare.h"
+#include "base/memory.h"
 #include "database/schema.h"
+#include "queue/frame_needs.h"
 #include "queue/job_row.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
@@ -77,33 +80,91 @@ static bool look_at_need(database *d, const char *id, bool *found, job_state_nee
     return ok;
 }
 
-/* The job with this index for which the new one waits. *any_end: it need not succeed. */
-static const char *need_at(const queue_submission *in, size_t index, bool *any_end)
+/* What the new job waits for: the success of another job, its end, or the success of the same frames. */
+typedef enum need_kind { NEEDS_SUCCESS, NEEDS_END, NEEDS_FRAMES } need_kind;
+
+static size_t count_needs(const queue_submission *in)
 {
-    *any_end = index >= in->depends_on_count;
-    return *any_end ? in->after[index - in->depends_on_count] : in->depends_on[index];
+    return in->depends_on_count + in->after_count + in->after_frames_count;
 }
 
-/* Counts the jobs for which the new one has to wait. *lost: one that has ended and for which the new one waits in vain. */
-static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *unknown,
+/* The job with this index for which the new one waits. */
+static const char *need_at(const queue_submission *in, size_t index, need_kind *kind)
+{
+    *kind = NEEDS_SUCCESS;
+    if (index < in->depends_on_count) return in->depends_on[index];
+    index -= in->depends_on_count;
+    *kind = NEEDS_END;
+    if (index < in->after_count) return in->after[index];
+    *kind = NEEDS_FRAMES;
+    return in->after_frames[index - in->after_count];
+}
+
+/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: that job is not an array. *all: it has
+ * all frames. */
+static bool find_missing_frame(database *d, const queue_submission *in, const char *id, bool *all,
+                               int *missing, error *e)
+{
+    bool ok = false;
+    size_t next = 0, found = 0;
+    int *frames = mem_alloc(in->frame_count * sizeof *frames);
+    if (in->frame_count) memcpy(frames, in->frames, in->frame_count * sizeof *frames);
+    qsort(frames, in->frame_count, sizeof *frames, compare_ints);
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT frame FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
+                          " AND frame IS NOT NULL ORDER BY frame",
+                          text(id));
+    while (database_next(d, s, &ok, e)) {
+        int frame = sqlite3_column_int(s, 0);
+        found++;
+        if (next < in->frame_count && frames[next] == frame) next++;
+    }
+    *all = next == in->frame_count && found;
+    *missing = found && !*all ? frames[next] : QUEUE_NO_FRAME;
+    free(frames);
+    return ok;
+}
+
+/* Checks a job in after_frames. If it is refused, sets the receipt. */
+static bool check_frames(database *d, submitting *s, size_t index, const char *id, bool again, bool *refused,
+                         error *e)
+{
+    bool all = false;
+    queue_receipt *r = &s->receipt;
+    if (!again && !find_missing_frame(d, s->in, id, &all, &r->frame, e)) return false;
+    *refused = again || !all;
+    if (!*refused) return true;
+    r->verdict = again ? QUEUE_REPEATED_DEPENDENCY : QUEUE_UNKNOWN_FRAME;
+    r->dependency = index;
+    return true;
+}
+
+/* Counts the jobs for which the new one has to wait. *lost: one that has ended and with which the new one cannot start.
+ * *refused: the receipt says which dependency is not possible. */
+static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *refused,
                         error *e)
 {
-    *unknown = false;
+    *refused = false;
     *pending = 0;
-    for (size_t i = 0; i < s->in->depends_on_count + s->in->after_count; i++) {
-        bool found, any_end, accepted = false, again = false;
+    for (size_t i = 0; i < count_needs(s->in); i++) {
+        need_kind kind, other;
+        bool found, accepted = false, again = false;
         job_state_need need = {0};
-        const char *id = need_at(s->in, i, &any_end);
+        const char *id = need_at(s->in, i, &kind);
         if (!look_at_need(d, id, &found, &need, &accepted, e)) return false;
         if (!found) {
             s->receipt.verdict = QUEUE_UNKNOWN_DEPENDENCY;
             s->receipt.dependency = i;
-            *unknown = true;
+            *refused = true;
             return true;
         }
-        bool other;
         for (size_t k = 0; k < i; k++) again |= strcmp(id, need_at(s->in, k, &other)) == 0;
-        if (again || accepted || (any_end && queue_state_is_final(need.state))) continue;
+        if (kind == NEEDS_FRAMES) {
+            if (!check_frames(d, s, i, id, again, refused, e)) return false;
+            if (*refused) return true;
+            continue;
+        }
+        if (again || accepted || (kind == NEEDS_END && queue_state_is_final(need.state))) continue;
         ++*pending;
         if (queue_state_is_final(need.state)) *lost = need;
     }
@@ -144,13 +205,13 @@ static bool insert_tasks(database *d, const submitting *s, const job_state *j, e
     for (int i = 0; ok && i < j->tasks; i++)
         ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(j->seq),
                  integer(i), integer_if(j->array ? s->in->frames[i] : 0, j->array));
-    for (size_t i = 0; ok && i < s->in->depends_on_count + s->in->after_count; i++) {
-        bool any_end;
-        const char *id = need_at(s->in, i, &any_end);
-        ok = RUN(
-            d, e,
-            "INSERT OR IGNORE INTO dependency (job, needs, any_end) SELECT ?1, seq, ?3 FROM job WHERE id = ?2",
-            integer(j->seq), text(id), integer(any_end));
+    for (size_t i = 0; ok && i < count_needs(s->in); i++) {
+        need_kind kind;
+        const char *id = need_at(s->in, i, &kind);
+        ok = RUN(d, e,
+                 "INSERT OR IGNORE INTO dependency (job, needs, any_end, by_frame)"
+                 " SELECT ?1, seq, ?3, ?4 FROM job WHERE id = ?2",
+                 integer(j->seq), text(id), integer(kind == NEEDS_END), integer(kind == NEEDS_FRAMES));
     }
     for (size_t i = 0; ok && i < s->in->input_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job) VALUES (?1, ?2)", text(s->in->inputs[i]),
@@ -185,14 +246,15 @@ static bool put(database *d, change *c)
                    .pending = pending,
                    .tasks = tasks,
                    .ready = tasks,
+                   .ended = JOB_STATE_NONE_ENDED,
                    .retention_s = s->in->retention_s};
     j.state = job_state_derive(&j);
     ulid_make(now, s->receipt.id);
     bool ok = insert_job(d, s, &j, now, e) && insert_tasks(d, s, &j, e) && job_state_begin(d, &j, now, e);
-    if (ok && *lost.id) {
-        job_state before = j;
-        ok = job_state_fail_dependent(d, &j, &lost, now, e) && job_state_save(d, &before, &j, now, e);
-    }
+    job_state before = j;
+    if (ok && *lost.id) ok = job_state_fail_dependent(d, &j, &lost, now, e);
+    if (ok && s->in->after_frames_count) ok = frame_needs_begin(d, &j, now, e);
+    if (ok && (*lost.id || s->in->after_frames_count)) ok = job_state_save(d, &before, &j, now, e);
     s->receipt.verdict = QUEUE_CREATED;
     s->receipt.state = j.state;
     s->receipt.revision = j.revision;

@@ -412,6 +412,10 @@ static void check_frames(reading *r, const json_at *at)
     json_at frames = json_member(at, "frames");
     error e = {0};
     bool any = false, all;
+    if (!s->frames && s->after_frames_count) {
+        json_at after = json_member(at, "after_frames");
+        reading_add_fault(r, &after, "requires queue.frames; for a job without frames use depends_on");
+    }
     if (!s->frames) return;
     all = strcmp(s->frames, FRAMES_ALL) == 0;
     if (!all && !(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {

@@ -189,6 +189,8 @@ void spec_free(spec *s)
     free(s->depends_on);
     for (size_t i = 0; i < s->after_count; i++) free(s->after[i]);
     free(s->after);
+    for (size_t i = 0; i < s->after_frames_count; i++) free(s->after_frames[i]);
+    free(s->after_frames);
     for (size_t i = 0; i < s->slurm_count; i++) free(s->slurm[i]);
     free(s->slurm);
     free(s->frames);

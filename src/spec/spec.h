@@ -303,6 +303,8 @@ typedef struct spec {
     size_t depends_on_count;
     char **after; /* likewise */
     size_t after_count;
+    char **after_frames; /* likewise */
+    size_t after_frames_count;
     unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
     char *frames;    /* as given; NULL: the job is not a sequence. Their numbers; FRAMES_ALL has none: */
     int *frame;

@@ -1736,6 +1736,15 @@ const spec_row spec_rows[] = {
      .otherwise = "[]",
      AT_HAS(after, after_count),
      .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
+    {.pointer = "/queue/after_frames",
+     .type = SPEC_TYPE_LABELS,
+     .low = 0,
+     .high = 100,
+     .otherwise = "[]",
+     AT_HAS(after_frames, after_frames_count),
+     .prose =
+         "Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of these "
+         "jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails. Requires frames."},
     {.pointer = "/queue/accept",
      .type = SPEC_TYPE_WORDS,
      .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
@@ -1743,7 +1752,7 @@ const spec_row spec_rows[] = {
      AT(accept),
      .prose =
          "The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend "
-         "on it (depends_on) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
+         "on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
          "ends with status 0 for it. The state and the outcome of the job do not change."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,

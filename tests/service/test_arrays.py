@@ -134,8 +134,66 @@ def test_at_most_max_running_frames_run(new_service, tmp_path):
     changed = service.request("PATCH", f"/v1/jobs/{job}", json.dumps({"max_running": 3}), {"Content-Type": "application/json"})
     assert changed.status == 200, changed.body
     wait_until(lambda: service.job(job)["tasks"]["running"] == 3, "a third frame")
-    service.open_gate(job)
+    for frame in (1, 2, 3, 4):
+        service.open_gate(f"{job}.{frame}")
     assert service.wait_state(job, "succeeded")["tasks"]["succeeded"] == 4
+
+
+def failing_worker(where):
+    """A gated worker that fails if there is a text in the gate."""
+    path = gated_worker(where)
+    path.write_text(path.read_text().replace("\nprintf x >", "\n[ -s \"$base/open.${job%.*}\" ] && exit 3\nprintf x >"))
+    return path
+
+
+def test_frames_start_after_the_same_frames_of_another_job(new_service, tmp_path):
+    service = new_service("--worker", failing_worker(tmp_path), "--workers", 8, "--threads", 8, base=tmp_path).start()
+    by_frame = {"frames": "1-3", "by_frame": {"/solver/seed": [1, 2, 3]}}
+    first = service.submit(sphere(queue=by_frame))
+    second = service.submit(sphere(queue={**by_frame, "after_frames": [first]}))
+    third = service.submit(sphere(queue={"depends_on": [second]}))
+
+    def states(job):
+        return [(t["state"], t["waits"]) for t in service.get(f"/v1/jobs/{job}/tasks").json["tasks"]]
+
+    wait_until(lambda: service.job(first)["tasks"]["running"] == 3, "all frames of the first job")
+    assert service.job(second)["state"] == "blocked" and states(second) == [("queued", 1)] * 3
+    assert [j["id"] for j in service.get(f"/v1/jobs?depends_on={first}").json["jobs"]] == [second]
+    service.open_gate(f"{first}.2")
+    wait_until(lambda: states(second)[1][0] == "running", "the second frame of the second job")
+    assert states(second)[0] == ("queued", 1) and service.job(first)["state"] == "running"
+    service.end(9)  # what is running is queued again, and what waits goes on to wait
+    service.start()
+    wait_until(lambda: states(second) == [("queued", 1), ("running", 0), ("queued", 1)], "the frames after a crash")
+    (tmp_path / f"open.{first}.1").write_text("fail")
+    for frame in (1, 2, 3):
+        service.open_gate(f"{second}.{frame}")
+    service.open_gate(f"{first}.3")
+    ended = service.wait_state(second, "failed")
+    assert [s for s, _ in states(second)] == ["failed", "succeeded", "succeeded"]
+    assert ended["error"]["code"] == "dependency_failed"
+    assert f"1 of 3 frames failed; frame 1: this frame starts after the same frame of the job {first}" in ended["error"]["message"]
+    assert service.job(third)["error"]["code"] == "dependency_failed"
+    assert service.post(f"/v1/jobs/{second}/retry").status == 409
+
+    (tmp_path / f"open.{first}.1").write_text("")
+    retried = service.post(f"/v1/jobs/{first}/retry?dependents=1")
+    assert retried.status == 200 and retried.json["dependents"] == {"retried": 2, "others": []}, retried.body
+    service.wait_state(second, "succeeded")
+    service.open_gate(f"{third}")
+    service.wait_state(third, "running", "succeeded")
+
+
+def test_dependencies_on_frames_that_are_not_possible_are_refused(service, footage):
+    array, single = service.submit(sequence(footage, "8-9")), service.submit(sphere())
+    for queue, pointer, words in (({"after_frames": ["nobody"]}, "/queue/after_frames/0", "nobody does not exist"),
+                                  ({"after_frames": [single]}, "/queue/after_frames/0", "has no frames"),
+                                  ({"after_frames": [array]}, "/queue/after_frames/0", "has no frame 11"),
+                                  ({"after": [array], "after_frames": [array]}, "/queue/after_frames/0", "listed twice")):
+        refused = service.post("/v1/jobs", sequence(footage, "8,11", **queue))
+        fault = refused.json["errors"][0]
+        assert refused.status == 422 and fault["pointer"] == pointer and words in fault["detail"], refused.body
+    assert service.post("/v1/jobs", sphere(queue={"after_frames": [array]})).json["errors"][0]["pointer"] == "/queue/after_frames"
 
 
 def test_a_frame_that_is_missing_fails_alone(service, footage):

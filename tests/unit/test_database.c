@@ -298,8 +298,19 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 15 had not. */
+#define BEFORE_16                                                                                       \
+    "DROP INDEX job_ready; DROP INDEX task_ready; DROP INDEX task_held;"                                \
+    "ALTER TABLE job DROP COLUMN held; ALTER TABLE job DROP COLUMN first_held;"                         \
+    "ALTER TABLE task DROP COLUMN waits; ALTER TABLE dependency DROP COLUMN by_frame;"                  \
+    "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued';"                             \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"                     \
+    "  WHERE ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)" \
+    "  AND (max_running = 0 OR running < max_running);"
+
 /* What version 14 had not. */
 #define BEFORE_15                                                                   \
+    BEFORE_16                                                                       \
     "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN max_running;"                \
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
     "  WHERE ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0);"
@@ -566,6 +577,26 @@ static void test_dependencies_of_version_7_are_on_success(void **state)
     alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, second, QUEUE_FAILED);
+}
+
+/* In version 15 a job waited for the end of whole jobs only. */
+static void test_jobs_of_version_15_wait_for_no_frames(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    s.frames = (const int[]){1, 2};
+    s.frame_count = 2;
+    submit_for(p, &s, first);
+    s.depends_on = (const char *[]){first};
+    s.depends_on_count = 1;
+    submit_for(p, &s, second);
+    alter_database(p, BEFORE_16 "PRAGMA user_version = 15;");
+    assert_true(finish(p, first, 0, claim(p, first), &success));
+    expect_state(p, second, QUEUE_BLOCKED);
+    assert_true(finish(p, first, 1, claim(p, first), &success));
+    claim(p, second);
+    claim(p, second);
 }
 
 /* In version 14 nothing bounded the running tasks of a job. */
@@ -909,6 +940,7 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_jobs_of_version_14_have_no_max_running),
         CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
         CASE(test_dependencies_of_version_7_are_on_success),

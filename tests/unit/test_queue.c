@@ -582,6 +582,178 @@ static void test_an_array_has_one_state(void **state)
     assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
 }
 
+/* Submits a job with the frames 1 to 3, each behind those of `need` (NULL: none). */
+static void submit_frames(place *p, const char *need, int priority, bool ordered, char id[ULID_SIZE])
+{
+    static const int numbers[] = {1, 2, 3};
+    queue_submission s = plain;
+    s.frames = numbers;
+    s.frame_count = 3;
+    s.priority = priority;
+    s.ordered = ordered;
+    s.after_frames = &need;
+    s.after_frames_count = need != NULL;
+    submit_for(p, &s, id);
+}
+
+static void expect_frame(place *p, const char *id, int frame, queue_state state, int waits)
+{
+    queue_task task = {0};
+    bool found = false;
+    assert_true(queue_get_frame(p->q, id, frame, &task, &found, NULL) && found);
+    assert_int_equal(task.state, state);
+    assert_int_equal(task.waits, waits);
+    if (state == QUEUE_FAILED) assert_string_equal(task.error_code, "dependency_failed");
+    queue_task_clear(&task);
+}
+
+static void test_frames_start_after_the_same_frames_of_another_job(void **state)
+{
+    place *p = *state;
+    char first[ULID_SIZE], second[ULID_SIZE], third[ULID_SIZE];
+    submit_frames(p, NULL, 0, false, first);
+    submit_frames(p, first, 1, false, second);
+    submit_frames(p, second, 2, false, third);
+    expect_state(p, second, QUEUE_BLOCKED);
+    for (int i = 0; i < 3; i++) claim(p, first);
+    claim(p, NULL);
+    reopen(p);
+    assert_true(finish(p, first, 1, 1, &success));
+    expect_state(p, second, QUEUE_QUEUED);
+    expect_frame(p, second, 2, QUEUE_QUEUED, 0);
+    expect_frame(p, second, 3, QUEUE_QUEUED, 1);
+    assert_int_equal(claim_in(p, &wide, second).frame, 2);
+    claim(p, NULL);
+    expect_state(p, third, QUEUE_BLOCKED);
+    assert_true(finish(p, second, 1, 1, &success));
+    expect_state(p, second, QUEUE_RUNNING); /* between two frames */
+    assert_int_equal(claim_in(p, &wide, third).frame, 2);
+
+    assert_true(finish(p, first, 0, 1, &crash)); /* and all frames behind it */
+    expect_frame(p, second, 1, QUEUE_FAILED, 0);
+    expect_frame(p, third, 1, QUEUE_FAILED, 0);
+    expect_frame(p, third, 3, QUEUE_QUEUED, 1);
+    tell(p, first, QUEUE_CANCEL, true);
+    assert_true(finish(p, first, 2, 1, &crash));
+    expect_frame(p, third, 3, QUEUE_FAILED, 0);
+    expect_state(p, second, QUEUE_FAILED);
+    queue_job job = get(p, second);
+    assert_string_equal(job.error_code, "dependency_failed");
+    assert_non_null(strstr(job.error_message, first));
+    assert_int_equal(job.tasks.failed, 2);
+    queue_job_clear(&job);
+    assert_true(finish(p, third, 1, 1, &success));
+    expect_state(p, third, QUEUE_FAILED);
+}
+
+static void test_a_retried_frame_waits_again(void **state)
+{
+    place *p = *state;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    submit_frames(p, NULL, 0, false, first);
+    submit_frames(p, first, 1, false, second);
+    for (int i = 0; i < 3; i++) claim(p, first);
+    for (int i = 0; i < 3; i++) assert_true(finish(p, first, i, 1, &crash));
+    expect_state(p, second, QUEUE_FAILED);
+    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    tell(p, first, QUEUE_RETRY, true);
+    queue_retried retried = {0};
+    assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
+    assert_true(retried.count == 1 && retried.other_count == 0);
+    free(retried.others);
+    expect_state(p, second, QUEUE_BLOCKED);
+    for (int i = 0; i < 3; i++) claim(p, first);
+    assert_true(finish(p, first, 0, 2, &success));
+    assert_true(finish(p, first, 1, 2, &crash));
+    assert_int_equal(claim_in(p, &wide, second).frame, 1);
+    assert_true(finish(p, second, 0, 1, &success));
+    assert_true(finish(p, first, 2, 2, &success));
+    assert_int_equal(claim_in(p, &wide, second).frame, 3);
+    assert_true(finish(p, second, 2, 1, &crash));
+    expect_frame(p, second, 2, QUEUE_FAILED, 0);
+    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_RUNNING); /* frame 3 can run, 2 fails again */
+    expect_frame(p, second, 2, QUEUE_FAILED, 0);
+    assert_int_equal(claim_in(p, &wide, second).frame, 3);
+    claim(p, NULL);
+}
+
+static void test_frames_in_order_wait_for_the_first(void **state)
+{
+    place *p = *state;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    submit_frames(p, NULL, 0, false, first);
+    submit_frames(p, first, 1, true, second);
+    for (int i = 0; i < 3; i++) claim(p, first);
+    assert_true(finish(p, first, 1, 1, &success));
+    claim(p, NULL);
+    expect_state(p, second, QUEUE_BLOCKED);
+    assert_true(finish(p, first, 0, 1, &success));
+    assert_int_equal(claim_in(p, &wide, second).frame, 1);
+    claim(p, NULL);
+    assert_true(finish(p, second, 0, 1, &success));
+    assert_int_equal(claim_in(p, &wide, second).frame, 2);
+    assert_true(finish(p, second, 1, 1, &success));
+    claim(p, NULL);
+    assert_true(finish(p, first, 2, 1, &success));
+    assert_int_equal(claim_in(p, &wide, second).frame, 3);
+}
+
+static void test_frames_start_after_accepted_outcomes_only(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    s.frames = (const int[]){1, 2, 3};
+    s.frame_count = 3;
+    s.accept = QUEUE_OUTCOME_BIT(QUEUE_UNRESOLVED) | QUEUE_OUTCOME_BIT(QUEUE_CONVERGED);
+    submit_for(p, &s, first);
+    queue_ending ending = success;
+    for (int i = 0; i < 3; i++) {
+        ending.outcome = (queue_outcome)(QUEUE_CONVERGED + i);
+        assert_true(finish(p, first, i, claim(p, first), &ending));
+    }
+    submit_frames(p, first, 0, false, second); /* all have ended before */
+    expect_frame(p, second, 1, QUEUE_QUEUED, 0);
+    expect_frame(p, second, 2, QUEUE_QUEUED, 0);
+    expect_frame(p, second, 3, QUEUE_FAILED, 0);
+    claim(p, second);
+    claim(p, second);
+    claim(p, NULL);
+}
+
+static void test_dependencies_on_frames_are_checked(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char array[ULID_SIZE], single[ULID_SIZE];
+    submit_frames(p, NULL, 0, false, array);
+    put(p, "single", 0, single);
+    s.frames = (const int[]){2, 1, 4};
+    s.frame_count = 3;
+    const char *needs[] = {single};
+    s.after_frames = needs;
+    s.after_frames_count = 1;
+    queue_receipt receipt = submit(p, &s);
+    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == QUEUE_NO_FRAME);
+    needs[0] = array;
+    receipt = submit(p, &s);
+    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == 4 && receipt.dependency == 0);
+    s.frame_count = 2;
+    s.after = needs;
+    s.after_count = 1;
+    receipt = submit(p, &s);
+    assert_true(receipt.verdict == QUEUE_REPEATED_DEPENDENCY && receipt.dependency == 1);
+    needs[0] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
+    s.after_count = 0;
+    assert_int_equal(submit(p, &s).verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    needs[0] = array;
+    receipt = submit(p, &s);
+    assert_true(receipt.verdict == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
+    bool accepted = false; /* the database is older than the result of a held frame */
+    assert_true(queue_end_found(p->q, receipt.id, 1, QUEUE_CONVERGED, &accepted, NULL) && accepted);
+    tell(p, receipt.id, QUEUE_CANCEL, true);
+}
+
 static void test_a_job_runs_at_most_max_running_tasks(void **state)
 {
     place *p = *state;
@@ -1363,6 +1535,11 @@ int main(void)
         CASE(test_a_retry_takes_what_failed_behind_it),
         CASE(test_an_array_has_one_state),
         CASE(test_a_job_runs_at_most_max_running_tasks),
+        CASE(test_frames_start_after_the_same_frames_of_another_job),
+        CASE(test_a_retried_frame_waits_again),
+        CASE(test_frames_in_order_wait_for_the_first),
+        CASE(test_frames_start_after_accepted_outcomes_only),
+        CASE(test_dependencies_on_frames_are_checked),
         CASE(test_cancel_of_an_array),
         CASE(test_tasks_in_order_begin_with_the_one_before),
         CASE(test_what_follows_a_failure_fails_with_it),

@@ -666,7 +666,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"points_vdb\":false,\"points_npz\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
-        "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],"
+        "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"after_frames\":[],"
         "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"max_running\":0,\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");
     free(text);
@@ -964,6 +964,9 @@ static void test_frames(void **state)
     faults = bad(SPHERE ",\"queue\":{\"frames\":\"3-1\"}}", &e);
     assert_string_equal(faults.item[0].pointer, "/queue/frames");
     assert_non_null(strstr(e.message, "3-1"));
+    faults = bad(SPHERE ",\"queue\":{\"after_frames\":[\"x\"]}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/after_frames");
+    assert_non_null(strstr(e.message, "requires queue.frames"));
     faults = bad(SPHERE ",\"queue\":{\"frames\":\"all\",\"by_frame\":{\"/solver/seed\":[1]}}}", &e);
     assert_string_equal(faults.item[0].pointer, "/queue/frames");
     assert_non_null(strstr(e.message, "requires the path of a file with ####"));

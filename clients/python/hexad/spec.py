@@ -1250,6 +1250,7 @@ class _QueueRest(TypedDict, total=False):
     labels: Sequence[str]
     depends_on: Sequence[str]
     after: Sequence[str]
+    after_frames: Sequence[str]
     accept: Sequence[Literal["converged", "unresolved", "not_converged"]]
     frames: str
     by_frame: Mapping[str, Union[Sequence[Any], QueueByFrameValue]]
@@ -1268,10 +1269,13 @@ class Queue(_QueueRest):
     depends_on: Identifiers of jobs that must succeed before this one starts. If one of them does not succeed,
         this job fails. Default: [].
     after: Identifiers of jobs that must end before this one starts, successful or not. Default: [].
+    after_frames: Identifiers of arrays with all frames of this job. Each frame of this job starts when the
+        same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of
+        this job fails. Requires frames. Default: [].
     accept: The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that
-        depend on it (depends_on) start only with such an outcome, and otherwise fail. hexadctl wait --accept
-        ends with status 0 for it. The state and the outcome of the job do not change. Default: ['converged',
-        'unresolved', 'not_converged'].
+        depend on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl
+        wait --accept ends with status 0 for it. The state and the outcome of the job do not change. Default:
+        ['converged', 'unresolved', 'not_converged'].
     frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####,
         %04d or $F4 in each input path stands for the frame number. At least one input path must contain one,
         unless by_frame is given; output.directory must contain one in any case. At most 100000 frames. "all":
