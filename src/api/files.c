@@ -142,9 +142,7 @@ typedef struct frame_pattern {
 
 static frame_pattern cut_pattern(const char *pattern)
 {
-    size_t first = frames_prefix(pattern);
-    while (first > 0 && pattern[first - 1] != '/') first--;
-    size_t length = strcspn(pattern + first, "/");
+    size_t first = frames_shared(pattern), length = strcspn(pattern + first, "/");
     return (frame_pattern){.whole = pattern,
                            .directory = mem_strndup(pattern, first),
                            .name = mem_strndup(pattern + first, length),

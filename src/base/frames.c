@@ -9,6 +9,7 @@
 
 #include "base/compare.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 
 enum { DIGITS_MOST = 9 };
 
@@ -172,6 +173,25 @@ size_t frames_prefix(const char *pattern)
     const char *at = find_pattern(pattern, &length, &digits);
     assert(at);
     return (size_t)(at - pattern);
+}
+
+size_t frames_shared(const char *pattern)
+{
+    size_t length = frames_prefix(pattern);
+    while (length > 0 && pattern[length - 1] != '/') length--;
+    return length;
+}
+
+char *frames_above(const char *pattern)
+{
+    size_t length = frames_is_pattern(pattern) ? frames_shared(pattern) : 0;
+    return length > 1 ? mem_strndup(pattern, length - 1) : NULL;
+}
+
+bool frames_is_stage(const char *name)
+{
+    size_t length = strlen(name), ending = strlen(WORKER_STAGE_ENDING);
+    return length > ending && strcmp(name + length - ending, WORKER_STAGE_ENDING) == 0;
 }
 
 bool frames_match(const char *pattern, const char *path, int *frame)

@@ -35,6 +35,16 @@ char *frames_path(const char *path, int frame);
 /* The number of characters before the frame number; the path must be a pattern. */
 size_t frames_prefix(const char *pattern);
 
+/* The number of characters of the directory that all frames share, with its last slash; 0: they share none. The path must
+ * be a pattern. */
+size_t frames_shared(const char *pattern);
+
+/* The directory that contains those of all frames; the caller frees it. NULL: the path is not a pattern, or there is none. */
+char *frames_above(const char *pattern);
+
+/* Whether the file with this name in the result of a frame belongs to all frames (WORKER_STAGE_ENDING). */
+bool frames_is_stage(const char *name);
+
 /* Whether `path` is the path of a frame, whose number is written to *frame. */
 bool frames_match(const char *pattern, const char *path, int *frame);
 

@@ -51,6 +51,9 @@ typedef enum worker_exit {
 /* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during the relaxation. The worker
  * removes it before it writes the report. */
 #define WORKER_SNAPSHOT_NAME "snapshot.ply"
+/* The end of the names of files that refer to the results of all frames. They belong in the directory that contains those
+ * of the frames: what copies a result to another place puts them there. */
+#define WORKER_STAGE_ENDING "_stage.usda"
 /* The picture of a result; the daemon makes thumbnails and contact sheets from it. */
 #define WORKER_PREVIEW_NAME "preview.png"
 #define WORKER_ESTIMATE_NAME "estimate.json"

@@ -115,8 +115,10 @@ static void warn_of_other_result(const char *directory, json_at results)
     free(path);
 }
 
-/* Fetches the files that the server lists, report.json last. On success *document is the list, the caller's. */
-static int fetch_list(client *c, const char *list, const char *directory, bool quiet, json **document)
+/* Fetches the files that the server lists, report.json last. Those of all frames go to `above`. On success *document is
+ * the list, the caller's. */
+static int fetch_list(client *c, const char *list, const char *directory, const char *above, bool quiet,
+                      json **document)
 {
     error e = {0};
     json *found = NULL;
@@ -127,7 +129,9 @@ static int fetch_list(client *c, const char *list, const char *directory, bool q
     if (code == COMMAND_OK) warn_of_other_result(directory, results);
     for (size_t i = 0; code == COMMAND_OK && i < json_size(results); i++) {
         bool kept = false;
-        code = fetch_file(c, directory, json_element(&results, i), quiet, &kept);
+        json_at item = json_element(&results, i);
+        bool of_all = frames_is_stage(json_string(json_member(&item, "name"), ""));
+        code = fetch_file(c, of_all ? above : directory, item, quiet, &kept);
         there += kept;
     }
     if (code == COMMAND_OK && there > 0 && !quiet)
@@ -163,7 +167,7 @@ static int fetch_frame(client *c, fetching *f, int frame)
     char *list = mem_printf("/v1/jobs/%s/results?frame=%d", f->id, frame),
          *directory = mem_printf("%s/%d", f->directory, frame);
     progress_bar_show_count(&f->bar, f->fetched, f->all);
-    int code = fetch_list(c, list, directory, f->options->json || f->bar.terminal, &found);
+    int code = fetch_list(c, list, directory, f->directory, f->options->json || f->bar.terminal, &found);
     if (code == COMMAND_OK) {
         json_at root = json_root(found);
         json *o = json_append_object(f->frames);
@@ -268,7 +272,7 @@ static int fetch_single(client *c, fetching *f, json_at job)
         return COMMAND_MISSING;
     }
     char *list = mem_printf("/v1/jobs/%s/results", f->id);
-    int code = fetch_list(c, list, f->directory, f->options->json, &found);
+    int code = fetch_list(c, list, f->directory, f->directory, f->options->json, &found);
     if (code == COMMAND_OK && f->options->json) print_document(found);
     json_free(found);
     free(list);

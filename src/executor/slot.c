@@ -183,9 +183,12 @@ static void publish_or_settle(slot *s)
     const slot_context *x = s->context;
     work *w = &s->w;
     char *path = w->verdict.verdict == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
+    char *above = path && w->claimed.task.frame != QUEUE_NO_FRAME ? frames_above(w->claimed.directory) : NULL;
     if (path)
-        w->publication = publication_start(x->outputs, w->claimed.job.owner, w->directory, path, x->wake_fd);
+        w->publication =
+            publication_start(x->outputs, w->claimed.job.owner, w->directory, path, above, x->wake_fd);
     free(path);
+    free(above);
     enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
 }
 

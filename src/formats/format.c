@@ -1,5 +1,6 @@
 #include "formats/format.h"
 
+#include "base/worker_contract.h"
 #include "formats/glb.h"
 #include "formats/npz.h"
 #include "formats/usda.h"
@@ -10,7 +11,11 @@ const point_format formats[FORMATS] = {
     [FORMAT_USDA] = {"points.usda", true, false, false, usda_write, usda_verify},
     [FORMAT_USDA_SEQUENCE] = {"points_sequence.usda", true, true, false, usda_write_sequence,
                               usda_verify_sequence},
+    [FORMAT_USDA_STAGE] = {"points" WORKER_STAGE_ENDING, true, true, false, usda_write_stage,
+                           usda_verify_stage},
     [FORMAT_MESH_USDA] = {"mesh.usda", true, false, true, usda_write, usda_verify},
     [FORMAT_MESH_USDA_SEQUENCE] = {"mesh_sequence.usda", true, true, true, usda_write_sequence,
                                    usda_verify_sequence},
+    [FORMAT_MESH_USDA_STAGE] = {"mesh" WORKER_STAGE_ENDING, true, true, true, usda_write_stage,
+                                usda_verify_stage},
 };

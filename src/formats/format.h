@@ -29,8 +29,10 @@ typedef enum format_name {
     FORMAT_GLB,
     FORMAT_USDA,
     FORMAT_USDA_SEQUENCE,
+    FORMAT_USDA_STAGE,
     FORMAT_MESH_USDA,
     FORMAT_MESH_USDA_SEQUENCE,
+    FORMAT_MESH_USDA_STAGE,
     FORMATS
 } format_name;
 

@@ -24,6 +24,7 @@ typedef struct scene {
     int frame;
     const int *frames;    /* ascending */
     char *const *folders; /* folder of each frame relative to that of this frame: "." or "../7" */
+    char *const *below;   /* likewise, relative to the folder that contains all: "./7" */
 } scene;
 
 #endif

@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "base/precision.h"
+#include "base/worker_contract.h"
 #include "formats/colormap.h"
 #include "formats/half.h"
 #include "formats/property.h"
@@ -298,7 +299,8 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e)
 
 /* Writes the value clips: which file has the values at which time. The stage is its own manifest of the properties in
  * the files. */
-static bool write_clips(FILE *file, const char *name, const scene *place)
+static bool write_clips(FILE *file, const char *name, const char *manifest, char *const *folders,
+                        const scene *place)
 {
     const size_t n = place->frame_count;
     bool good = fputs(" (\n    clips = {\n        dictionary default = {\n            double2[] active = [",
@@ -307,19 +309,21 @@ static bool write_clips(FILE *file, const char *name, const scene *place)
         good = fprintf(file, "%s(%d, %zu)", k ? ", " : "", place->frames[k], k) > 0;
     good = good && fputs("]\n            asset[] assetPaths = [", file) >= 0;
     for (size_t k = 0; good && k < n; k++) {
-        const char *quote = strchr(place->folders[k], '@') ? "@@@" : "@";
-        good = fprintf(file, "%s%s%s/%s.usda%s", k ? ", " : "", quote, place->folders[k], name, quote) > 0;
+        const char *quote = strchr(folders[k], '@') ? "@@@" : "@";
+        good = fprintf(file, "%s%s%s/%s.usda%s", k ? ", " : "", quote, folders[k], name, quote) > 0;
     }
     good = good && fprintf(file,
-                           "]\n            asset manifestAssetPath = @./%s_sequence.usda@\n"
+                           "]\n            asset manifestAssetPath = @./%s%s@\n"
                            "            string primPath = \"/%s\"\n            double2[] times = [",
-                           name, name) > 0;
+                           name, manifest, name) > 0;
     for (size_t k = 0; good && k < n; k++)
         good = fprintf(file, "%s(%d, %d)", k ? ", " : "", place->frames[k], place->frames[k]) > 0;
     return good && fputs("]\n        }\n    }\n)\n{\n", file) >= 0;
 }
 
-bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e)
+/* The folders are relative to that of the stage. The file is named by the prim and `ending`. */
+static bool write_stage(FILE *file, const points *set, const scene *place, const char *ending,
+                        char *const *folders, error *e)
 {
     property *list;
     const prim_kind kind = kind_of(set, place);
@@ -327,7 +331,7 @@ bool usda_write_sequence(FILE *file, const points *set, const scene *place, erro
     const char *name = name_of(kind);
     bool good = write_head(file, name, schema_of(kind), place, place->frames[0],
                            place->frames[place->frame_count - 1]) &&
-                write_clips(file, name, place) &&
+                write_clips(file, name, ending, folders, place) &&
                 (kind == PRIM_INSTANCER || fputs("    " EXTENT "\n", file) >= 0);
     if (kind == PRIM_MESH)
         good = good && fputs(SUBDIVISION "    " FACE_COUNTS "\n    " FACE_CORNERS "\n", file) >= 0;
@@ -343,18 +347,40 @@ bool usda_write_sequence(FILE *file, const points *set, const scene *place, erro
     return end_writing(file, good, e);
 }
 
-bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e)
+bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e)
+{
+    return write_stage(file, set, place, "_sequence.usda", place->folders, e);
+}
+
+bool usda_write_stage(FILE *file, const points *set, const scene *place, error *e)
+{
+    return write_stage(file, set, place, WORKER_STAGE_ENDING, place->below, e);
+}
+
+/* Whether the file has what `write` writes. */
+static bool verify_stage(FILE *file, const points *set, const scene *place,
+                         bool (*write)(FILE *, const points *, const scene *, error *), error *e)
 {
     char *meant = NULL;
     size_t length = 0, k = 0;
     FILE *memory = open_memstream(&meant, &length);
-    bool good = memory && usda_write_sequence(memory, set, place, e);
+    bool good = memory && write(memory, set, place, e);
     if (memory) fclose(memory);
     rewind(file);
     while (good && k < length && fgetc(file) == (unsigned char)meant[k]) k++;
     good = good && k == length && fgetc(file) == EOF;
     free(meant);
     return good || damaged(e, "the stage of the sequence differs from the written data");
+}
+
+bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e)
+{
+    return verify_stage(file, set, place, usda_write_sequence, e);
+}
+
+bool usda_verify_stage(FILE *file, const points *set, const scene *place, error *e)
+{
+    return verify_stage(file, set, place, usda_write_stage, e);
 }
 
 /* ---- reading ---- */

@@ -20,4 +20,8 @@ bool usda_verify(FILE *file, const points *set, const scene *place, error *e);
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e);
 bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e);
 
+/* The same stage for the folder that contains those of all frames. */
+bool usda_write_stage(FILE *file, const points *set, const scene *place, error *e);
+bool usda_verify_stage(FILE *file, const points *set, const scene *place, error *e);
+
 #endif

@@ -10,6 +10,7 @@
 
 #include "base/background.h"
 #include "base/clock.h"
+#include "base/frames.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
@@ -83,13 +84,23 @@ const store_outputs *output_place_roots(const output_place *p)
     return p ? p->outputs : NULL;
 }
 
-/* The name of the directory (store_output_name, else its path) if it contains a report, to be freed; otherwise NULL. */
-static char *name_with_report(int directory, const char *path)
+static bool contains(int directory, const char *file)
 {
     struct stat info;
-    if (fstatat(directory, WORKER_REPORT_NAME, &info, AT_SYMLINK_NOFOLLOW) != 0) return NULL;
+    return fstatat(directory, file, &info, AT_SYMLINK_NOFOLLOW) == 0;
+}
+
+/* The name of the directory: store_output_name, else its path. To be freed. */
+static char *name_of(int directory, const char *path)
+{
     char *name = store_output_name(directory);
     return name ? name : mem_strdup(path);
+}
+
+/* The name of the directory if it contains a report, to be freed; otherwise NULL. */
+static char *name_with_report(int directory, const char *path)
+{
+    return contains(directory, WORKER_REPORT_NAME) ? name_of(directory, path) : NULL;
 }
 
 /* Error output_taken if the report in this directory was delivered for another user. `name` NULL: there is no
@@ -112,16 +123,51 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
 
 /* ---- copies */
 
+/* Copies a file of all frames to the open directory above those of the frames. Its path takes the place of a directory
+ * in the record of its owner: the directory itself may contain the report of another user. */
+static bool copy_stage(output_place *p, const char *user, const char *from, const char *file, int to,
+                       const char *above, const char *temporary, error *e)
+{
+    char *name = name_of(to, above), *whole = mem_printf("%s/%s", name, file);
+    char *own = mem_printf("%s.%s", temporary, file); /* records of temporary files need names of their own */
+    bool ok = check_owner(p, user, contains(to, file) ? whole : NULL, whole, e) &&
+              queue_note_copy(p->q, above, own, whole, user, e) &&
+              store_output_copy(p->outputs, from, &file, 1, to, above, own, e) &&
+              queue_forget_copy(p->q, own, e);
+    free(name);
+    free(whole);
+    free(own);
+    return ok;
+}
+
+static bool copy_stages(output_place *p, const char *user, const result *r, const char *from,
+                        const char *above, const char *temporary, error *e)
+{
+    store_turn turn;
+    size_t stages = 0;
+    for (size_t i = 0; i < r->output_count; i++) stages += frames_is_stage(r->output[i].name);
+    if (!stages || !above || !store_output_check(p->outputs, above, NULL)) return true;
+    int to = store_output_open(p->outputs, above, e);
+    bool taken = to >= 0 && store_turns_take(p->turns, to, &turn, e), ok = taken;
+    for (size_t i = 0; ok && i < r->output_count; i++)
+        if (frames_is_stage(r->output[i].name))
+            ok = copy_stage(p, user, from, r->output[i].name, to, above, temporary, e);
+    if (taken) store_turns_end(p->turns, turn);
+    if (to >= 0) close(to);
+    return ok;
+}
+
 static bool copy_in_turn(output_place *p, const char *user, const result *r, const char *from, int to,
                          const char *path, const char *temporary, error *e)
 {
+    size_t count = 0;
     const char **names = mem_alloc((r->output_count + 1) * sizeof *names);
-    for (size_t i = 0; i < r->output_count; i++) names[i] = r->output[i].name;
-    names[r->output_count] = WORKER_REPORT_NAME;
-    char *there = name_with_report(to, path), *name = store_output_name(to);
-    bool ok = check_owner(p, user, there, path, e) &&
-              queue_note_copy(p->q, path, temporary, name ? name : path, user, e) &&
-              store_output_copy(p->outputs, from, names, r->output_count + 1, to, path, temporary, e);
+    for (size_t i = 0; i < r->output_count; i++)
+        if (!frames_is_stage(r->output[i].name)) names[count++] = r->output[i].name;
+    names[count++] = WORKER_REPORT_NAME;
+    char *there = name_with_report(to, path), *name = name_of(to, path);
+    bool ok = check_owner(p, user, there, path, e) && queue_note_copy(p->q, path, temporary, name, user, e) &&
+              store_output_copy(p->outputs, from, names, count, to, path, temporary, e);
     free(there);
     free(name);
     free(names);
@@ -129,7 +175,7 @@ static bool copy_in_turn(output_place *p, const char *user, const result *r, con
 }
 
 bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
-                       const char *temporary, error *e)
+                       const char *above, const char *temporary, error *e)
 {
     result r = {0};
     store_turn turn;
@@ -139,6 +185,7 @@ bool output_place_copy(output_place *p, const char *user, const char *from, cons
     bool ok = taken && copy_in_turn(p, user, &r, from, to, directory, temporary, e);
     if (taken) store_turns_end(p->turns, turn);
     if (to >= 0) close(to);
+    ok = ok && copy_stages(p, user, &r, from, above, temporary, e);
     result_clear(&r);
     return ok;
 }

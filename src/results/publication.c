@@ -13,7 +13,7 @@ struct publication {
     pthread_t thread;
     bool started;
     output_place *outputs;
-    char *user, *directory, *path, *temporary;
+    char *user, *directory, *path, *above, *temporary;
     int end_fd;
     atomic_bool ended;
     bool ok;
@@ -30,7 +30,7 @@ char *publication_temporary(const char *directory)
 static void *run(void *argument)
 {
     publication *p = argument;
-    p->ok = output_place_copy(p->outputs, p->user, p->directory, p->path, p->temporary, &p->fault);
+    p->ok = output_place_copy(p->outputs, p->user, p->directory, p->path, p->above, p->temporary, &p->fault);
     if (!p->ok) error_prefix(&p->fault, "output.directory");
     atomic_store(&p->ended, true);
     ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
@@ -39,7 +39,7 @@ static void *run(void *argument)
 }
 
 publication *publication_start(output_place *outputs, const char *user, const char *directory,
-                               const char *path, int end_fd)
+                               const char *path, const char *above, int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
     p->outputs = outputs;
@@ -47,6 +47,7 @@ publication *publication_start(output_place *outputs, const char *user, const ch
     p->temporary = publication_temporary(directory);
     p->directory = mem_strdup(directory);
     p->path = mem_strdup(path);
+    p->above = above ? mem_strdup(above) : NULL;
     p->end_fd = end_fd;
     p->started = pthread_create(&p->thread, NULL, run, p) == 0;
     if (!p->started) run(p); /* without a thread, this one copies, which delays other jobs */
@@ -66,6 +67,7 @@ bool publication_end(publication *p, error *e)
     free(p->user);
     free(p->directory);
     free(p->path);
+    free(p->above);
     free(p->temporary);
     free(p);
     return ok;

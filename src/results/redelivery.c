@@ -48,7 +48,8 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
          *name = mem_printf(".%s.hexad-tmp", unique);
     char *to =
         task->frame == QUEUE_NO_FRAME ? mem_strdup(job->directory) : frames_path(job->directory, task->frame);
-    bool copied = output_place_copy(r->outputs, job->owner, from, to, name, &fault) ||
+    char *above = task->frame == QUEUE_NO_FRAME ? NULL : frames_above(job->directory);
+    bool copied = output_place_copy(r->outputs, job->owner, from, to, above, name, &fault) ||
                   error_prefix(&fault, "output.directory");
     bool ok = queue_note_copied(r->q, job->id, task, copied ? NULL : &fault, name, e);
     log_write(copied ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "result %s job=%s directory=%s%s%s",
@@ -56,6 +57,7 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     free(from);
     free(name);
     free(to);
+    free(above);
     return ok;
 }
 

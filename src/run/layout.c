@@ -7,19 +7,6 @@
 #include "base/frames.h"
 #include "base/memory.h"
 
-/* The part of the path that differs between frames: from the first folder whose name has the number. */
-static const char *varying_part(const char *pattern)
-{
-    const char *at = pattern, *next;
-    for (char *head; (next = strchr(at, '/')); at = next + 1) {
-        head = mem_strndup(pattern, (size_t)(next - pattern));
-        bool found = frames_is_pattern(head);
-        free(head);
-        if (found) break;
-    }
-    return at;
-}
-
 /* The relative path from a folder up to its root, "../../". */
 static char *way_up(const char *path)
 {
@@ -45,14 +32,16 @@ static bool can_be_quoted(const char *folder)
 
 bool layout_make(const char *pattern, const int *frames, size_t count, int frame, layout *out, error *e)
 {
-    const char *part = pattern ? varying_part(pattern) : "%d";
+    const char *part = pattern ? pattern + frames_shared(pattern) : "%d";
     char *up = way_up(part);
-    layout l = {count, mem_alloc(count * sizeof *l.frames), mem_alloc(count * sizeof *l.folders)};
+    layout l = {count, mem_alloc(count * sizeof *l.frames), mem_alloc(count * sizeof *l.folders),
+                mem_alloc(count * sizeof *l.below)};
     memcpy(l.frames, frames, count * sizeof *frames);
     qsort(l.frames, count, sizeof *l.frames, compare_ints);
     for (size_t k = 0; k < count; k++) {
         char *folder = frames_path(part, l.frames[k]);
         l.folders[k] = l.frames[k] == frame ? mem_strdup(".") : mem_printf("%s%s", up, folder);
+        l.below[k] = mem_printf("./%s", folder);
         free(folder);
     }
     free(up);
@@ -66,8 +55,12 @@ bool layout_make(const char *pattern, const int *frames, size_t count, int frame
 
 void layout_free(layout *l)
 {
-    for (size_t k = 0; k < l->count; k++) free(l->folders[k]);
+    for (size_t k = 0; k < l->count; k++) {
+        free(l->folders[k]);
+        free(l->below[k]);
+    }
     free(l->folders);
+    free(l->below);
     free(l->frames);
     *l = (layout){0};
 }

@@ -1,5 +1,5 @@
-/* layout: the folders of the frames of a sequence, relative to one frame. They follow output.directory if it is given;
- * otherwise each frame is in a folder named by its number, as clients fetch results.
+/* layout: the folders of the frames of a sequence, relative to one frame and to the folder that contains all. They follow
+ * output.directory if it is given; otherwise each frame is in a folder named by its number, as clients fetch results.
  */
 #ifndef HEXAD_RUN_LAYOUT_H
 #define HEXAD_RUN_LAYOUT_H
@@ -13,6 +13,7 @@ typedef struct layout {
     size_t count;
     int *frames;    /* ascending */
     char **folders; /* of each frame, relative to the folder of `frame`: "." or "../7" */
+    char **below;   /* of each frame, relative to the folder that contains all: "./7" */
 } layout;
 
 /* `pattern`: output.directory, or NULL. Error: spec_invalid (a folder has a name that USD cannot quote). */

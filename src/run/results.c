@@ -204,10 +204,14 @@ static bool write_format(const char *directory, const point_format *f, const poi
 /* Whether the spec requests this format. */
 static bool has_format(const spec *s, format_name which)
 {
-    const bool asked[FORMATS] = {
-        [FORMAT_NPZ] = s->has_points_npz,      [FORMAT_GLB] = s->has_points_glb,
-        [FORMAT_USDA] = s->has_points_usda,    [FORMAT_USDA_SEQUENCE] = s->has_points_usda,
-        [FORMAT_MESH_USDA] = s->has_mesh_usda, [FORMAT_MESH_USDA_SEQUENCE] = s->has_mesh_usda};
+    const bool asked[FORMATS] = {[FORMAT_NPZ] = s->has_points_npz,
+                                 [FORMAT_GLB] = s->has_points_glb,
+                                 [FORMAT_USDA] = s->has_points_usda,
+                                 [FORMAT_USDA_SEQUENCE] = s->has_points_usda,
+                                 [FORMAT_USDA_STAGE] = s->has_points_usda,
+                                 [FORMAT_MESH_USDA] = s->has_mesh_usda,
+                                 [FORMAT_MESH_USDA_SEQUENCE] = s->has_mesh_usda,
+                                 [FORMAT_MESH_USDA_STAGE] = s->has_mesh_usda};
     return asked[which];
 }
 
@@ -219,7 +223,8 @@ static bool write_formats(const char *directory, const results_input *in, const 
     layout frames = {0};
     bool ok =
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
-    const scene place = {in->y_up, origin, NULL, frames.count, in->frame, frames.frames, frames.folders};
+    const scene place = {in->y_up,  origin,        NULL,           frames.count,
+                         in->frame, frames.frames, frames.folders, frames.below};
     scene instanced = place; /* instances always have an origin: that of the job, or origin_of */
     if (in->instancer) {
         instanced.instancer = in->instancer;
@@ -229,7 +234,7 @@ static bool write_formats(const char *directory, const results_input *in, const 
         const point_format *f = &formats[k];
         if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
         if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
-        const bool is_points_usda = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE;
+        const bool is_points_usda = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE || k == FORMAT_USDA_STAGE;
         ok = write_format(directory, f, set, is_points_usda ? &instanced : &place, outputs, e);
     }
     layout_free(&frames);

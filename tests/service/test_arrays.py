@@ -276,6 +276,38 @@ def test_copies_of_results(new_service, tmp_path):
     assert refused.status == 403 and refused.json["errors"][0]["pointer"] == "/output/directory"
 
 
+def test_the_stage_of_a_sequence_is_above_its_frames(new_service, build, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    service = new_service("--output_roots", show).start()
+    spec = sphere(queue={"frames": "8-9", "by_frame": {"/surface/analytic/radius": [1, 2]}},
+                  output={"preview": False, "points_usda": True, "directory": f"{show}/shot/####"})
+    done = service.wait_state(service.submit(spec), "succeeded")
+    assert done["delivery"]["state"] == "delivered"
+    assert sorted(p.name for p in (show / "shot").iterdir()) == ["0008", "0009", "points_stage.usda"]
+    assert "assetPaths = [@./0008/points.usda@, @./0009/points.usda@]" in (show / "shot/points_stage.usda").read_text()
+    names = [r["name"] for r in service.get(f"/v1/jobs/{done['id']}/results?frame=8").json["results"]]
+    assert "points_stage.usda" in names and "points_sequence.usda" in names
+    (show / "shot/points_stage.usda").unlink()
+    assert service.post(f"/v1/jobs/{done['id']}/deliver").status == 202
+    wait_until((show / "shot/points_stage.usda").is_file, "the second copy")
+
+    del spec["output"]["directory"]
+    job = service.submit(spec)
+    service.wait_state(job, "succeeded")
+    fetched = subprocess.run([build / "hexadctl", "fetch", job, "--output", tmp_path / "here"], env=service.environment(),
+                             capture_output=True, text=True, timeout=PATIENCE_S)
+    assert fetched.returncode == 0, fetched.stderr
+    assert sorted(p.name for p in (tmp_path / "here").iterdir()) == ["8", "9", "points_stage.usda"]
+    assert not (tmp_path / "here/8/points_stage.usda").exists()
+    spec["output"]["directory"] = f"{show}#/x"  # the place of the stage is not below the output root
+    (tmp_path / "show7").mkdir()
+    other = new_service("--output_roots", tmp_path / "show7").start()
+    spec["queue"] = {"frames": "7", "by_frame": {"/solver/seed": [1]}}
+    other.wait_state(other.submit(spec), "succeeded")
+    assert [p.name for p in (tmp_path / "show7").iterdir()] == ["x"] and not (tmp_path / "points_stage.usda").exists()
+
+
 def test_a_directory_that_cannot_be_made_is_refused(new_service, tmp_path):
     show = tmp_path / "show"
     show.mkdir()

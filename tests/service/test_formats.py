@@ -275,12 +275,29 @@ def test_the_stage_of_a_sequence_lists_its_clips(growing):
     assert numpy.abs(velocity).max() > 0.05
 
 
+def test_a_stage_is_for_the_directory_above_the_frames(growing):
+    """It is the stage beside the first frame, but for the paths."""
+    first, *others = growing(mesh=True, mesh_usda=True)
+    assert not any((other / f"{name}_stage.usda").exists() for other in others for name in ("points", "mesh"))
+    for name in ("points", "mesh"):
+        stage, sequence = (first / f"{name}_stage.usda").read_text(), (first / f"{name}_sequence.usda").read_text()
+        assert f"assetPaths = [@./7/{name}.usda@, @./8/{name}.usda@, @./9/{name}.usda@]" in stage
+        moved = sequence.replace("@../", "@./").replace(f"@./{name}.usda@", f"@./9/{name}.usda@")
+        assert stage == moved.replace("_sequence.usda", "_stage.usda")
+
+
 def test_the_stage_follows_the_output_directory(growing, tmp_path):
     for directory, paths in (("/shots/a/####", ["../0007", "../0008", "."]), ("/shots/%d/b", ["../../7/b", "../../8/b", "."]),
                              ("/shots/a@1/f_####.usd", ["../f_0007.usd", "../f_0008.usd", "."]), ("/shots/#@/x", ["../../7@/x", "../../8@/x", "."])):
         first, *_ = growing(directory=directory)
         listed = re.search(r"assetPaths = \[(.*)\]", (first / "points_sequence.usda").read_text())[1]
         assert [p.strip("@").removesuffix("/points.usda") for p in listed.split(", ")] == paths
+        above = re.search(r"assetPaths = \[(.*)\]", (first / "points_stage.usda").read_text())[1].split(", ")
+        top = directory[:re.search("/[^/]*(####|%d|#@)", directory).start()]
+        numbers = (("0007", "0008", "0009") if "####" in directory else ("7", "8", "9"))
+        for path, number in zip(above, numbers):
+            frame = directory[len(top):].replace("####", number).replace("%d", number).replace("#@", f"{number}@")
+            assert path.strip("@") == f".{frame}/points.usda"
 
 
 def test_velocities_of_a_file_are_those_of_usd(run, carried):

@@ -78,24 +78,27 @@ def sequence(footage, frames, **queue):
 
 def check_frame(service, job, frame, directory):
     listed = service.get(f"/v1/jobs/{job}/results?frame={frame}").json["results"]
-    assert sorted(p.name for p in directory.iterdir()) == sorted(r["name"] for r in listed)
+    def place_of(name):  # the stage of all frames is above them
+        return (directory.parent if name == "points_stage.usda" else directory) / name
+
+    assert sorted(directory.iterdir()) == sorted(p for p in (place_of(r["name"]) for r in listed) if p.parent == directory)
     for r in listed:
-        assert hashlib.sha256((directory / r["name"]).read_bytes()).hexdigest() == r["sha256"]
+        assert hashlib.sha256(place_of(r["name"]).read_bytes()).hexdigest() == r["sha256"]
 
 
 def test_all_frames_are_fetched(run_finished, finished, tmp_path):
     run, service, job = run_finished, finished, finished.array
     done = run("fetch", job, "--output", "out")
     assert done.returncode == 0 and "3 of 3 frames" in done.stderr, done.stderr
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["11", "8", "9"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["11", "8", "9", "points_stage.usda"]
     for frame in FRAMES:
         check_frame(service, job, frame, tmp_path / "out" / str(frame))
         assert f"out/{frame}/report.json" in done.stdout
     # the stage of the sequence finds the frames' files where they are now
-    stage = (tmp_path / "out/8/points_sequence.usda").read_text()
-    clips = re.findall("@([^@]*)@", re.search(r"assetPaths = \[(.*)\]", stage)[1])
-    assert [(tmp_path / "out/8" / clip).resolve().parent.name for clip in clips] == ["8", "9", "11"]
-    assert all((tmp_path / "out/8" / clip).is_file() for clip in clips)
+    for where, name in ((tmp_path / "out/8", "points_sequence.usda"), (tmp_path / "out", "points_stage.usda")):
+        clips = re.findall("@([^@]*)@", re.search(r"assetPaths = \[(.*)\]", (where / name).read_text())[1])
+        assert [(where / clip).resolve().parent.name for clip in clips] == ["8", "9", "11"]
+        assert all((where / clip).is_file() for clip in clips)
 
 
 @pytest.mark.sanitized

@@ -109,6 +109,16 @@ static void test_a_path_is_matched_with_a_pattern(void **state)
     (void)state;
     int frame = -1;
     assert_int_equal(frames_prefix("a/b.$F4.vdb"), 4);
+    assert_int_equal(frames_shared("/a/b/c.####"), 5);
+    char *above = frames_above("/a/%d/b");
+    assert_string_equal(above, "/a");
+    free(above);
+    assert_null(frames_above("/####"));
+    assert_null(frames_above("/a/b"));
+    assert_true(frames_is_stage("points_stage.usda") && !frames_is_stage("_stage.usda") &&
+                !frames_is_stage("points.usda"));
+    assert_int_equal(frames_shared("/a/%d/b"), 3);
+    assert_int_equal(frames_shared("$F/b"), 0);
     assert_true(frames_match("b.####.vdb", "b.0007.vdb", &frame));
     assert_int_equal(frame, 7);
     assert_true(frames_match("b$F.vdb", "b123456.vdb", &frame));

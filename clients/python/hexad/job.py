@@ -147,7 +147,8 @@ class Job(ABC):
 
     def fetch(self, directory: PathLike, frame: int | None = None) -> list[pathlib.Path]:
         """Brings all files of a result here, each verified by its hash, report.json last. Frames go into directories of
-        their own below; files that are here already are not brought again."""
+        their own below, and the USD stage of all frames into the directory itself; files that are here already are not
+        brought again."""
         paths = []
         for each in self.frames() if frame is None else [frame]:
             where = pathlib.Path(directory) / ("" if each is None else str(each))
@@ -155,8 +156,9 @@ class Job(ABC):
             for result in self.results(each):
                 if result.name.startswith(".") or "/" in result.name or "\\" in result.name:
                     raise HexadError(f"job {self.id} has a result whose name contains a path, {result.name!r}: report this as a fault")
-                self.fetch_file(result, where / result.name)
-                paths.append(where / result.name)
+                path = (pathlib.Path(directory) if result.name.endswith("_stage.usda") else where) / result.name
+                self.fetch_file(result, path)
+                paths.append(path)
         return paths
 
     def fetch_named(self, name: str, frame: int | None, directory: str) -> pathlib.Path:
