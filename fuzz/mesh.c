@@ -1,4 +1,4 @@
-/* What the process that reads meshes answers: mesh_file_parse, with what vertices have and without, and the judgement of its
+/* What the process that reads meshes answers: mesh_file_parse, with what vertices have, with polygons and with neither, and the judgement of its
  * triangles on the way to a level set; and the same bytes as files that this process reads itself. */
 #include <math.h>
 #include <string.h>
@@ -46,7 +46,7 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
-    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, &values, &e);
+    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, &values, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < values.count; k++) {
         const mesh_reader_values *head = &values.head[k];
@@ -60,10 +60,29 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_free(&m);
 }
 
+static void read_polygons(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    mesh m = {0};
+    mesh_polygons polygons = {0};
+    mesh_reader_header told = {0};
+    mesh_notes notes = {0};
+    FILE *stream = fmemopen((void *)data, size, "rb");
+    expect(stream);
+    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, NULL, &polygons, &e);
+    expect(ok || *e.message);
+    for (size_t k = 0; ok && k < polygons.count; k++)
+        for (size_t c = polygons.first[k]; c < polygons.first[k + 1]; c++)
+            expect(polygons.corner[c] < m.vertex_count);
+    fclose(stream);
+    mesh_polygons_free(&polygons);
+    mesh_free(&m);
+}
+
 static void read_plain(const char *ending, const char *data, size_t size)
 {
     plain_mesh m;
-    if (!plain_mesh_read(ending, data, size, &m)) {
+    if (!plain_mesh_read_polygons(ending, data, size, &m)) {
         expect(m.refused == ERROR_NONE ? !plain_mesh_is_only_reader(ending) : *m.text);
         return;
     }
@@ -106,10 +125,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     if (size == 0) return 0; /* not for fmemopen */
     read_values(data, size);
+    read_polygons(data, size);
     read_files(data, size);
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
-    if (mesh_file_parse(stream, memory, &told, &m, &notes, NULL, &e))
+    if (mesh_file_parse(stream, memory, &told, &m, &notes, NULL, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);

@@ -139,7 +139,9 @@ static void attribute_column(const point_attribute *a, int component, size_t cou
     const char *suffixes = a->kind == POINT_ATTRIBUTE_COLOR ? "rgba"
                            : a->kind == POINT_ATTRIBUTE_UV  ? "st"
                                                             : "xyzw";
-    *out = (column){.type = a->kind == POINT_ATTRIBUTE_INT ? whole_type(a, component, count) : COLUMN_REAL,
+    *out = (column){.type = a->kind == POINT_ATTRIBUTE_INT ? whole_type(a, component, count)
+                            : a->is_double                 ? COLUMN_LONG_REAL
+                                                           : COLUMN_REAL,
                     .values = a->values + component,
                     .stride = (size_t)a->components,
                     .scale = 1};
@@ -286,9 +288,9 @@ double column_value(const column *c, size_t i)
 {
     if (!c->values) return c->whole ? (double)c->whole[i] : (double)i;
     double value = c->scale * c->values[c->stride * i];
-    return c->type == COLUMN_REAL    ? value
-           : c->type == COLUMN_UCHAR ? round(fmin(fmax(value, 0), 255))
-                                     : round(value);
+    return c->type == COLUMN_REAL || c->type == COLUMN_LONG_REAL ? value
+           : c->type == COLUMN_UCHAR                             ? round(fmin(fmax(value, 0), 255))
+                                                                 : round(value);
 }
 
 /* The column of the first component of an array, and its index in the list. NULL: not all components are in the list. */
@@ -317,6 +319,14 @@ bool columns_lay_out(columns *list, points *set, void **storage, error *e)
         }
         for (size_t c = 0; first && own[k].written != BY_NAME && c < list->count; c++)
             if (strcmp(list->list[c].name, own[k].name) == 0) fill_own(set, &own[k], &list->list[c]);
+    }
+    for (size_t c = 0; next && c < list->count; c++) {
+        column *other = &list->list[c];
+        if (columns_is_own(other->name) || columns_is_of_orient(other->name)) continue;
+        other->values = next;
+        other->stride = 1;
+        other->scale = 1;
+        next += set->count;
     }
     return next != NULL;
 }

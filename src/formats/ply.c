@@ -2,6 +2,7 @@
 
 #include <endian.h>
 #include <errno.h>
+#include <float.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
@@ -22,10 +23,11 @@ enum { LINE_MAX_BYTES = 1024 };
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
 /* Types of integers do not depend on the precision of reals. */
-static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double"};
-static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8};
-static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST},
-                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX, PRECISION_WHOLE_MOST};
+static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double", "double"};
+static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8, 8};
+static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST, -DBL_MAX},
+                    type_most[COLUMN_TYPES] = {0,         UINT32_MAX,           INT32_MAX,
+                                               UINT8_MAX, PRECISION_WHOLE_MOST, DBL_MAX};
 static const char face_property[] = "property list uchar int vertex_indices";
 static const char *const label_names[2] = {"label_a", "label_b"};
 
@@ -87,7 +89,8 @@ static bool check_row(const double *row, const columns *what, size_t i, ply_prec
 
 static bool is_double(column_type type, ply_precision precision)
 {
-    return type == COLUMN_DOUBLE || (type == COLUMN_REAL && precision == PLY_DOUBLE);
+    return type == COLUMN_DOUBLE || type == COLUMN_LONG_REAL ||
+           (type == COLUMN_REAL && precision == PLY_DOUBLE);
 }
 
 /* Packs a number of any type. */
@@ -121,6 +124,7 @@ static double unpack(const char *in, column_type type, ply_precision precision)
     case COLUMN_REAL:
         return precision == PLY_DOUBLE ? value : (double)single;
     case COLUMN_DOUBLE:
+    case COLUMN_LONG_REAL:
         return value;
     case COLUMN_INT:
         return (int32_t)half;
@@ -187,7 +191,9 @@ static size_t print_row(const double *row, const columns *what, ply_precision pr
 {
     size_t n = 0;
     for (size_t c = 0; c < what->count; c++) {
-        if (what->list[c].type != COLUMN_REAL)
+        if (what->list[c].type == COLUMN_LONG_REAL)
+            n += print_number(row[c], PLY_DOUBLE, out + n);
+        else if (what->list[c].type != COLUMN_REAL)
             n += (size_t)sprintf(out + n, "%.0f", row[c]);
         else
             n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
@@ -537,10 +543,12 @@ static void unpack_row(const char *in, const columns *what, ply_precision precis
     }
 }
 
-/* Whether the text is an integer of the type, as print_number writes it. */
-static bool is_whole(const char *text, size_t length, double value, column_type type)
+/* Whether the text is a number of the type: an integer as print_row writes it. A file does not say whether the numbers of
+ * a property of doubles are whole. */
+static bool is_of_type(const char *text, size_t length, double value, column_type type)
 {
     char again[NUMBER_TEXT_MAX];
+    if (type == COLUMN_REAL || type == COLUMN_DOUBLE || type == COLUMN_LONG_REAL) return true;
     if (!(value >= type_least[type] && value <= type_most[type])) return false;
     int n = snprintf(again, sizeof again, "%.0f", value);
     return (size_t)n == length && memcmp(again, text, length) == 0;
@@ -562,8 +570,7 @@ static bool parse_row(FILE *file, const columns *what, ply_precision precision, 
         if (n > 0)
             row[c] =
                 type == COLUMN_REAL && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
-        if (end != at + n || *end != stop || n == 0 ||
-            (type != COLUMN_REAL && !is_whole(at, n, row[c], type)))
+        if (end != at + n || *end != stop || n == 0 || !is_of_type(at, n, row[c], type))
             return wrong_line(what, e);
         at = end + 1;
     }
@@ -678,7 +685,7 @@ static double as_written(double value, column_type type, ply_precision precision
     return type == COLUMN_REAL && precision == PLY_FLOAT ? precision_as_float(value) : value;
 }
 
-/* In a file of doubles COLUMN_REAL and COLUMN_DOUBLE are the same type. */
+/* Types of doubles are the same type in a file. */
 static bool same_columns(const columns *a, const columns *b, ply_precision precision)
 {
     if (a->count != b->count) return false;
@@ -782,7 +789,7 @@ bool ply_verify(FILE *file, const points *set, const columns *what, ply_format f
 bool ply_write_job(FILE *file, void *job, error *e)
 {
     const ply_job *j = job;
-    return ply_write(file, j->set, &j->what, j->format, j->precision, NULL, j->pool, e);
+    return ply_write(file, j->set, &j->what, j->format, j->precision, j->comments, j->pool, e);
 }
 
 bool ply_verify_job(FILE *file, void *job, error *e)

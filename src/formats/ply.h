@@ -57,6 +57,7 @@ typedef struct ply_job {
     columns what;
     ply_format format;
     ply_precision precision;
+    const char *comments; /* of ply_write */
     threads *pool;
 } ply_job;
 

@@ -5,6 +5,7 @@
 #ifndef HEXAD_FORMATS_POINTS_H
 #define HEXAD_FORMATS_POINTS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -26,6 +27,7 @@ typedef struct point_attribute {
     point_attribute_kind kind;
     int components;       /* 1 to 4 */
     const double *values; /* `components` per point, in the order of points; finite */
+    bool is_double;       /* real numbers that formats write as doubles where they have doubles */
 } point_attribute;
 
 typedef struct points {

@@ -8,7 +8,7 @@
 static void add(property *list, size_t *count, const char *name, property_role role, int components,
                 const void *values, double scale)
 {
-    if (values) list[(*count)++] = (property){name, role, false, 0, components, values, scale, NULL};
+    if (values) list[(*count)++] = (property){name, role, false, 0, components, values, scale, false, NULL};
 }
 
 const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name)
@@ -64,7 +64,7 @@ size_t property_list(const points *s, property *list)
     add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
     add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
     add(list, &n, "orient", PROPERTY_ORIENT, 4, s->orient, 1);
-    list[n++] = (property){"id", PROPERTY_ID, true, 0, 1, NULL, 1, s->id};
+    list[n++] = (property){"id", PROPERTY_ID, true, 0, 1, NULL, 1, false, s->id};
     add(list, &n, "velocity", velocity ? PROPERTY_OTHER : PROPERTY_MOTION, 3, s->velocity, 1);
     for (size_t k = 0; k < s->attribute_count; k++) {
         const point_attribute *a = &s->attributes[k];
@@ -75,6 +75,7 @@ size_t property_list(const points *s, property *list)
                                a->components,
                                a->values,
                                1,
+                               a->is_double,
                                NULL};
     }
     return n;

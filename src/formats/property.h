@@ -37,6 +37,7 @@ typedef struct property {
     int components;
     const double *values; /* `components` per point, times `scale`; NULL: see `ids` */
     double scale;
+    bool is_double;      /* real numbers that are doubles where the format has them */
     const uint32_t *ids; /* NULL, with `values` NULL: the indices of the points, from 0 */
 } property;
 

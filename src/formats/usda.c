@@ -14,7 +14,7 @@
 #include "formats/property.h"
 
 /* Digits with which a float, or a whole number, reads back exactly. */
-enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 16 };
+enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 16, DOUBLE_DIGITS = 17 };
 /* Time codes are frames; velocities are per second. This is USD's default rate. */
 enum { FRAMES_PER_SECOND = 24 };
 enum { VALUES_WORDS = 480 };
@@ -74,11 +74,13 @@ static bool is_primvar(const property *p, prim_kind kind)
 /* The type of a primvar that is neither a color nor a texture coordinate. */
 static const char *primvar_type(const property *p)
 {
-    static const char *const types[] = {"float", "float2", "float3", "float4"};
+    static const char *const types[] = {"float", "float2", "float3", "float4"},
+                             *const doubles[] = {"double", "double2", "double3", "double4"},
+                             *const whole[] = {"int", "int2", "int3", "int4"};
     if (p->role == PROPERTY_NORMAL) return "normal3f";
     if (p->role == PROPERTY_ORIENT) return "quatf";
-    if (p->whole) return p->largest > INT32_MAX ? "int64" : "int";
-    return types[p->components - 1];
+    if (p->whole && p->components == 1 && p->largest > INT32_MAX) return "int64";
+    return (p->whole ? whole : p->is_double ? doubles : types)[p->components - 1];
 }
 
 /* The declaration of a property: "color3f[] primvars:displayColor". */
@@ -150,9 +152,9 @@ static bool write_property(FILE *file, const property *p, prim_kind kind, const 
         good = fputs(i ? ", " : "", file) >= 0 && (p->components == 1 || fputc('(', file) != EOF);
         for (int c = 0; good && c < p->components; c++) {
             double value = number(p, kind, place->origin, i, c);
-            int digits = p->whole ? WHOLE_DIGITS : FLOAT_DIGITS;
-            good =
-                fprintf(file, "%s%.*g", c ? ", " : "", digits, p->whole ? value : (double)(float)value) > 0;
+            int digits = p->whole ? WHOLE_DIGITS : p->is_double ? DOUBLE_DIGITS : FLOAT_DIGITS;
+            good = fprintf(file, "%s%.*g", c ? ", " : "", digits,
+                           p->whole || p->is_double ? value : (double)(float)value) > 0;
         }
         if (p->components > 1) good = good && fputc(')', file) != EOF;
     }
@@ -232,11 +234,11 @@ static size_t list_properties(const points *set, const scene *place, property **
         if (list[k].role != PROPERTY_ORIENT) list[kept++] = list[k];
     const scene_instancer *i = place->instancer;
     const property more[OF_INSTANCES] = {
-        {"orientations", PROPERTY_INSTANCE_ORIENT_HALF, false, 0, 4, i->orient, 1, NULL},
-        {"orientationsf", PROPERTY_INSTANCE_ORIENT, false, 0, 4, i->orient, 1, NULL},
-        {"scales", PROPERTY_INSTANCE_SCALE, false, 0, 3, i->scale, 1, NULL},
+        {"orientations", PROPERTY_INSTANCE_ORIENT_HALF, false, 0, 4, i->orient, 1, false, NULL},
+        {"orientationsf", PROPERTY_INSTANCE_ORIENT, false, 0, 4, i->orient, 1, false, NULL},
+        {"scales", PROPERTY_INSTANCE_SCALE, false, 0, 3, i->scale, 1, false, NULL},
         /* scale 0: all prototypes have index 0 */
-        {"protoIndices", PROPERTY_INSTANCE_PROTOTYPE, true, 0, 1, set->spacing_local, 0, NULL}};
+        {"protoIndices", PROPERTY_INSTANCE_PROTOTYPE, true, 0, 1, set->spacing_local, 0, false, NULL}};
     memcpy(list + kept, more, sizeof more);
     return kept + OF_INSTANCES;
 }
@@ -416,7 +418,8 @@ static bool verify_property(FILE *file, const property *p, prim_kind kind, const
             double read;
             if (!read_number(file, &read)) return damaged(e, "it is truncated");
             double meant = number(p, kind, place->origin, i, c);
-            if (p->whole ? read != meant : precision_as_float(read) != precision_as_float(meant))
+            if (p->whole || p->is_double ? read != meant
+                                         : precision_as_float(read) != precision_as_float(meant))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "USD file: the %s of point %zu differs from the written data", p->name, i);
         }

@@ -164,6 +164,53 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
     return true;
 }
 
+static bool invalid(error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+}
+
+/* Checks that the polygons have the triangles and the vertices of the mesh. */
+static bool check_polygons(const mesh *m, mesh_polygons *p, error *e)
+{
+    size_t triangles = 0;
+    p->first[0] = 0;
+    for (size_t k = 0; k < p->count; k++) {
+        if (p->size[k] > p->corners - p->first[k]) return invalid(e);
+        p->first[k + 1] = p->first[k] + p->size[k];
+        triangles += p->size[k] > 2 ? p->size[k] - 2 : 0;
+    }
+    for (size_t k = 0; k < p->corners; k++)
+        if (p->corner[k] >= m->vertex_count) return invalid(e);
+    return (p->first[p->count] == p->corners && triangles == m->triangle_count) || invalid(e);
+}
+
+static bool read_polygons(FILE *stream, const mesh *m, size_t limit, mesh_polygons *out, error *e)
+{
+    static const char what[] = "the polygons of the mesh";
+    uint64_t counts[2];
+    if (!read_all(stream, counts, sizeof counts, 1, e)) return false;
+    if (counts[0] >= UINT32_MAX || counts[1] / 8 >= UINT32_MAX) return invalid(e);
+    if ((counts[0] + 1) * (sizeof *out->size + sizeof *out->first) + counts[1] * sizeof *out->corner > limit)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %llu polygons require more memory than is left: raise limits.memory_mb",
+                         (unsigned long long)counts[0]);
+    out->count = counts[0];
+    out->corners = counts[1];
+    return (out->size = mem_array(out->count, sizeof *out->size, what, e)) &&
+           (out->first = mem_array(out->count + 1, sizeof *out->first, what, e)) &&
+           (out->corner = mem_array(out->corners, sizeof *out->corner, what, e)) &&
+           read_all(stream, out->size, sizeof *out->size, out->count, e) &&
+           read_all(stream, out->corner, sizeof *out->corner, out->corners, e) && check_polygons(m, out, e);
+}
+
+void mesh_polygons_free(mesh_polygons *polygons)
+{
+    free(polygons->size);
+    free(polygons->first);
+    free(polygons->corner);
+    *polygons = (mesh_polygons){0};
+}
+
 void mesh_values_free(mesh_values *values)
 {
     for (size_t k = 0; k < values->count; k++) free(values->value[k]);
@@ -178,7 +225,7 @@ static void note_lines(mesh_notes *notes, char *text)
 }
 
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                     mesh_notes *notes, mesh_values *values, error *e)
+                     mesh_notes *notes, mesh_values *values, mesh_polygons *polygons, error *e)
 {
     mesh m = {0};
     char text[MESH_READER_TEXT_MAX + 1];
@@ -191,7 +238,8 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
         m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
         ok = m.triangle && read_all(stream, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
              read_triangles(stream, &m, e) && check_vertices(&m, &unused, e) &&
-             (!values || read_values(stream, &m, memory_limit, values, e));
+             (!values || read_values(stream, &m, memory_limit, values, e)) &&
+             (!polygons || read_polygons(stream, &m, memory_limit, polygons, e));
     }
     if (ok && fgetc(stream) != EOF)
         ok = error_set(e, ERROR_INPUT_DAMAGED,
@@ -207,14 +255,16 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
 }
 
 static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
-                      mesh_values *values, error *e)
+                      mesh_values *values, mesh_polygons *polygons, error *e)
 {
     mesh m = {0};
     off_t size = 0;
     reader r;
-    const char *command = values ? MESH_VALUES_COMMAND : MESH_READER_COMMAND;
+    const char *command = values     ? MESH_VALUES_COMMAND
+                          : polygons ? MESH_POLYGONS_COMMAND
+                                     : MESH_READER_COMMAND;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, notes, values, e);
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, notes, values, polygons, e);
     ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
     if (ok)
         *out = m;
@@ -226,7 +276,7 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
-    if (!read_file(file, &header, out, notes, NULL, e)) return false;
+    if (!read_file(file, &header, out, notes, NULL, NULL, e)) return false;
     if (header.others)
         mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
                   (unsigned long long)header.others);
@@ -246,10 +296,23 @@ bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values
     mesh_reader_header header = {0};
     mesh_values read = {0};
     mesh_notes unused = {0}; /* the surface's mesh has the same */
-    if (read_file(file, &header, out, &unused, &read, e)) {
+    if (read_file(file, &header, out, &unused, &read, NULL, e)) {
         *values = read;
         return true;
     }
     mesh_values_free(&read);
+    return false;
+}
+
+bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_polygons read = {0};
+    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    if (read_file(file, &header, out, &unused, NULL, &read, e)) {
+        *polygons = read;
+        return true;
+    }
+    mesh_polygons_free(&read);
     return false;
 }

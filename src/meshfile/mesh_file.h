@@ -39,10 +39,23 @@ typedef struct mesh_values {
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
 
+/* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is corner first[p] of
+ * all. Numbers begin at 0 and follow the order of the file; polygons of fewer than three corners have one, too. */
+typedef struct mesh_polygons {
+    size_t count, corners;
+    uint32_t *size;   /* number of corners of each polygon */
+    size_t *first;    /* count + 1 */
+    uint32_t *corner; /* vertex of each corner */
+} mesh_polygons;
+
+/* The mesh as the file has it, with its polygons. Free *polygons after success. */
+bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
+void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
+
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives the header of the answer.
- * *notes receives its warnings. `values`: NULL if the answer has none; otherwise zeroed before the call, and to be freed with
- * mesh_values_free, also after failure. *out is unchanged on failure. Errors: as mesh_file_read. */
+ * *notes receives its warnings. `values`, `polygons`: NULL if the answer has none; otherwise zeroed before the call, and to be freed with
+ * mesh_values_free and mesh_polygons_free, also after failure. *out is unchanged on failure. Errors: as mesh_file_read. */
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                     mesh_notes *notes, mesh_values *values, error *e);
+                     mesh_notes *notes, mesh_values *values, mesh_polygons *polygons, error *e);
 
 #endif

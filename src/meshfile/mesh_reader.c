@@ -103,12 +103,17 @@ static int answer_fault(error_code code, const char *text)
     return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
 }
 
-/* The answer is written by a walk over the scene's nodes, three times: to count, vertices, triangles. */
+/* What a command answers in addition to the triangles. */
+typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
+
+/* The answer is written by walks over the scene's nodes: to count, vertices, triangles; and the sizes and the corners of
+ * the polygons. */
 typedef struct walk {
     const struct aiScene *scene;
-    enum { COUNT, VERTICES, TRIANGLES } pass;
+    enum { COUNT, VERTICES, TRIANGLES, SIZES, CORNERS } pass;
     mesh_reader_header header;
-    size_t first; /* of the vertices of the mesh at hand */
+    uint64_t polygons, corners; /* corners: of all polygons */
+    size_t first;               /* of the vertices of the mesh at hand */
     bool failed;
     unsigned group; /* of the node that is visited, among those that have meshes */
     plain_mesh one; /* vertices of the mesh at hand, and the triangles of a polygon of it */
@@ -144,12 +149,31 @@ static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *fa
     return exist;
 }
 
+/* Writes the number of the corners of a polygon, or its corners. */
+static void write_polygon(walk *w, const struct aiFace *face)
+{
+    const uint32_t size = face->mNumIndices;
+    if (w->pass == SIZES) w->failed = fwrite(&size, sizeof size, 1, stdout) != 1;
+    for (uint32_t k = 0; w->pass == CORNERS && !w->failed && k < size; k++) {
+        const uint32_t corner = (uint32_t)w->first + face->mIndices[k];
+        w->failed = fwrite(&corner, sizeof corner, 1, stdout) != 1;
+    }
+}
+
 static void visit_face(walk *w, const struct aiMesh *mesh, const struct aiFace *face)
 {
     static const uint32_t none[1][3] = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}};
     plain_mesh *one = &w->one;
     const size_t others = one->others;
     const bool exist = all_corners_exist(mesh, face);
+    if (w->pass > TRIANGLES) {
+        write_polygon(w, face);
+        return;
+    }
+    if (w->pass == COUNT) {
+        w->polygons++;
+        w->corners += face->mNumIndices;
+    }
     one->triangles = 0;
     if (exist && !plain_mesh_add_polygon(one, face->mIndices, face->mNumIndices)) {
         w->failed = true;
@@ -310,9 +334,20 @@ static double unit_of_scene(const struct aiScene *scene)
     return (double)unit;
 }
 
-/* `own`: vertex properties of a PLY file that the library does not read; NULL: values are not requested. `end`: as in the header.
+static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
+{
+    const uint64_t counts[2] = {w->polygons, w->corners};
+    w->failed |= fwrite(counts, sizeof counts, 1, stdout) != 1;
+    for (w->pass = SIZES; w->pass <= CORNERS && !w->failed; w->pass++) {
+        w->first = 0;
+        visit(w, w->scene->mRootNode, placed, 0);
+    }
+}
+
+/* `own`: vertex properties of a PLY file that the library does not read, for values. `end`: as in the header.
  * `known`: unit and warnings of the file, as plain_mesh found them. */
-static int answer_scene(const struct aiScene *scene, const ply_values *own, size_t end, plain_mesh *known)
+static int answer_scene(const struct aiScene *scene, addition also, const ply_values *own, size_t end,
+                        plain_mesh *known)
 {
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
@@ -331,7 +366,8 @@ static int answer_scene(const struct aiScene *scene, const ply_values *own, size
                                 fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
             w.failed = true;
     }
-    if (own && !w.failed) answer_values(&w, own);
+    if (also == VALUES && !w.failed) answer_values(&w, own);
+    if (also == POLYGONS && !w.failed) answer_polygons(&w, scaled);
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
 }
 
@@ -345,11 +381,15 @@ static int answer_plain(const plain_mesh *m, size_t end)
                                      .text_length = (uint32_t)strlen(m->text),
                                      .crossed = m->crossed,
                                      .end = end};
-    return reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
-                   reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
-                   reader_write(m->triangle, m->triangles * sizeof *m->triangle)
-               ? 0
-               : 1;
+    const uint64_t counts[2] = {m->polygons, m->polygon_corners};
+    bool ok = reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
+              reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
+              reader_write(m->triangle, m->triangles * sizeof *m->triangle);
+    if (m->keeps_polygons)
+        ok = ok && reader_write(counts, sizeof counts) &&
+             reader_write(m->polygon_size, m->polygons * sizeof *m->polygon_size) &&
+             reader_write(m->polygon_corner, m->polygon_corners * sizeof *m->polygon_corner);
+    return ok ? 0 : 1;
 }
 
 /* ---- the program */
@@ -472,13 +512,19 @@ static bool is_read_for_values(const char *ending)
            strcasecmp(ending, "3mf") == 0;
 }
 
+static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
+{
+    return also == POLYGONS ? plain_mesh_read_polygons(ending, b->data, b->size, out)
+                            : plain_mesh_read(ending, b->data, b->size, out);
+}
+
 /* Ends the process where the file is read without the library, or refused. Else *plain is what is known of it for the library. */
-static void try_plain(const char *ending, const bytes *b, bool wants_values, plain_mesh *plain)
+static void try_plain(const char *ending, const bytes *b, addition also, plain_mesh *plain)
 {
     const char *foreign;
-    if (!wants_values || is_read_for_values(ending)) {
-        const bool is_plain = plain_mesh_read(ending, b->data, b->size, plain);
-        if (is_plain && !wants_values) _exit(answer_plain(plain, 0));
+    if (also != VALUES || is_read_for_values(ending)) {
+        const bool is_plain = read_plain(ending, b, also, plain);
+        if (is_plain && also != VALUES) _exit(answer_plain(plain, 0));
         if (plain->is_quantised)
             plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
                               "the values of its vertices are not read, because its positions are quantised "
@@ -494,18 +540,17 @@ static void try_plain(const char *ending, const bytes *b, bool wants_values, pla
 
 /* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without
  * what follows the data that it declares, and with triangle strips as triangles. */
-static int answer_only_reader(const char *ending, bytes *b)
+static int answer_only_reader(const char *ending, addition also, bytes *b)
 {
     plain_mesh m;
     size_t end = 0;
     const char *foreign;
     const bytes whole = *b;
-    bool read = plain_mesh_read(ending, b->data, b->size, &m);
+    bool read = read_plain(ending, b, also, &m);
     if (!read) {
         end = cut_end(ending, b);
         expand_strips(ending, b);
-        read =
-            (b->size != whole.size || b->data != whole.data) && plain_mesh_read(ending, b->data, b->size, &m);
+        read = (b->size != whole.size || b->data != whole.data) && read_plain(ending, b, also, &m);
     }
     if (read) return answer_plain(&m, end);
     if ((foreign = foreign_format(ending, b->data, b->size)))
@@ -521,16 +566,18 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
     plain_mesh plain = {0};
     ply_values own = {0};
-    const bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
-    if (wants_values && has_places_only(argv[1]))
+    const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
+                          : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
+                                                                        : NOTHING;
+    if (also == VALUES && has_places_only(argv[1]))
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "the values of the vertices of such files are not read: save it as PLY for attributes");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
-    if (!wants_values && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], &b));
-    try_plain(argv[1], &b, wants_values, &plain);
+    if (also != VALUES && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], also, &b));
+    try_plain(argv[1], &b, also, &plain);
     const size_t whole = b.size, end = cut_end(argv[1], &b); /* readers take no file with more in it */
-    if (b.size < whole && !wants_values && plain_mesh_read(argv[1], b.data, b.size, &plain))
+    if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
     expand_strips(argv[1], &b);
     if ((strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
@@ -538,7 +585,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL, end, &plain)
+    int status = scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
                                            : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

@@ -32,6 +32,11 @@ typedef struct mesh_reader_header {
     uint64_t end;
 } mesh_reader_header;
 
+/* The command below answers as the other and then with the polygons of the file, from which the triangles are cut: two
+ * uint64_t, the number of polygons and of all their corners; the number of corners of each polygon, and the vertices of all
+ * corners, uint32_t each. A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
+#define MESH_POLYGONS_COMMAND "read-mesh-polygons"
+
 /* Command that also answers attributes of the vertices other than their positions: part 4 of the answer above. */
 #define MESH_VALUES_COMMAND "read-mesh-values"
 /* Maximum number of arrays, size of a name with its byte 0, maximum number of components. Further arrays are skipped. */

@@ -64,7 +64,21 @@ bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
            plain_mesh_refuse_memory(m);
 }
 
-bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+/* Keeps a polygon as it is in the file, also one without a triangle: it has a number, too. */
+static bool keep_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+{
+    if (!make_room((void **)&m->polygon_size, &m->polygon_room, m->polygons + 1, sizeof *m->polygon_size) ||
+        !make_room((void **)&m->polygon_corner, &m->polygon_corner_room, m->polygon_corners + corners,
+                   sizeof *m->polygon_corner))
+        return plain_mesh_refuse_memory(m);
+    m->polygon_size[m->polygons++] = (uint32_t)corners;
+    if (corners > 0) memcpy(m->polygon_corner + m->polygon_corners, corner, corners * sizeof *corner);
+    m->polygon_corners += corners;
+    return true;
+}
+
+/* Adds the triangles of a polygon. */
+static bool cut_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
 {
     if (corners < 3) {
         m->others++;
@@ -84,10 +98,16 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
     return true;
 }
 
+bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+{
+    return (!m->keeps_polygons || keep_polygon(m, corner, corners)) && cut_polygon(m, corner, corners);
+}
+
 bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored)
 {
-    const uint32_t corner[3] = {a, is_mirrored ? c : b, is_mirrored ? b : c};
-    return plain_mesh_add_polygon(m, corner, 3);
+    const uint32_t corner[3] = {a, b, c}, turned[3] = {a, c, b};
+    return (!m->keeps_polygons || keep_polygon(m, corner, 3)) &&
+           cut_polygon(m, is_mirrored ? turned : corner, 3);
 }
 
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
@@ -225,29 +245,42 @@ bool plain_mesh_is_only_reader(const char *ending)
     return format && format->is_only_reader;
 }
 
-bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
-{
-    const mesh_format *format = find_format(ending);
-    *out = (plain_mesh){0};
-    if (format && format->read(data, size, out) && (out->triangles > 0 || format->is_final)) return true;
-    if (format && format->is_only_reader)
-        plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
-    if (out->refused == ERROR_NONE) out->text[0] = 0;
-    free(out->vertex);
-    free(out->triangle);
-    free(out->corner);
-    out->vertex = NULL;
-    out->triangle = NULL;
-    out->corner = NULL;
-    out->vertices = out->triangles = out->others = out->crossed = 0;
-    out->vertex_room = out->triangle_room = out->corner_room = 0;
-    return false;
-}
-
-void plain_mesh_free(plain_mesh *m)
+static void free_arrays(plain_mesh *m)
 {
     free(m->vertex);
     free(m->triangle);
     free(m->corner);
+    free(m->polygon_size);
+    free(m->polygon_corner);
+}
+
+static bool read_as(const char *ending, const char *data, size_t size, bool keeps_polygons, plain_mesh *out)
+{
+    const mesh_format *format = find_format(ending);
+    *out = (plain_mesh){.keeps_polygons = keeps_polygons};
+    if (format && format->read(data, size, out) && (out->triangles > 0 || format->is_final)) return true;
+    if (format && format->is_only_reader)
+        plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
+    if (out->refused == ERROR_NONE) out->text[0] = 0;
+    free_arrays(out);
+    plain_mesh left = {.refused = out->refused, .unit = out->unit, .is_quantised = out->is_quantised};
+    memcpy(left.text, out->text, sizeof left.text);
+    *out = left;
+    return false;
+}
+
+bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
+{
+    return read_as(ending, data, size, false, out);
+}
+
+bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out)
+{
+    return read_as(ending, data, size, true, out);
+}
+
+void plain_mesh_free(plain_mesh *m)
+{
+    free_arrays(m);
     *m = (plain_mesh){0};
 }

@@ -27,6 +27,11 @@ typedef struct plain_mesh {
      * already; if the library reads the file, the caller multiplies. */
     double unit;
     bool is_quantised; /* glTF: the coordinates are integers, which the library does not read */
+    bool keeps_polygons; /* the polygons are kept as they are in the file, in addition to the triangles */
+    size_t polygons, polygon_corners;
+    uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */
+    uint32_t *polygon_corner; /* vertices of the corners, polygon after polygon */
+    size_t polygon_room, polygon_corner_room;
 } plain_mesh;
 
 /* Reads a file with the reader for `ending`, the ending of its name (any case). data[size] is 0. *out need not be
@@ -34,6 +39,9 @@ typedef struct plain_mesh {
  * out->refused is the error, or ERROR_NONE if the file is left to the library. Formats that only this reader reads
  * (plain_mesh_is_only_reader) are never left. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* The same, and keeps the polygons. */
+bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
 
 /* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp) and GIfTI. (Attributes of the
  * vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */

@@ -30,6 +30,7 @@
 #include "packing/energy.h"
 #include "run/run.h"
 #include "run/summary.h"
+#include "spec/attach_spec.h"
 #include "spec/schema.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
@@ -41,6 +42,8 @@
 static const size_t SPEC_LIMIT = 16u << 20;
 static const int64_t DEFAULT_MEMORY_MB = 4096;
 
+#define COMMAND_ATTACH "attach"
+
 static volatile sig_atomic_t cancel_requested;
 
 static void request_cancel(int number)
@@ -51,6 +54,7 @@ static void request_cancel(int number)
 static const char help_text[] =
     "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
+    "       hexad-worker attach RESULT MESH [MESH ...] --output DIR [option ...]\n"
     "       hexad-worker inspect FILE [--json] [--preview FILE.png] [option ...]\n"
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
@@ -61,6 +65,8 @@ static const char help_text[] =
     "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
     "estimate: prints the number of points, the area, and the memory and time that the job needs, as a JSON\n"
     "object, and writes it into DIR as estimate.json.\n"
+    "attach: places the points of the result in the directory RESULT, which have the attribute source, on another\n"
+    "frame of its mesh (or of its meshes, in the order of the spec), and writes the same files into DIR.\n"
     "inspect: prints the contents of a volume or mesh file, and specs that sample it; as a JSON object with --json.\n"
     "--preview samples the first spec and draws the points. --output is optional: inspection.json is written there.\n"
     "make-example: writes a small level set as an example input.\n"
@@ -149,6 +155,8 @@ static void leave(const error *e)
 
 typedef struct arguments {
     const char *spec_path, *output, *previous, *preview;
+    const char *const *meshes; /* of attach */
+    size_t mesh_count;
     const char **roots;
     size_t root_count;
     bool progress, json;
@@ -268,6 +276,15 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             return refuse_option(c, argv[optind - 1], options, e);
     }
     bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
+    if (strcmp(argv[0], COMMAND_ATTACH) == 0) {
+        if (argc - optind < 2 || !a->output)
+            return error_set(
+                e, ERROR_SPEC_INVALID,
+                "attach requires RESULT, one or more MESH, and --output DIR: see hexad-worker --help");
+        a->meshes = (const char *const *)argv + optind + 1;
+        a->mesh_count = (size_t)(argc - optind - 1);
+        argc = optind + 1;
+    }
     if (argc - optind != 1 || (!a->output && !inspects))
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects ? "FILE" : "SPEC.json (or -) and --output DIR");
@@ -309,13 +326,33 @@ static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
     return NULL;
 }
 
-static spec *load_spec(FILE *file, const char *path, spec_faults *faults, error *e)
+/* The spec that places the points of a result on other meshes; `report` is the report of the result. */
+static json *attached_spec(const arguments *a, const json *report, error *e)
+{
+    json *sampled = json_find((json *)(uintptr_t)report, "/spec");
+    char *path =
+        mem_printf("%.*spoints.ply", (int)(strlen(a->spec_path) - strlen("report.json")), a->spec_path);
+    json *document = NULL;
+    if (sampled)
+        document = attach_spec_make(sampled, path, a->meshes, a->mesh_count, e);
+    else
+        error_set(e, ERROR_SPEC_INVALID, "%s has no spec: name the directory of a result", a->spec_path);
+    free(path);
+    return document;
+}
+
+static spec *load_spec(FILE *file, const arguments *a, spec_faults *faults, error *e)
 {
     size_t length;
-    char *text = read_spec(file, path, &length, e);
+    char *text = read_spec(file, a->spec_path, &length, e);
     if (!text) return NULL;
     json *document = json_parse(text, length, e);
     free(text);
+    if (document && a->meshes) {
+        json *report = document;
+        document = attached_spec(a, report, e);
+        json_free(report);
+    }
     if (!document) return NULL;
     spec *s = spec_parse(document, faults, e);
     json_free(document);
@@ -404,10 +441,13 @@ static int obey(int argc, char **argv, command *what)
     FILE *spec_file = NULL;
     sequence_files previous = {0};
     int code;
+    char *report_path = NULL;
     handle_signals();
     mem_begin();
-    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
-    if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
+    bool parsed = parse_arguments(argc, argv, &a, &e);
+    if (parsed && a.meshes) a.spec_path = report_path = mem_printf("%s/report.json", a.spec_path);
+    if (!parsed || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
+    if (!(s = load_spec(spec_file, &a, &faults, &e))) goto fail;
     if (!choose_frame(&s, a.frame, a.previous != NULL, &faults, &e)) goto fail;
     run_options options = {
         .output = a.output,
@@ -431,6 +471,7 @@ done:
     spec_free(s);
     store_roots_close(roots);
     free(a.roots);
+    free(report_path);
     return code;
 }
 
@@ -582,6 +623,7 @@ static int refuse_command(const char *name)
     static const char *const names[] = {WORKER_COMMAND_RUN,
                                         WORKER_COMMAND_ESTIMATE,
                                         WORKER_COMMAND_INSPECT,
+                                        COMMAND_ATTACH,
                                         "make-example",
                                         "energies",
                                         "schema",
@@ -601,7 +643,8 @@ static int refuse_command(const char *name)
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "--help";
-    if (strcmp(name, MESH_READER_COMMAND) == 0 || strcmp(name, MESH_VALUES_COMMAND) == 0)
+    if (strcmp(name, MESH_READER_COMMAND) == 0 || strcmp(name, MESH_VALUES_COMMAND) == 0 ||
+        strcmp(name, MESH_POLYGONS_COMMAND) == 0)
         return mesh_reader_main(argc - 1, argv + 1);
     if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
     if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
@@ -610,6 +653,7 @@ int main(int argc, char **argv)
     if (strcmp(name, THUMBNAIL_COMMAND) == 0) return thumbnail_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
     if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);
+    if (strcmp(name, COMMAND_ATTACH) == 0) return obey(argc - 1, argv + 1, run);
     if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
     if (strcmp(name, WORKER_COMMAND_INSPECT) == 0) return inspect(argc - 1, argv + 1);
     if (strcmp(name, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;

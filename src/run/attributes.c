@@ -1,5 +1,6 @@
 #include "run/attributes.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,13 +15,16 @@
 #include "run/instances.h"
 
 struct attributes_entry {
-    const spec_attribute *spec; /* NULL: a property of points on patches */
+    const spec_attribute *spec; /* NULL: a property of points on patches, or given */
+    bool is_given;              /* its values are known */
     char *name;
     int fd; /* descriptor of its file, or -1 */
     attribute_request request;
     exr_stack_params stack; /* if the surface is an EXR stack */
     slices_files files;
     attribute_counts counts;
+    int place; /* of the place on a mesh: which array, ATTACHMENT_MESH ...; else -1 */
+    attachment_counts attached;
     double least, most; /* range of the components; for vectors, of each component */
 };
 
@@ -35,24 +39,12 @@ static const char *file_of(const spec_surface *s)
                                             : NULL;
 }
 
-/* Multiplies m by the matrix of the transform, from the right. */
-static void append_transform(const spec_surface *s, double m[3][4])
-{
-    double product[3][4];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 4; j++) {
-            product[i][j] = j == 3 ? m[i][3] : 0;
-            for (int k = 0; k < 3; k++) product[i][j] += m[i][k] * s->matrix[4 * k + j];
-        }
-    memcpy(m, product, sizeof product);
-}
-
 /* The first part of the surface with this file (NULL: any), and the map from its space to the world. */
 static const spec_surface *find_part(const spec_surface *s, const char *path, double m[3][4])
 {
     const char *own = file_of(s);
     if (own && (!path || strcmp(own, path) == 0)) return s;
-    if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
+    if (s->kind == SPEC_SURFACE_TRANSFORM) surface_append_transform(s, m);
     for (size_t k = 0; k < s->part_count; k++) {
         double below[3][4];
         memcpy(below, m, sizeof below);
@@ -69,7 +61,7 @@ static const spec_surface *find_part(const spec_surface *s, const char *path, do
 static void place_beside(const spec_surface *s, double m[3][4])
 {
     for (; s->part_count == 1; s = s->parts[0])
-        if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
+        if (s->kind == SPEC_SURFACE_TRANSFORM) surface_append_transform(s, m);
 }
 
 /* Opens a file that another file refers to, relative to that file. */
@@ -78,9 +70,10 @@ static int open_beside(void *context, const char *path, error *e)
     return source_open_file(context, path, e);
 }
 
+static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+
 static bool open_file(const spec_attribute *a, const spec *s, source *from, attributes_entry *out, error *e)
 {
-    static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
     bool beside = spec_attribute_has_file(a);
     memcpy(out->request.from_file, world, sizeof world);
     const spec_surface *part = find_part(&s->surface, beside ? a->from : NULL, out->request.from_file);
@@ -105,11 +98,18 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
     return out->fd >= 0;
 }
 
+/* Whether an attribute is the place on a mesh. */
+static bool is_place(const spec_attribute *a)
+{
+    return strcmp(a->from, SPEC_FROM_GEOMETRY) == 0 && strcmp(a->name, SPEC_GEOMETRY_SOURCE) == 0;
+}
+
 /* ---- locating ---- */
 
-static char *name_of(const spec_attribute *a)
+static char *name_of(const spec_attribute *a, int place)
 {
-    char *name = mem_strdup(a->as ? a->as : a->name);
+    const char *base = a->as ? a->as : a->name;
+    char *name = place < 0 ? mem_strdup(base) : mem_printf("%s_%s", base, attachment_arrays[place].suffix);
     for (char *c = name; *c; c++)
         if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9'))) *c = '_';
     return name;
@@ -122,7 +122,8 @@ enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names }
 
 static size_t place_count(const source *from)
 {
-    return from->whole.labels ? PLACES_OF_LABELS : from->field->patches ? PLACES : 0;
+    if (from->whole.labels) return PLACES_OF_LABELS;
+    return from->field && from->field->patches ? PLACES : 0;
 }
 
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
@@ -167,6 +168,13 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     const spec_attribute *a = entry->spec;
     attribute_request *r = &entry->request;
     out->name = entry->name;
+    if (entry->place >= 0) {
+        const attachment_array *array = &attachment_arrays[entry->place];
+        out->kind = array->kind;
+        out->components = array->components;
+        out->is_double = array->is_double;
+        return true;
+    }
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
     if (!open_file(a, s, from, entry, e)) return false;
     r->memory_limit = entry->stack.memory_limit = memory_limit;
@@ -224,26 +232,74 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
 {
     size_t places = place_count(from);
     out->count = places + s->attribute_count;
+    for (size_t k = 0; k < s->attribute_count; k++)
+        if (is_place(&s->attributes[k])) out->count += ATTACHMENT_ARRAYS - 1;
     out->entries = mem_alloc(out->count * sizeof *out->entries);
     out->values = mem_alloc(out->count * sizeof *out->values);
     for (size_t k = 0; k < places; k++) {
-        out->entries[k] = (attributes_entry){.name = mem_strdup(place_names[k]), .fd = -1};
-        out->values[k] = (point_attribute){out->entries[k].name, POINT_ATTRIBUTE_INT, 1, NULL};
+        out->entries[k] = (attributes_entry){.name = mem_strdup(place_names[k]), .fd = -1, .place = -1};
+        out->values[k] = (point_attribute){out->entries[k].name, POINT_ATTRIBUTE_INT, 1, NULL, false};
     }
-    for (size_t k = places; k < out->count; k++) {
-        const spec_attribute *a = &s->attributes[k - places];
-        out->entries[k] = (attributes_entry){.spec = a, .name = name_of(a), .fd = -1};
+    for (size_t i = 0, k = places; i < s->attribute_count; i++) {
+        const spec_attribute *a = &s->attributes[i];
+        const int begin = is_place(a) ? 0 : -1, end = is_place(a) ? ATTACHMENT_ARRAYS : 0;
+        for (int place = begin; place < end; place++)
+            out->entries[k++] =
+                (attributes_entry){.spec = a, .name = name_of(a, place), .fd = -1, .place = place};
     }
     attribute_mesh *last = NULL;
     bool ok = true;
     for (size_t k = places; ok && k < out->count; k++) {
-        out->entries[k].request.last = &last;
+        attributes_entry *entry = &out->entries[k];
+        entry->request.last = &last;
         ok = (check_name(s, out, k, e) &&
-              find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e)) ||
-             error_prefix(e, "/attributes/%zu", k - places);
+              (entry->place < 0 || out->meshes.file ||
+               surface_meshes_open(&s->surface, from, &out->meshes, e)) &&
+              find_one(s, from, memory_limit, entry, &out->values[k], e)) ||
+             error_prefix(e, "/attributes/%td", entry->spec - s->attributes);
     }
     attribute_forget(&last);
     return ok && check_outputs(s, out, e);
+}
+
+/* The entry with a name, which is not given; a->count: there is none. */
+static size_t find_located(const attributes *a, const char *name)
+{
+    size_t k = 0;
+    while (k < a->count && (!a->entries[k].name || strcmp(a->entries[k].name, name) != 0)) k++;
+    return k;
+}
+
+void attributes_adopt(attributes *a, const point_attribute *given, size_t count)
+{
+    const size_t most = a->count + count;
+    attributes_entry *entries = mem_alloc(most * sizeof *entries);
+    point_attribute *values = mem_alloc(most * sizeof *values);
+    size_t n = 0;
+    for (size_t k = 0; k < count; k++, n++) {
+        const size_t located = find_located(a, given[k].name);
+        if (located < a->count) {
+            entries[n] = a->entries[located];
+            values[n] = a->values[located];
+            a->entries[located].name = NULL;
+            free((char *)given[k].name);
+            free((double *)given[k].values);
+            continue;
+        }
+        entries[n] =
+            (attributes_entry){.is_given = true, .name = (char *)given[k].name, .fd = -1, .place = -1};
+        values[n] = given[k];
+    }
+    for (size_t k = 0; k < a->count; k++) {
+        if (!a->entries[k].name) continue; /* it is among the given ones */
+        entries[n] = a->entries[k];
+        values[n++] = a->values[k];
+    }
+    free(a->entries);
+    free(a->values);
+    a->entries = entries;
+    a->values = values;
+    a->count = n;
 }
 
 /* ---- values ---- */
@@ -305,10 +361,33 @@ static void note_range(attributes_entry *entry, const double *values, size_t cou
     }
 }
 
+/* Fills in the arrays of a place, of which entry k is the last. */
+static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const points *set, error *e)
+{
+    const size_t first = k + 1 - ATTACHMENT_ARRAYS;
+    double *values[ATTACHMENT_ARRAYS];
+    attachment_counts counts;
+    for (size_t n = 0; n < ATTACHMENT_ARRAYS; n++) values[n] = (double *)a->values[first + n].values;
+    if (!attachment_find(a->meshes.file, a->meshes.count, memory_limit, set->count, set->position,
+                         set->normal, set->spacing, values, &counts, e))
+        return false;
+    for (size_t n = 0; n < ATTACHMENT_ARRAYS; n++) {
+        attributes_entry *entry = &a->entries[first + n];
+        note_range(entry, values[n], set->count * (size_t)a->values[first + n].components);
+        entry->attached = counts;
+        entry->counts.outside = counts.outside;
+    }
+    return true;
+}
+
 static bool read_one(attributes_entry *entry, const source *from, const solver_points *solved,
                      size_t memory_limit, const points *set, point_attribute *out, error *e)
 {
     size_t numbers = set->count * (size_t)out->components;
+    if (entry->is_given) {
+        note_range(entry, out->values, numbers);
+        return true;
+    }
     double *values = mem_array(set->count, (size_t)out->components * sizeof *values, "an attribute", e);
     free((double *)out->values);
     out->values = values;
@@ -316,6 +395,7 @@ static bool read_one(attributes_entry *entry, const source *from, const solver_p
     entry->request.memory_limit = memory_limit;
     entry->stack.memory_limit = memory_limit;
     if (!values) return false;
+    if (entry->place >= 0) return true; /* read_attachment fills it in */
     if (!entry->spec)
         read_place(entry->name, from, solved, values);
     else if (!entry->request.path)
@@ -369,8 +449,10 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
     bool ok = true;
     for (size_t k = 0; ok && k < a->count; k++) {
         a->entries[k].request.last = &last;
-        ok = read_one(&a->entries[k], from, solved, memory_limit, set, &a->values[k], e) ||
-             error_prefix(e, "attribute \"%s\"", a->entries[k].name);
+        ok =
+            (read_one(&a->entries[k], from, solved, memory_limit, set, &a->values[k], e) &&
+             (a->entries[k].place != ATTACHMENT_ARRAYS - 1 || read_attachment(a, k, memory_limit, set, e))) ||
+            error_prefix(e, "attribute \"%s\"", a->entries[k].name);
     }
     attribute_forget(&last);
     return ok && derive(a, set, e);
@@ -401,6 +483,26 @@ static void warn(json *warnings, const attributes_entry *entry, size_t count, co
     free(text);
 }
 
+/* The meshes on which points have places, with what determines their numbers; a later attachment compares it. */
+static void describe_meshes(const attributes *a, const attributes_entry *entry, json *object, json *warnings)
+{
+    json *list = json_put_array(object, "meshes");
+    json_put_number(object, "distance", entry->attached.distance);
+    for (size_t k = 0; k < a->meshes.count; k++) {
+        const attachment_file *file = &a->meshes.file[k];
+        json *of_mesh = json_append_object(list);
+        char *hash = mem_printf("%016" PRIx64, file->topology.hash);
+        json_put_string(of_mesh, "path", file->path);
+        json_put_integer(of_mesh, "vertices", (int64_t)file->topology.vertices);
+        json_put_integer(of_mesh, "faces", (int64_t)file->topology.faces);
+        json_put_integer(of_mesh, "corners", (int64_t)file->topology.corners);
+        json_put_string(of_mesh, "topology", hash);
+        free(hash);
+    }
+    warn(warnings, entry, entry->attached.outside,
+         "lie on no mesh, such as those on caps of a region or on other parts: their numbers are -1");
+}
+
 void attributes_describe(const attributes *a, json *report, json *warnings)
 {
     static const char *const types[] = {"float", "int", "vector", "normal", "color", "uv"};
@@ -416,6 +518,8 @@ void attributes_describe(const attributes *a, json *report, json *warnings)
         json_put_number(object, "minimum", entry->least);
         json_put_number(object, "maximum", entry->most);
         json_put_integer(object, "outside", (int64_t)entry->counts.outside);
+        if (entry->place == ATTACHMENT_MESH) describe_meshes(a, entry, object, warnings);
+        if (entry->place >= 0) continue;
         warn(warnings, entry, entry->counts.outside,
              "are outside the data of the file: they have its background value, or the nearest one");
         warn(warnings, entry, entry->counts.not_finite,
@@ -442,6 +546,7 @@ void attributes_free(attributes *a)
         if (a->entries[k].fd >= 0) close(a->entries[k].fd);
         free((double *)a->values[k].values);
     }
+    surface_meshes_close(&a->meshes);
     free(a->entries);
     free(a->values);
     free(a->color);

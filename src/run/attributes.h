@@ -1,7 +1,8 @@
 /* attributes: values that the points of a job carry in addition to their own properties.
  *
  * They are located when the job opens its inputs, and read when the points are final. On a surface with patches the
- * first ones are `feature` (solver_feature) and `patch`. One thread at a time.
+ * first ones are `feature` (solver_feature) and `patch`. The place of the points on the meshes of the surface (`source`) is one
+ * attribute of the spec and several of the points (attribute/attachment.h). One thread at a time.
  */
 #ifndef HEXAD_RUN_ATTRIBUTES_H
 #define HEXAD_RUN_ATTRIBUTES_H
@@ -10,6 +11,7 @@
 #include "formats/points.h"
 #include "json/json.h"
 #include "source/source.h"
+#include "run/surface_meshes.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
 
@@ -21,12 +23,17 @@ typedef struct attributes {
     point_attribute *values; /* one per attribute; arrays of values are NULL before attributes_read */
     vec3 *color;             /* values of the first color attribute, or NULL */
     double *uv;              /* values of the first texture coordinates, or NULL */
+    surface_meshes meshes;   /* if places on them are requested */
 } attributes;
 
-/* Locates all attributes of the spec, and checks the columns of output.ply.properties. Errors: attribute_missing,
+/* Locates all attributes of the spec (`from` may be a source that is not open, but for its roots), and checks the columns of output.ply.properties. Errors: attribute_missing,
  * spec_invalid (a name occurs twice or is one of the points' own properties), those of attribute_find and
  * source_open_file. Free *out after failure, too. */
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e);
+
+/* Adds attributes whose values are known, before all others and in the order of the list. One that *a has located under the same name replaces a given
+ * one. Takes ownership of the names and values. */
+void attributes_adopt(attributes *a, const point_attribute *given, size_t count);
 
 /* Reads the values at the points of `set`, which are those of `solved`, and sets its attributes, color and uv; `a` owns
  * these arrays. Errors: limit_memory and those of the readers of each file. */

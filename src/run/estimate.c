@@ -8,6 +8,7 @@
 #include "measures/measures.h"
 #include "run/advice.h"
 #include "run/cost_model.h"
+#include "run/attach.h"
 #include "run/job.h"
 #include "source/plan.h"
 #include "source/source_report.h"
@@ -150,6 +151,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     static job_phase *const phases[] = {job_load, job_survey};
     json *estimate = NULL;
     job j = {.spec = s, .options = options};
+    if (s->attach) return attach_estimate(s, options, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
         /* Some work uses all threads, some only one. Its time is at most that of the clock, which other processes

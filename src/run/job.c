@@ -115,18 +115,22 @@ static bool check_label_meshes(const job *j, error *e)
                      count, LABEL_MESHES_MOST);
 }
 
-bool job_load(job *j, error *e)
+bool job_make_pool(job *j, error *e)
 {
     const spec *s = j->spec;
-    progress_enter(&j->progress, PROGRESS_LOAD);
     j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
-    if (!fits_memory(j, (double)s->count, e)) return false;
     int most = j->options->threads, workers = s->threads;
     if (workers <= 0) workers = most > 0 ? most : threads_available();
     if (most > 0 && workers > most) workers = most;
     if (workers > THREADS_MAX) workers = THREADS_MAX;
-    j->pool = threads_new(workers, j->options->cancel, e);
-    bool ok = j->pool && choose_isa(s, &j->isa, e) &&
+    return (j->pool = threads_new(workers, j->options->cancel, e)) != NULL;
+}
+
+bool job_load(job *j, error *e)
+{
+    const spec *s = j->spec;
+    progress_enter(&j->progress, PROGRESS_LOAD);
+    bool ok = job_make_pool(j, e) && fits_memory(j, (double)s->count, e) && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
               check_label_meshes(j, e) && attributes_find(s, &j->source, j->memory, &j->attributes, e);
@@ -595,8 +599,11 @@ bool job_write_points(job *j, error *e)
               point_order_find(j->spec, &set, p, &s->order_known, labels, j->pool, &order, e) &&
               point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
     in.place = order.place;
+    char *comments = surface_meshes_comments(&j->attributes.meshes);
+    in.comments = comments;
     ok = ok && results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"),
                              &j->results, e);
+    free(comments);
     point_order_free(&order);
     free(turned);
     return ok;

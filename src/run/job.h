@@ -61,6 +61,9 @@ typedef bool job_phase(job *j, error *e);
  * loop reports cancelled for both. */
 bool job_may_continue(const job *j, error *e);
 
+/* Sets the memory limit and creates the pool. */
+bool job_make_pool(job *j, error *e);
+
 /* Creates the pool, chooses the instruction set, and opens the previous frame and the source. */
 bool job_load(job *j, error *e);
 

@@ -64,7 +64,7 @@ bool label_mesh_part_make(const points *whole, int64_t label, label_mesh_part *o
     bool ok = number && out->position && out->index && out->triangle;
     if (ok) {
         gather(whole, label, number, out);
-        out->point = (point_attribute){"point", POINT_ATTRIBUTE_INT, 1, out->index};
+        out->point = (point_attribute){"point", POINT_ATTRIBUTE_INT, 1, out->index, false};
         out->set.position = out->position;
         out->set.attributes = &out->point;
         out->set.attribute_count = 1;

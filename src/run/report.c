@@ -272,7 +272,7 @@ static void put_sweeps(json *report, const solver *s)
     }
 }
 
-static void put_timing(json *report, const progress *p)
+void report_put_timing(json *report, const progress *p)
 {
     json *timing = json_put_object(report, "timing_s");
     int64_t total = 0;
@@ -399,7 +399,7 @@ void report_fill(json *report, const report_facts *facts)
     ratings_describe(facts->measures, report);
     put_rounds(report, facts->solver);
     put_sweeps(report, facts->solver);
-    put_timing(report, facts->progress);
+    report_put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

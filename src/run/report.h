@@ -38,6 +38,9 @@ typedef struct report_facts {
 /* Adds all members except `outputs`, which the caller has added. */
 void report_fill(json *report, const report_facts *facts);
 
+/* Adds the seconds of each phase. */
+void report_put_timing(json *report, const progress *p);
+
 /* Adds a warning when the build has no pictures and therefore the default preview is not written. */
 void report_warn_of_build(json *warnings, const spec *s);
 

@@ -99,6 +99,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 /* Measures the residuals of the positions, rounded to floats or not, over h. */
 static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
 {
+    if (!in->field) return;
     const size_t chunks = in->set->count / GRAIN + 1;
     residual_job job = {in->field, in->set, as_float, mem_alloc(chunks * sizeof *job.worst),
                         mem_alloc(chunks * sizeof *job.sum2)};
@@ -426,7 +427,8 @@ static vdb_point_values *name_values(const points *set, bool *has_velocity)
             name = "Cd";
             has_color = true;
         }
-        values[k] = (vdb_point_values){name, a->components, a->kind == POINT_ATTRIBUTE_INT, a->values};
+        values[k] =
+            (vdb_point_values){name, a->components, a->kind == POINT_ATTRIBUTE_INT, a->is_double, a->values};
     }
     return values;
 }
@@ -450,7 +452,7 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     double *rows = NULL;
     const bool needs_rows = in->spec->has_order && set->id;
     if (needs_rows && (rows = rows_of(set, e)))
-        values[value_count++] = (vdb_point_values){"row", 1, true, rows};
+        values[value_count++] = (vdb_point_values){"row", 1, true, false, rows};
     const vdb_points grid = {.count = set->count,
                              .position = &set->position[0].x,
                              .normal = &set->normal[0].x,
@@ -530,7 +532,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     points colored = *in->set;
     results_input with_color = *in;
     store_facts ply;
-    ply_job job = {.name = "points.ply", .set = &colored};
+    ply_job job = {.name = "points.ply", .set = &colored, .comments = in->comments};
     json *const told = add_output(outputs, "points.ply");
     vec3 *color = NULL;
     instances turned = {0};

@@ -31,7 +31,8 @@ typedef struct results_facts {
 
 typedef struct results_input {
     const spec *spec;
-    const field *field; /* in world space, as the points of the set; 0 on the surface */
+    const field *
+        field; /* in world space, as the points of the set; 0 on the surface; NULL: residuals are not measured */
     const points *set;
     const label_surface *labels; /* for interfaces; otherwise NULL */
     const field *sampled;        /* the field that was sampled, in its own space */
@@ -40,6 +41,7 @@ typedef struct results_input {
     const uint32_t (*corner)[3]; /* triangles between the points, if known; otherwise NULL */
     size_t corners;
     const uint32_t *place; /* index in the set of each point of `solved`; NULL: the order is the same */
+    const char *comments;  /* of points.ply, see ply_write; NULL: the default */
     const scene_instancer *instancer; /* of points.usda; set by results_write */
     int frame;                        /* number of the frame in a sequence */
     bool y_up;                        /* y, not z, points up in pictures and scenes */

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/clock.h"
+#include "run/attach.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/time_target.h"
@@ -109,6 +110,7 @@ bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome
 {
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
+    if (s->attach) return attach_run(s, options, outcome, report, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     snapshot_begin(&j.snapshot, options->progress_fd >= 0 ? options->output : NULL);
     j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);

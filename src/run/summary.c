@@ -26,11 +26,19 @@ static void print_reasons(json_at report, FILE *err)
     }
 }
 
-void summary_print(const json *report, FILE *out, FILE *err)
+/* Prints "1000 points attached, 0.12 s". */
+static void print_attached(json_at root, FILE *out)
 {
-    json_at root = json_root(report), quality = json_member(&root, "quality"),
-            surface = json_member(&root, "surface"), warnings = json_member(&surface, "warnings"),
-            advice = json_member(&root, "advice"), timing = json_member(&root, "timing_s");
+    json_at attached = json_member(&root, "attached"), timing = json_member(&root, "timing_s");
+    const double without = number_of(attached, "without_place");
+    fprintf(out, "%.0f points attached", number_of(root, "count") - without);
+    if (without > 0) fprintf(out, ", %.0f without a place", without);
+    fprintf(out, ", %.2f s\n", number_of(timing, "total"));
+}
+
+static void print_sampled(json_at root, FILE *out)
+{
+    json_at quality = json_member(&root, "quality"), timing = json_member(&root, "timing_s");
     fprintf(out, "%.0f points, %s, ", number_of(root, "count"),
             json_string(json_member(&root, "outcome"), "?"));
     print_hexagons(root, out);
@@ -38,6 +46,16 @@ void summary_print(const json *report, FILE *out, FILE *err)
     if (ratio.node) fprintf(out, ", spacing %.3g:1", json_number(ratio, 0));
     fprintf(out, ", coverage %.2f h, max_residual %.1e h, %.2f s\n", number_of(quality, "coverage"),
             number_of(quality, "max_residual"), number_of(timing, "total"));
+}
+
+void summary_print(const json *report, FILE *out, FILE *err)
+{
+    json_at root = json_root(report), surface = json_member(&root, "surface"),
+            warnings = json_member(&surface, "warnings"), advice = json_member(&root, "advice");
+    if (json_member(&root, "attached").node)
+        print_attached(root, out);
+    else
+        print_sampled(root, out);
     print_reasons(root, err);
     for (size_t k = 0; k < json_size(warnings); k++)
         fprintf(err, "warning: %s\n", json_string(json_element(&warnings, k), "?"));

@@ -284,6 +284,34 @@ static void check_region(reading *r, const json_at *at)
         check_box(r, at, &r->s->region);
 }
 
+static bool has_mesh(const spec_surface *s)
+{
+    bool found = s->kind == SPEC_SURFACE_MESH;
+    for (size_t k = 0; k < s->part_count; k++) found |= has_mesh(s->parts[k]);
+    return found;
+}
+
+/* Points that are attached are not computed: what concerns their number, their neighbours or their order is refused. */
+static void check_attach(reading *r, const json_at *at)
+{
+    static const char *const excluded[][2] = {
+        {"sampling", "alpha"},         {"sampling", "curvature"},   {"sampling", "grid"},
+        {"sampling", "feature"},       {"sampling", "min_spacing"}, {"sampling", "max_spacing"},
+        {"sampling", "curve_spacing"}, {"output", "mesh"},          {"output", "convergence"},
+        {"output", "order"},           {"queue", "coherent"},       {"outcome", "require"}};
+    json_at sampling = json_member(at, "sampling"), attach = json_member(&sampling, "attach");
+    if (!r->s->attach) return;
+    if (!has_mesh(&r->s->surface))
+        reading_add_fault(r, &attach, "requires a surface that is a mesh, or has one as a part");
+    for (size_t k = 0; k < sizeof excluded / sizeof *excluded; k++) {
+        json_at group = json_member(at, excluded[k][0]), member = json_member(&group, excluded[k][1]);
+        if (member.node && (json_type_of(member) != JSON_BOOL || json_bool(member, true)))
+            reading_add_fault(
+                r, &member,
+                "excludes sampling.attach, which places points that are given: remove one of the two");
+    }
+}
+
 static void check_whole(reading *r, const json_at *at)
 {
     json_at surface = json_member(at, "surface");
@@ -294,6 +322,7 @@ static void check_whole(reading *r, const json_at *at)
             r, &surface,
             "is unbounded, because it contains a halfspace: give a region, or intersect it with "
             "a bounded shape");
+    check_attach(r, at);
     json_at output = json_member(at, "output"), order = json_member(&output, "order");
     if (s->has_order && s->order == SPEC_ORDER_ID && !s->coherent)
         reading_add_fault(
@@ -462,7 +491,7 @@ static void check_transform(reading *r, const json_at *at)
 static void check_attribute(reading *r, const json_at *at)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
-    static const char *const computed[] = {"part", "direction1", "direction2"};
+    static const char *const computed[] = {"part", "direction1", "direction2", SPEC_GEOMETRY_SOURCE};
     const spec_attribute *a = &r->s->attribute;
     json_at as = json_member(at, "as"), name = json_member(at, "name");
     if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))
@@ -471,7 +500,7 @@ static void check_attribute(reading *r, const json_at *at)
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) != 0) return;
     for (size_t k = 0; k < sizeof computed / sizeof *computed; k++)
         if (a->name && strcmp(a->name, computed[k]) == 0) return;
-    reading_add_fault(r, name.node ? &name : at, "must be part, direction1 or direction2");
+    reading_add_fault(r, name.node ? &name : at, "must be part, direction1, direction2 or source");
 }
 
 unsigned rules_check_names(reading *r, const json_at *at, const char *group)

@@ -136,6 +136,10 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
         *out = (spec_input){"/sampling/grid/path", s->grid.path};
         return true;
     }
+    if (s->attach && index-- == 0) {
+        *out = (spec_input){"/sampling/attach", s->attach};
+        return true;
+    }
     for (size_t k = 0; k < s->attribute_count; k++) {
         const spec_attribute *a = &s->attributes[k];
         if (!spec_attribute_has_file(a) || index-- > 0) continue;
@@ -157,6 +161,7 @@ void spec_set_frame(spec *s, int frame)
     surface_set_frame(&s->surface, frame);
     if (s->region_inside) surface_set_frame(s->region_inside, frame);
     if (s->grid.path) set_frame(&s->grid.path, frame);
+    if (s->attach) set_frame(&s->attach, frame);
     for (size_t k = 0; k < s->attribute_count; k++) set_frame(&s->attributes[k].from, frame);
 }
 
@@ -168,6 +173,7 @@ void spec_free(spec *s)
     if (s->region_inside) surface_free_parts(s->region_inside);
     free(s->region_inside);
     free(s->grid.path);
+    free(s->attach);
     free(s->grid.name);
     for (size_t i = 0; i < s->attribute_count; i++) {
         free(s->attributes[i].from);

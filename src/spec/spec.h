@@ -185,6 +185,7 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
 
 #define SPEC_FROM_SURFACE "surface"
 #define SPEC_FROM_GEOMETRY "geometry"
+#define SPEC_GEOMETRY_SOURCE "source" /* its name for the place of a point on a mesh */
 
 typedef struct spec_attribute { /* of points, from a file or from the surface's own geometry */
     char *from;                 /* SPEC_FROM_SURFACE: the surface's file; SPEC_FROM_GEOMETRY; else a path */
@@ -233,7 +234,9 @@ typedef struct spec {
     bool has_control;
     spec_control control;
     double time_s; /* of the whole job */
-    bool resolve;  /* as many points as the features take */
+    char *
+        attach; /* points.ply of a result whose points are placed on the surface's meshes; NULL: the surface is sampled */
+    bool resolve; /* as many points as the features take */
     bool has_feature;
     spec_feature feature; /* beside none of the rules for the spacing, curvature or grid */
     bool has_alpha;

@@ -765,10 +765,11 @@ const spec_row spec_rows[] = {
               "spacing. The surface is then divided into smooth patches, and mesh.ply has edges "
               "along their boundaries. For meshes, use /surface/mesh/features."},
 
-    GROUP("/sampling", SPEC_REQUIRED,
-          "The number of points. Give exactly one target (count, spacing, density, control, time_s or "
-          "resolve) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
-          "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
+    GROUP(
+        "/sampling", SPEC_REQUIRED,
+        "The number of points. Give exactly one target (count, spacing, density, control, time_s, "
+        "resolve or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
+        "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -862,6 +863,18 @@ const spec_row spec_rows[] = {
               "the count. Requires feature (\"feature\": {} is enough); excludes curvature. A closed mesh is "
               "then sampled on its triangles, including those inside its solids, as with sharp edges "
               "(/surface/mesh/features), and mesh.ply has the topology of the mesh."},
+    {.pointer = "/sampling/attach",
+     .type = SPEC_TYPE_STRING,
+     .choice = SPEC_CHOICE_TARGET,
+     .low = 1,
+     .high = 4096,
+     AT(attach),
+     .prose =
+         "The path of the points.ply of an earlier result, whose points have places on meshes (attributes: from "
+         "geometry, name source). The surface is then not sampled: these points are placed on its meshes, which "
+         "must have the same vertices and faces in the same order, such as another frame of an animation. Requires a surface that is a mesh, or has one as a part; "
+         "excludes all other members of sampling, output.mesh, output.convergence, output.order, queue.coherent and "
+         "outcome.require."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -1337,7 +1350,8 @@ const spec_row spec_rows[] = {
          "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the "
          "component of an NRRD file with several values at a place (0, 1, ...; all of them if this is "
          "absent), or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the "
-         "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures)."},
+         "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place "
+         "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md)."},
     {.pointer = "/attributes/as",
      .type = SPEC_TYPE_STRING,
      .low = 1,

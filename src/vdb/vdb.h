@@ -146,6 +146,7 @@ typedef struct vdb_point_values {
     const char *name; /* none of the names below, none twice */
     int components; /* 1: float, or int64 if `whole`; more: vec3f, of which a third is 0 where there are two */
     bool whole;
+    bool is_double;       /* three components: vec3d instead of vec3f */
     const double *values; /* `components` values per point, point after point */
 } vdb_point_values;
 

@@ -81,6 +81,18 @@ vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
     return vdb::Vec3f(float(at[0]), float(at[1]), v.components > 2 ? float(at[2]) : 0);
 }
 
+bool is_double(const vdb_point_values &v)
+{
+    return v.is_double && v.components == 3;
+}
+
+/* The type of an attribute. */
+vdb::NamePair type_of(const vdb_point_values &v)
+{
+    const char *vector = is_double(v) ? "vec3d" : "vec3s";
+    return vdb::NamePair(v.components > 1 ? vector : scalar_type(v), "null");
+}
+
 quaternion quaternion_at(const double *values, size_t i)
 {
     const double *at = values + 4 * i;
@@ -100,9 +112,7 @@ std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
     append("id", vdb::NamePair("int64", "null"));
     if (p.velocity) append("v", vector);
     if (p.orient) append("orient", vdb::NamePair(vdb::typeNameAsString<quaternion>(), "null"));
-    for (size_t k = 0; k < p.value_count; k++)
-        append(p.values[k].name,
-               p.values[k].components > 1 ? vector : vdb::NamePair(scalar_type(p.values[k]), "null"));
+    for (size_t k = 0; k < p.value_count; k++) append(p.values[k].name, type_of(p.values[k]));
     return made;
 }
 
@@ -143,7 +153,10 @@ void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const 
         leaf, "id", first, count, [&](const place &at) { return int64_t(p.id ? p.id[at.point] : at.point); });
     for (size_t k = 0; k < p.value_count; k++) {
         const vdb_point_values &v = p.values[k];
-        if (v.components > 1)
+        if (is_double(v))
+            fill<vdb::points::AttributeWriteHandle<vdb::Vec3d>>(
+                leaf, v.name, first, count, [&](const place &at) { return vector_at(v.values, at.point); });
+        else if (v.components > 1)
             fill<vector_writer>(leaf, v.name, first, count,
                                 [&](const place &at) { return vector_of(v, at.point); });
         else if (v.whole)
@@ -242,9 +255,12 @@ void verify_values(const leaf_node &leaf, const vdb_point_values &v, const finde
     const auto &array = leaf.constAttributeArray(v.name);
     vdb::points::AttributeHandle<int64_t> id(leaf.constAttributeArray("id"));
     vdb::points::AttributeHandle<vdb::Vec3f>::Ptr vector;
+    vdb::points::AttributeHandle<vdb::Vec3d>::Ptr exact;
     vdb::points::AttributeHandle<int64_t>::Ptr whole;
     vdb::points::AttributeHandle<float>::Ptr real;
-    if (v.components > 1)
+    if (is_double(v))
+        exact = vdb::points::AttributeHandle<vdb::Vec3d>::create(array);
+    else if (v.components > 1)
         vector = vdb::points::AttributeHandle<vdb::Vec3f>::create(array);
     else if (v.whole)
         whole = vdb::points::AttributeHandle<int64_t>::create(array);
@@ -252,9 +268,10 @@ void verify_values(const leaf_node &leaf, const vdb_point_values &v, const finde
         real = vdb::points::AttributeHandle<float>::create(array);
     for (auto point = leaf.beginIndexOn(); point; ++point) {
         const size_t i = where.find(id.get(*point));
-        const bool same = vector  ? vector->get(*point) == vector_of(v, i)
-                          : whole ? whole->get(*point) == int64_t(v.values[i])
-                                  : real->get(*point) == float(v.values[i]);
+        const bool same = exact    ? exact->get(*point) == vector_at(v.values, i)
+                          : vector ? vector->get(*point) == vector_of(v, i)
+                          : whole  ? whole->get(*point) == int64_t(v.values[i])
+                                   : real->get(*point) == float(v.values[i]);
         if (!same) throw differs(v.name, i);
     }
 }

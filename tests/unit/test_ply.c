@@ -359,9 +359,9 @@ static void test_columns(void **state)
     static const double heat[3] = {0.5, -1, 3e5}, wind[9] = {1, 2, 3, 4, 5, 6, 7, 8, 9},
                         label[3] = {-7, 0, 9}, uv[6] = {0, 1, 0.25, 0.75, 1, 0};
     static const vec3 color[3] = {{0, 0.5, 1}, {-1, 2, 0.2}, {1, 1, 1}};
-    static const point_attribute carried[] = {{"heat", POINT_ATTRIBUTE_FLOAT, 1, heat},
-                                              {"wind", POINT_ATTRIBUTE_VECTOR, 3, wind},
-                                              {"label", POINT_ATTRIBUTE_INT, 1, label}};
+    static const point_attribute carried[] = {{"heat", POINT_ATTRIBUTE_FLOAT, 1, heat, false},
+                                              {"wind", POINT_ATTRIBUTE_VECTOR, 3, wind, false},
+                                              {"label", POINT_ATTRIBUTE_INT, 1, label, false}};
     static const char *const chosen[] = {"label", "red", "green", "blue", "wind", "s", "t", "radius"};
     static const char *const blender[] = {"blender"}, *const unknown[] = {"heat", "cold"};
     point_set s = point_set_sphere(3, vec3_make(0, 0, 0), 1);

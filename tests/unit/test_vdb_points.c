@@ -132,28 +132,32 @@ static void ids_and_velocities_are_read_back(void **state)
 static void other_values_are_read_back(void **state)
 {
     (void)state;
-    static double heat[300], wind[900], label[300], uv[600];
-    const vdb_point_values values[] = {
-        {"heat", 1, false, heat}, {"v", 3, false, wind}, {"label", 1, true, label}, {"uv", 2, false, uv}};
+    static double heat[300], wind[900], label[300], uv[600], weight[900];
+    const vdb_point_values values[] = {{"heat", 1, false, false, heat},
+                                       {"v", 3, false, false, wind},
+                                       {"label", 1, true, false, label},
+                                       {"uv", 2, false, false, uv},
+                                       {"weight", 3, false, true, weight}};
     point_set s = point_set_sphere(300, vec3_make(1, 2, 3), 1);
     vdb_points grid = points_of(&s, 0.1);
     for (int i = 0; i < 300; i++) {
         heat[i] = 0.25 * i;
         label[i] = 4000000000.0 - i;
         for (int k = 0; k < 3; k++) wind[3 * i + k] = k - 0.5 * i;
+        for (int k = 0; k < 3; k++) weight[3 * i + k] = 1.0 / (3 * i + k + 1);
         for (int k = 0; k < 2; k++) uv[2 * i + k] = 1.0 / (i + k + 1);
     }
-    grid.value_count = 4;
+    grid.value_count = 5;
     grid.values = values;
     int fd = write_points(&grid);
     error e = {0};
     if (!vdb_verify_points(fd, &grid, &e)) fail_msg("%s", e.message);
-    double *const changed[] = {&heat[7], &wind[22], &label[7], &uv[15]};
-    for (int k = 0; k < 4; k++) {
+    double *const changed[] = {&heat[7], &wind[22], &label[7], &uv[15], &weight[23]};
+    for (int k = 0; k < 5; k++) {
         double kept = *changed[k];
         char words[40];
         snprintf(words, sizeof words, "%s of point 7", values[k].name);
-        *changed[k] += 1;
+        *changed[k] += values[k].is_double ? 1e-12 : 1;
         assert_false(vdb_verify_points(fd, &grid, &e));
         assert_non_null(strstr(e.message, words));
         *changed[k] = kept;

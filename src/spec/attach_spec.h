@@ -1,0 +1,17 @@
+/* attach_spec: the spec of a result, turned into one that places its points on other meshes (sampling.attach). Pure functions but for
+ * allocation. */
+#ifndef HEXAD_SPEC_ATTACH_SPEC_H
+#define HEXAD_SPEC_ATTACH_SPEC_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+#include "json/json.h"
+
+/* `sampled`: the spec of the result. `points`: the path of its points.ply. `mesh`: one path for each mesh of the surface, in the order of
+ * the spec. Members that concern the computation of points are removed, as is the queue. NULL: spec_invalid (the surface has another number of
+ * meshes). The caller frees the document. */
+json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
+                       error *e);
+
+#endif
