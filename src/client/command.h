@@ -34,8 +34,11 @@ typedef struct command_options {
     const char *since, *until; /* of list: times, or how long ago, "90m" or "90m ago" */
     const char *limit;
     const char *priority;
-    const char *key;     /* of submit: the Idempotency-Key */
-    const char *frame;   /* of fetch: numbers as in queue.frames; of log: one number */
+    const char *key;         /* of submit: the Idempotency-Key */
+    const char *frames;      /* of attach: the frames of the new array, as in queue.frames */
+    const char *const *mesh; /* of attach: paths as in a spec */
+    size_t mesh_count;
+    const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
     const char *output;  /* of fetch; NULL: a directory named by the job's id */
     const char *file;    /* of token: the daemon's token_file */
@@ -48,7 +51,7 @@ typedef struct command_options {
 /* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Each returns an exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
-command command_submit, command_validate, command_estimate, command_upload, command_inspect;
+command command_attach, command_submit, command_validate, command_estimate, command_upload, command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_deliver, command_delete,
@@ -86,6 +89,9 @@ int command_wait_for(client *c, const char *path, const command_options *options
 /* Waits until no result of a job is to be copied to output.directory, prints the job, and returns COMMAND_FAILED when a copy
  * failed. */
 int command_wait_for_copy(client *c, const char *path, const command_options *options);
+
+/* Submits a spec given as text, as command_submit does. */
+int command_submit_text(client *c, const char *spec, const command_options *options);
 
 /* Whether the job is in a final state. */
 bool command_has_ended(json_at job);

@@ -84,12 +84,14 @@ static bool apply_options(json *document, const command_options *options)
     return true;
 }
 
-/* Reads the spec at the path, with the options put into it, as text to be freed; or prints why not. */
-static char *read_spec(const char *path, const command_options *options, size_t *length)
+/* Reads the spec at the path, or takes the given text, with the options put into it, as text to be freed; or prints why not. */
+static char *read_spec(const char *path, const char *given, const command_options *options, size_t *length)
 {
     error e = {0};
-    char *text = is_standard_input(path) ? read_input(length, &e)
-                                         : store_file_read(path, SPEC_LIMIT_BYTES, length, &e);
+    if (given) *length = strlen(given);
+    char *text = given                     ? mem_strdup(given)
+                 : is_standard_input(path) ? read_input(length, &e)
+                                           : store_file_read(path, SPEC_LIMIT_BYTES, length, &e);
     json *document = text ? json_parse(text, *length, &e) : NULL;
     if (!text) {
         print_failure("%s", e.message);
@@ -135,16 +137,16 @@ static void warn_of_faults(const client_reply *found)
     fputc('\n', stderr);
 }
 
-/* Posts the spec. On success *document is the caller's. */
-static int post_spec(client *c, const char *to, const char *path, const command_options *options,
-                     json **document)
+/* Posts the spec at the path, or the given text. On success *document is the caller's. */
+static int post_spec(client *c, const char *to, const char *path, const char *given,
+                     const command_options *options, json **document)
 {
     error e = {0};
     size_t length = 0;
     client_reply reply = {0};
     int code = COMMAND_OK;
     client_reply found = {0};
-    char *body = has_usable_key(options) ? read_spec(path, options, &length) : NULL;
+    char *body = has_usable_key(options) ? read_spec(path, given, options, &length) : NULL;
     if (!body) return COMMAND_USAGE;
     if (strcmp(to, JOBS) == 0) look_for_faults(c, body, length, &found);
     if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
@@ -162,14 +164,14 @@ static int post_spec(client *c, const char *to, const char *path, const command_
     return code;
 }
 
-int command_submit(client *c, const char *argument, const command_options *options)
+static int submit(client *c, const char *from, const char *given, const command_options *options)
 {
     json *document = NULL;
     if (options->accept && !options->wait) {
         print_failure("submit: --accept requires --wait");
         return COMMAND_USAGE;
     }
-    int code = post_spec(c, JOBS, argument, options, &document);
+    int code = post_spec(c, JOBS, from, given, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
     if (code == COMMAND_OK && options->wait) {
@@ -186,10 +188,20 @@ int command_submit(client *c, const char *argument, const command_options *optio
     return code;
 }
 
+int command_submit(client *c, const char *argument, const command_options *options)
+{
+    return submit(c, argument, NULL, options);
+}
+
+int command_submit_text(client *c, const char *spec, const command_options *options)
+{
+    return submit(c, "the spec of the job", spec, options);
+}
+
 int command_validate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
@@ -233,7 +245,7 @@ static void print_estimate(json_at document)
 int command_estimate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
     json_at root = json_root(document), estimate = json_member(&root, "estimate");
     bool known = json_type_of(estimate) == JSON_OBJECT;
     if (code == COMMAND_OK && options->json) print_document(document);

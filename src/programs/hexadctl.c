@@ -31,6 +31,10 @@ static const char usage[] =
     "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
     "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
     "                    the job will fail, submit prints the reason\n"
+    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait] [--priority N] [--label LABEL]... [--key KEY]\n"
+    "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
+    "                    of its meshes; PATH is the path of a mesh as in a spec, one for each mesh of the\n"
+    "                    surface. With #### in PATH the job is an array of FRAMES\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
@@ -114,7 +118,7 @@ static const char usage[] =
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
-typedef enum need { NONE, ONE, FILES, JOB, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
+typedef enum need { NONE, ONE, FILES, JOB, JOB_FILES, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
 
 static const struct entry {
     const char *name;
@@ -123,6 +127,7 @@ static const struct entry {
     const char *options; /* that belong to it; --server and --json belong to all */
 } commands[] = {
     {"submit", command_submit, ONE, "--wait --accept --priority --label --key"},
+    {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},
@@ -170,6 +175,7 @@ static const struct {
     OPTION("name", name),         OPTION("since", since),
     OPTION("until", until),       OPTION("max-priority", max_priority),
     OPTION("text", text),         OPTION("picture", picture),
+    OPTION("frames", frames),
 };
 
 /* Options without a value. */
@@ -308,8 +314,8 @@ static const char *argument_of(const struct entry *entry)
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
-        bool several =
-            l->entry->argument == FILES || l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
+        bool several = l->entry->argument == FILES || l->entry->argument == JOB_FILES ||
+                       l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
         if (l->entry->argument == NONE || (l->argument_count && !several)) {
             fprintf(stderr, "hexadctl %s: unexpected argument %s; %s\n", l->entry->name, word,
                     hint_of(l->entry->name));
@@ -357,6 +363,11 @@ static bool check(const line *l)
     }
     bool needed = l->entry->argument == ONE || l->entry->argument == FILES || l->entry->argument == JOB ||
                   l->entry->argument == JOBS;
+    if (l->entry->argument == JOB_FILES && l->argument_count < 2) {
+        fprintf(stderr, "hexadctl %s: the arguments ID and PATH are required; see hexadctl --help\n",
+                l->entry->name);
+        return false;
+    }
     if (!needed || l->argument_count) return true;
     fprintf(stderr, "hexadctl %s: the argument %s is missing; see hexadctl --help\n", l->entry->name,
             argument_of(l->entry));
@@ -444,8 +455,22 @@ static int run_for_jobs(client *c, const line *l)
     return code;
 }
 
+/* Runs a command with a job and files. */
+static int run_for_job_and_files(client *c, const line *l)
+{
+    command_options options = l->options;
+    char *id = NULL;
+    options.mesh = l->argument + 1;
+    options.mesh_count = l->argument_count - 1;
+    int code = job_name_resolve(c, l->argument[0], &id);
+    if (code == COMMAND_OK) code = l->entry->run(c, id, &options);
+    free(id);
+    return code;
+}
+
 static int run(client *c, const line *l)
 {
+    if (l->entry->argument == JOB_FILES) return run_for_job_and_files(c, l);
     if (l->entry->argument == FILES) return run_for_each(c, l, l->argument);
     bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
     if (named) return run_for_jobs(c, l);

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 import bars
 from readers import read_columns
-from service import PATIENCE_S
+from service import PATIENCE_S, Service
 from test_formats import read_glb, read_usda
 
 SOURCE = [{"from": "geometry", "name": "source"}]
@@ -298,3 +298,72 @@ def test_attaching_excludes_what_concerns_the_computation_of_points(worker):
     told = json.loads(done.stderr.splitlines()[-1])
     assert done.returncode == 2 and {fault["pointer"] for fault in told["errors"]} == {
         "/sampling/attach", "/sampling/curvature", "/output/mesh"}
+
+
+# ---- the service
+
+@pytest.fixture(scope="module")
+def animated(build, tmp_path_factory):
+    """A daemon, and the finished job `job` of a bar, whose frames 1 to 4 are bent more and more."""
+    where = tmp_path_factory.mktemp("frames")
+    rest, faces = bars.bar()
+    for frame in range(1, 5):
+        bars.write(where / f"bar.{frame:04d}.obj", bars.bent(rest, 0.5 * (frame - 1)), faces)
+    made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", where).start()
+    try:
+        made.where = where
+        made.job_id = made.submit({"version": 1, "surface": {"mesh": {"path": str(where / "bar.0001.obj")}}, "attributes": SOURCE,
+                                   "sampling": {"count": 500}, "output": {"preview": False, "ply": {"precision": "double"}}})
+        made.wait_state(made.job_id, "succeeded")
+        yield made
+    finally:
+        made.clean_up()
+
+
+@pytest.fixture
+def hexadctl(animated, build, tmp_path):
+    def call(*words):
+        return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True, timeout=PATIENCE_S,
+                              env=animated.environment(), cwd=tmp_path)
+    return call
+
+
+@pytest.mark.sanitized
+def test_hexadctl_attaches_the_points_of_a_job_to_all_frames(animated, hexadctl, tmp_path):
+    """One array of as many tasks as frames; also of a frame of that array, again."""
+    done = hexadctl("attach", animated.job_id, animated.where / "bar.####.obj", "--frames", "2-4", "--wait", "--label", "bent")
+    assert done.returncode == 0, done.stderr
+    job = json.loads(hexadctl("list", "--label", "bent", "--json").stdout)["jobs"][0]["id"]
+    assert hexadctl("fetch", job, "--output", "bent").returncode == 0
+    assert hexadctl("fetch", animated.job_id, "--output", "rest").returncode == 0
+    before = read_columns((tmp_path / "rest" / "points.ply").read_bytes())
+    rest, faces = bars.bar()
+    for frame in range(2, 5):
+        after = read_columns((tmp_path / "bent" / str(frame) / "points.ply").read_bytes())
+        at, _ = bars.evaluate(places_of(before), bars.bent(rest, 0.5 * (frame - 1)), faces)
+        assert numpy.linalg.norm(positions(after) - at, axis=1).max() < 1e-9
+    done = hexadctl("attach", job, animated.where / "bar.0001.obj", "--frame", 4, "--wait", "--label", "back")
+    assert done.returncode == 0, done.stderr
+    back = json.loads(hexadctl("list", "--label", "back", "--json").stdout)["jobs"][0]["id"]
+    assert hexadctl("fetch", back, "--output", "back").returncode == 0
+    after = read_columns((tmp_path / "back" / "points.ply").read_bytes())
+    assert numpy.linalg.norm(positions(after) - positions(before), axis=1).max() < 1e-9
+
+
+def test_hexadctl_says_why_points_cannot_be_attached(animated, hexadctl):
+    mesh = animated.where / "bar.0002.obj"
+    done = hexadctl("attach", animated.job_id)
+    assert done.returncode == 2 and "ID and PATH are required" in done.stderr
+    done = hexadctl("attach", animated.job_id, mesh, mesh)
+    assert done.returncode == 2 and "has 1 meshes (given 2)" in done.stderr
+    done = hexadctl("attach", animated.job_id, mesh, "--frame", 1)
+    assert done.returncode == 2 and "has no frames" in done.stderr
+    done = hexadctl("attach", animated.job_id, animated.where / "none.obj", "--wait")
+    assert done.returncode != 0 and "none.obj" in done.stderr + done.stdout
+
+
+def test_a_mesh_of_another_topology_fails_its_job(animated, hexadctl):
+    rest, faces = bars.bar()
+    bars.write(animated.where / "other.obj", rest, faces[1:])
+    done = hexadctl("attach", animated.job_id, animated.where / "other.obj", "--wait")
+    assert done.returncode == 1 and f"{len(faces) - 1} faces" in done.stdout + done.stderr
