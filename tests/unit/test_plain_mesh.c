@@ -357,9 +357,33 @@ static void zeros_behind_a_text_are_passed_over(void **state)
     assert_non_null(strstr(m.text, "byte 26 of the file is 0"));
 }
 
+/* Each polygon has its corners in the order of the file: one without a triangle, and one that is turned in a mirrored part, too. */
+static void polygons_are_kept_on_request(void **state)
+{
+    (void)state;
+    static const char text[] = CORNERS "v 1 1 0\nv 2 0 0\nf 1 2 4 3\nf 2 5\nf 5 4 2\n";
+    static const uint32_t size[] = {4, 2, 3, 3}, corner[] = {0, 1, 3, 2, 1, 4, 4, 3, 1, 0, 1, 2},
+                          turned[1][3] = {{0, 2, 1}};
+    plain_mesh m;
+    assert_true(plain_mesh_read_polygons("obj", text, sizeof text - 1, &m));
+    assert_int_equal(m.triangles, 3);
+    assert_true(plain_mesh_add_triangle(&m, 0, 1, 2, true));
+    assert_memory_equal(m.triangle[3], turned, sizeof turned);
+    assert_int_equal(m.polygons, 4);
+    assert_int_equal(m.polygon_corners, sizeof corner / sizeof *corner);
+    assert_memory_equal(m.polygon_size, size, sizeof size);
+    assert_memory_equal(m.polygon_corner, corner, sizeof corner);
+    plain_mesh_free(&m);
+    assert_true(plain_mesh_read("obj", text, sizeof text - 1, &m));
+    assert_int_equal(m.polygons, 0);
+    assert_null(m.polygon_size);
+    plain_mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(polygons_are_kept_on_request),
         cmocka_unit_test(numbers_are_exact),
         cmocka_unit_test(places_keep_their_precision),
         cmocka_unit_test(polygons_become_triangles),
