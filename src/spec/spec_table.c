@@ -872,9 +872,9 @@ const spec_row spec_rows[] = {
      .prose =
          "The path of the points.ply of an earlier result, whose points have places on meshes (attributes: from "
          "geometry, name source). The surface is then not sampled: these points are placed on its meshes, which "
-         "must have the same vertices and faces in the same order, such as another frame of an animation. Requires a surface that is a mesh, or has one as a part; "
-         "excludes all other members of sampling, output.mesh, output.convergence, output.order, queue.coherent and "
-         "outcome.require."},
+         "must have the same vertices and faces in the same order, such as another frame of an animation. "
+         "Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling, "
+         "output.mesh, output.convergence, output.order, queue.coherent and outcome.require."},
     {.pointer = "/sampling/feature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -778,6 +778,7 @@ class _SamplingRest(TypedDict, total=False):
     control: SamplingControl
     time_s: float
     resolve: bool
+    attach: str
     feature: SamplingFeature
     alpha: SamplingAlpha
     curvature: SamplingCurvature
@@ -789,9 +790,9 @@ class _SamplingRest(TypedDict, total=False):
 
 
 class Sampling(_SamplingRest):
-    """The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
-    at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and curve_spacing
-    the surface near curves; both may be combined with curvature or grid.
+    """The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
+    attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
+    curve_spacing the surface near curves; both may be combined with curvature or grid.
 
     count: The exact number of points. (points)
     spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
@@ -810,6 +811,11 @@ class Sampling(_SamplingRest):
         count. Requires feature ("feature": {} is enough); excludes curvature. A closed mesh is then sampled
         on its triangles, including those inside its solids, as with sharp edges (/surface/mesh/features), and
         mesh.ply has the topology of the mesh.
+    attach: The path of the points.ply of an earlier result, whose points have places on meshes (attributes:
+        from geometry, name source). The surface is then not sampled: these points are placed on its meshes,
+        which must have the same vertices and faces in the same order, such as another frame of an animation.
+        Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling,
+        output.mesh, output.convergence, output.order, queue.coherent and outcome.require.
     feature: Finer spacing where the surface is thin or opposite walls are close: at most ratio times the
         feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges
         are not thin. The job fails if the count is too small, and names the count that it needs. Requires the
@@ -997,7 +1003,8 @@ class AttributesItem(_AttributesItemRest):
     name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
         or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
-        of a combined surface, from 0), direction1 or direction2 (of the principal curvatures).
+        of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the
+        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv
@@ -1332,9 +1339,9 @@ class Spec(_SpecNeeded, _SpecRest):
         combination meet, and on the cuts of a region, at the requested spacing. The surface is then divided
         into smooth patches, and mesh.ply has edges along their boundaries. For meshes, use
         /surface/mesh/features. Default: False.
-    sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s or
-        resolve) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts,
-        and curve_spacing the surface near curves; both may be combined with curvature or grid.
+    sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve
+        or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin
+        parts, and curve_spacing the surface near curves; both may be combined with curvature or grid.
     solver: How the points are computed.
     outcome: Requirements on the result in addition to the criteria of every job (doc/report.md).
     attributes: Values from files that are interpolated at the points and written to every output, such as
