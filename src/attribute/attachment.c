@@ -337,15 +337,30 @@ static vec3 corner_normal(const frame *f, uint32_t face, uint32_t vertex)
     return vec3_norm(sum) > 0 ? vec3_unit(sum) : own;
 }
 
-static bool check_place(const mesh_polygons *p, size_t i, double face, const double corner[3], error *e)
+/* Whether the weights are those of a place of the triangle, to within rounding to floats. */
+static bool are_weights(const double weight[3])
 {
-    bool ok = face >= 0 && face < (double)p->count;
+    static const double slack = 1e-3;
+    double sum = 0;
+    bool ok = true;
+    for (int k = 0; k < 3; k++) {
+        sum += weight[k];
+        ok &= weight[k] >= -slack && weight[k] <= 1 + slack;
+    }
+    return ok && fabs(sum - 1) <= slack;
+}
+
+static bool check_place(const mesh_polygons *p, size_t i, double face, const double corner[3],
+                        const double weight[3], error *e)
+{
+    bool ok = face >= 0 && face < (double)p->count && are_weights(weight);
     for (int k = 0; ok && k < 3; k++) ok = corner[k] >= 0 && corner[k] < p->size[(size_t)face];
     return ok ||
-           error_set(e, ERROR_INPUT_DAMAGED,
-                     "point %zu of the result lies on face %.0f, corners %.0f, %.0f and %.0f, which the "
-                     "mesh does not have: sample the surface again",
-                     i, face, corner[0], corner[1], corner[2]);
+           error_set(
+               e, ERROR_INPUT_DAMAGED,
+               "point %zu of the result lies on face %.0f, corners %.0f, %.0f and %.0f with the weights %g, "
+               "%g and %g, which is no place of the mesh: sample the surface again",
+               i, face, corner[0], corner[1], corner[2], weight[0], weight[1], weight[2]);
 }
 
 /* Whether the corners follow each other against the order of the polygon: the point is on the other side of it. */
@@ -373,10 +388,11 @@ static bool evaluate_all(const frame *f, size_t file, size_t count,
                          error *e)
 {
     for (size_t i = 0; i < count; i++) {
-        const double face = values[ATTACHMENT_FACE][i], *corner = values[ATTACHMENT_CORNER] + 3 * i;
+        const double face = values[ATTACHMENT_FACE][i], *corner = values[ATTACHMENT_CORNER] + 3 * i,
+                     *weight = values[ATTACHMENT_WEIGHT] + 3 * i;
         if (values[ATTACHMENT_MESH][i] != (double)file) continue;
-        if (!check_place(&f->p.polygons, i, face, corner, e)) return false;
-        evaluate(f, (uint32_t)face, corner, values[ATTACHMENT_WEIGHT] + 3 * i, &position[i], &normal[i]);
+        if (!check_place(&f->p.polygons, i, face, corner, weight, e)) return false;
+        evaluate(f, (uint32_t)face, corner, weight, &position[i], &normal[i]);
     }
     return true;
 }
@@ -386,6 +402,12 @@ bool attachment_evaluate(const attachment_file *files, size_t file_count, size_t
                          error *e)
 {
     bool ok = true;
+    for (size_t i = 0; i < count; i++)
+        if (values[ATTACHMENT_MESH][i] >= (double)file_count)
+            return error_set(
+                e, ERROR_INPUT_DAMAGED,
+                "point %zu of the result lies on mesh %.0f, but the surface has %zu: sample it again", i,
+                values[ATTACHMENT_MESH][i], file_count);
     for (size_t k = 0; ok && k < file_count; k++) {
         frame f = {0};
         ok = open_frame(&files[k], memory_limit, &f, e) &&

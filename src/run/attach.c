@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -91,8 +92,24 @@ static bool are_whole(const double *values, size_t count)
     return whole;
 }
 
+/* Whether all formats can have the name of an attribute, and no attribute before has it. */
+static bool check_name(const attach *a, const char *name, error *e)
+{
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
+    enum { NAME_MOST = 63 };
+    bool ok = *name && strlen(name) <= NAME_MOST && strspn(name, letters) == strlen(name) &&
+              !(*name >= '0' && *name <= '9');
+    for (size_t k = 0; ok && k < a->kept; k++) ok = strcasecmp(a->attributes[k].name, name) != 0;
+    return ok ||
+           error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "/sampling/attach: the points have a property \"%.63s\" whose name is not of letters, "
+                     "digits and _, or that occurs twice: rename or remove it",
+                     name);
+}
+
 static bool keep_group(attach *a, const columns *list, size_t first, const group *g, error *e)
 {
+    if (!check_name(a, g->base, e)) return false;
     const size_t count = a->file.points.count, n = (size_t)g->components;
     double *values = mem_array(count, n * sizeof *values, what, e);
     if (!values) return false;
@@ -164,6 +181,24 @@ static bool check_properties(const points *p, error *e)
                                  missing);
 }
 
+/* Checks the values that the outputs depend on. */
+static bool check_values(const points *p, error *e)
+{
+    static const double largest = 1e30; /* as of coordinates of meshes */
+    for (size_t i = 0; i < p->count; i++) {
+        const vec3 x = p->position[i];
+        const double length = vec3_norm(p->normal[i]);
+        if (!(p->spacing[i] > 0 && p->spacing_local[i] > 0 && length > 0.5 && length < 2 &&
+              fabs(x.x) <= largest && fabs(x.y) <= largest && fabs(x.z) <= largest))
+            return error_set(
+                e, ERROR_INPUT_DAMAGED,
+                "/sampling/attach: point %zu has no unit normal, no spacing above 0, or a position "
+                "beyond %g: sample the surface again",
+                i, largest);
+    }
+    return true;
+}
+
 /* Reads the topologies of the meshes from the comments. */
 static bool read_topologies(attach *a, FILE *file, error *e)
 {
@@ -206,8 +241,8 @@ static bool read_points(attach *a, error *e)
         return false;
     }
     const bool ok = (ply_read(file, &a->file, e) || error_prefix(e, "%s", a->job.spec->attach)) &&
-                    check_properties(&a->file.points, e) && keep_attributes(a, e) &&
-                    read_topologies(a, file, e);
+                    check_properties(&a->file.points, e) && check_values(&a->file.points, e) &&
+                    keep_attributes(a, e) && read_topologies(a, file, e);
     fclose(file);
     return ok && (a->file.points.count > 0 ||
                   error_set(e, ERROR_INPUT_DAMAGED, "%s: the file has no points", a->job.spec->attach));

@@ -292,6 +292,27 @@ def test_points_without_places_are_refused(worker, sample, attach, tmp_path):
     assert told["code"] == "attribute_missing" and "kappa" in told["message"]
 
 
+@pytest.mark.sanitized
+def test_places_that_the_mesh_does_not_have_are_refused(sample, attach, tmp_path):
+    """A file of points that was changed: faces, corners, weights and meshes that do not exist, and names that no format has."""
+    rest, faces = bars.bar()
+    bars.write(tmp_path / "bar.obj", rest, faces)
+    sample({"mesh": {"path": "bar.obj"}}, count=50, output={"ply": {"format": "ascii"}})
+    path = tmp_path / "out" / "points.ply"
+    head, mark, body = path.read_text().partition("end_header\n")
+    names = [line.split()[-1] for line in head.splitlines() if line.startswith("property")]
+    for name, value in (("source_face", 9999), ("source_corner_y", 77), ("source_bary_x", 5.5), ("source_mesh", 3), ("spacing", 0),
+                        ("nx", 50), ("x", 1e35)):
+        rows = [line.split() for line in body.splitlines()]
+        rows[7][names.index(name)] = str(value)
+        path.write_text(head + mark + "".join(" ".join(row) + "\n" for row in rows))
+        told, _ = attach("bar.obj", code=3)
+        assert told["code"] == "input_damaged" and "point 7" in told["message"], (name, told)
+    path.write_text(head.replace("property int patch", "property int ../patch") + mark + body)
+    told, _ = attach("bar.obj", code=3)
+    assert told["code"] == "input_unsupported" and "../patch" in told["message"]
+
+
 def test_attaching_excludes_what_concerns_the_computation_of_points(worker):
     done = worker({"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 1}}, "output": {"mesh": True},
                    "sampling": {"attach": "out/points.ply", "curvature": {"ratio": 2}}})
