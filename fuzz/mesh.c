@@ -37,6 +37,21 @@ static void make_levelset(mesh *m)
     threads_free(alone);
 }
 
+static void read_points(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    mesh_reader_header told = {0};
+    vec3 *point = NULL;
+    size_t count = 0;
+    FILE *stream = fmemopen((void *)data, size, "rb");
+    expect(stream);
+    const bool ok = mesh_file_parse_points(stream, memory, &told, &point, &count, &e);
+    expect(ok ? count > 0 : *e.message != 0);
+    for (size_t i = 0; i < count; i++) expect(isfinite(point[i].x + point[i].y + point[i].z));
+    free(point);
+    fclose(stream);
+}
+
 static void read_values(const uint8_t *data, size_t size)
 {
     error e = {0};
@@ -105,6 +120,7 @@ static void read_files(const uint8_t *data, size_t size)
     read_plain("off", copy, size);
     read_plain("glb", copy, size);
     read_plain("3mf", copy, size);
+    read_plain("npz", copy, size);
     for (int k = 0; k < 3; k++) {
         size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
         expect(end <= size);
@@ -126,6 +142,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size == 0) return 0; /* not for fmemopen */
     read_values(data, size);
     read_polygons(data, size);
+    read_points(data, size);
     read_files(data, size);
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);

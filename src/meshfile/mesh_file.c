@@ -254,6 +254,74 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
     return true;
 }
 
+/* Triangles of a file of points, and the end of the answer. */
+static bool skip_triangles(FILE *stream, uint64_t triangles, error *e)
+{
+    uint32_t corner[3];
+    for (uint64_t n = 0; n < triangles; n++)
+        if (!read_all(stream, corner, sizeof corner, 1, e)) return false;
+    return fgetc(stream) == EOF ||
+           error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
+}
+
+static bool check_points(const vec3 *point, size_t count, error *e)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!is_usable(point[i]))
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "row %zu: a coordinate is not finite or exceeds %g: remove the row", i,
+                             largest_coordinate);
+    return true;
+}
+
+bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_header *header, vec3 **out,
+                            size_t *count, error *e)
+{
+    char text[MESH_READER_TEXT_MAX + 1];
+    if (!read_header(stream, header, text, e)) return false;
+    if (header->vertices == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file has no points: give one with points");
+    if (header->vertices > memory_limit / sizeof **out)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %llu points require more memory than is left: raise limits.memory_mb",
+                         (unsigned long long)header->vertices);
+    const size_t n = (size_t)header->vertices;
+    vec3 *point = mem_array(n, sizeof *point, "the given points", e);
+    if (point && read_all(stream, point, sizeof *point, n, e) &&
+        skip_triangles(stream, header->triangles, e) && check_points(point, n, e)) {
+        *out = point;
+        *count = n;
+        return true;
+    }
+    free(point);
+    return false;
+}
+
+bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e)
+{
+    mesh_reader_header header = {0};
+    char ending[16];
+    off_t size = 0;
+    reader r;
+    vec3 *point = NULL;
+    size_t n = 0;
+    ending_of(file->path, ending);
+    if (strcmp(ending, "ply") != 0 && strcmp(ending, "npz") != 0)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the name of the file does not end in .ply or .npz: give points in one of these");
+    if (!reader_check_file(file->fd, "points", &size, e) || !start(file, MESH_READER_COMMAND, size, &r, e))
+        return false;
+    bool ok = mesh_file_parse_points(r.stream, file->memory_limit, &header, &point, &n, e);
+    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
+    if (!ok) {
+        free(point);
+        return false;
+    }
+    *out = point;
+    *count = n;
+    return true;
+}
+
 static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
                       mesh_values *values, mesh_polygons *polygons, error *e)
 {

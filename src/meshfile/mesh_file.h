@@ -52,6 +52,14 @@ typedef struct mesh_polygons {
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 
+/* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors: input_damaged (also for a coordinate that is
+ * not finite, with its row, from 0), input_unsupported (another ending), limit_memory. */
+bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e);
+
+/* Reads and checks only the answer of the reader process, as mesh_file_parse does. */
+bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_header *header, vec3 **out,
+                            size_t *count, error *e);
+
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives the header of the answer.
  * *notes receives its warnings. `values`, `polygons`: NULL if the answer has none; otherwise zeroed before the call, and to be freed with
  * mesh_values_free and mesh_polygons_free, also after failure. *out is unchanged on failure. Errors: as mesh_file_read. */

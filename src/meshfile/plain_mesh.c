@@ -233,7 +233,8 @@ static const mesh_format *find_format(const char *ending)
         {"stl", plain_mesh_read_stl, true, true},    {"off", plain_mesh_read_off, false, false},
         {"gltf", plain_mesh_read_gltf, true, false}, {"glb", plain_mesh_read_gltf, true, false},
         {"3mf", plain_mesh_read_3mf, true, false},   {"vtk", plain_mesh_read_vtk, true, true},
-        {"vtp", plain_mesh_read_vtp, true, true},    {"gii", plain_mesh_read_gifti, true, true}};
+        {"vtp", plain_mesh_read_vtp, true, true},    {"gii", plain_mesh_read_gifti, true, true},
+        {"npz", plain_mesh_read_npz, true, true}};
     for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
         if (strcasecmp(ending, formats[k].ending) == 0) return &formats[k];
     return NULL;

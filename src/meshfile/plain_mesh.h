@@ -1,4 +1,4 @@
-/* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files read without a library, in the precision that they have.
+/* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a library, in the precision that they have.
  *
  * A reader reads a whole file, or refuses it with a message that gives the place. OFF, glTF and 3MF have a third result: a
  * file with contents that are not supported here is left to the library assimp (mesh_reader.h). Runs in the process that
@@ -43,7 +43,7 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
 /* The same, and keeps the polygons. */
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp) and GIfTI. (Attributes of the
+/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and NPZ. (Attributes of the
  * vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */
 bool plain_mesh_is_only_reader(const char *ending);
 
@@ -60,6 +60,7 @@ bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_vtk(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out);
+bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out); /* points without triangles */
 /* also a legacy VTK file whose name ends in .vtp */
 bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 
