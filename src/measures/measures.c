@@ -462,7 +462,7 @@ static bool take(const measures_input *in, const facets *f, const cell_list *nea
     }
     out->missing_share = v->missing / f->area;
     const sites s = sites_of(in, t, near);
-    const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, t->ideal, t->at_wedge};
+    const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, t->ideal, t->at_wedge, in->kept};
     return pair_measures_take(&pairs, pool, out, e) && conclude_pieces(in, f, t, out, e) &&
            conclude_cells(in, v, t, local, f->piece_count, out, e);
 }

@@ -23,8 +23,9 @@ typedef struct measures_input {
     double (*spacing_at)(const void *context,
                          vec3 x); /* requested at a place of the surface; NULL: h everywhere */
     const void *spacing_context;
-    bool sized;    /* energies use the support of each pair's spacings, not that of h */
-    bool achieved; /* no spacing is requested: amplitudes grade the points */
+    bool sized;       /* energies use the support of each pair's spacings, not that of h */
+    bool achieved;    /* no spacing is requested: amplitudes grade the points */
+    const bool *kept; /* per point: given; distances between two such points are not measured. NULL: none */
     /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (solver_patch_points). */
     size_t copy_count;
     const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */

@@ -79,7 +79,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
                      mean = 0.5 * (h + s->spacing[j]), size = mean / h, facing = sites_facing_pair(s, i, j);
         if (!(facing > SITES_OPPOSITE)) {
             gap = fmin(gap, wall_gap(in, i, j, distance, mean));
-        } else if (s->piece[i] == s->piece[j]) {
+        } else if (s->piece[i] == s->piece[j] && !(in->kept && in->kept[i] && in->kept[j])) {
             nearest = fmin(nearest, distance / mean);
         }
         if (facing <= VORONOI_OPPOSITE_COSINE || s->piece[i] != s->piece[j]) continue;

@@ -13,6 +13,7 @@ typedef struct pair_measures_input {
     bool sized;           /* see measures_input */
     const double *ideal;  /* the ideal degree of each point before rounding */
     const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
+    const bool *kept;     /* see measures_input */
 } pair_measures_input;
 
 /* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors: limit_memory,

@@ -28,6 +28,8 @@ static const double CROWDED = 0.6;
 static const double HOLE = 0.78;
 /* A place on a curve so near to a carried point, of the spacing, continues it. */
 static const double CONTINUED = 0.5;
+/* A fixed point nearer than this to a place on a curve, in spacings, takes its place: both would be too near. */
+static const double REPLACED = 0.3;
 /* When fewer than this share can be carried the surface is another one. */
 static const double SAME_SURFACE = 0.5;
 /* Within this, of the spacing, lie the neighbours of a point and no others. */
@@ -64,8 +66,8 @@ typedef struct candidates {
     registration motion;
     bbox box; /* projections outside of it are discarded */
     double h; /* of an even packing */
-    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles
-     * are the first `fixed` candidates, are taken, and stay where they are. */
+    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles, or the fixed
+     * points, are the first `fixed` candidates, are taken, and stay where they are. */
     quota allotted;
     size_t fixed;
     size_t wanted; /* particles: points, and on curves one for each patch there */
@@ -75,8 +77,10 @@ typedef struct candidates {
     vec3 *landed;     /* where one was carried to */
     uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
     uint32_t *row;    /* number of the place on a curve that holds it, or PARTICLES_FREE */
-    bool *taken;      /* is one of the points */
-    uint32_t *part;   /* connected part of the surface, or its patch; not kept where there is but one */
+    uint32_t *
+        own; /* of the first `fixed`: the fixed point there, or FRAME_TRANSFER_NONE; NULL without fixed points */
+    bool *taken;    /* is one of the points */
+    uint32_t *part; /* connected part of the surface, or its patch; not kept where there is but one */
     int64_t *
         missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes and gives */
     /* of a surface with patches, while points are carried: places all over it, their patches, and a tree of the places */
@@ -98,6 +102,7 @@ void frame_transfer_free(frame_transfer *c)
     free(c->parent);
     free(c->patch);
     free(c->place);
+    free(c->fixed);
     *c = (frame_transfer){0};
 }
 
@@ -108,6 +113,7 @@ static void candidates_free(candidates *c)
     free(c->normal);
     free(c->spacing);
     free(c->row);
+    free(c->own);
     free(c->landed);
     free(c->parent);
     free(c->taken);
@@ -125,13 +131,14 @@ static bool candidates_make(candidates *c, error *e)
 {
     const char *what = "carried points";
     size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
-    size_t room = most + PLACES * c->params->count + c->allotted.samples.copies;
+    size_t room = most + PLACES * c->params->count + c->allotted.samples.copies + c->params->fixed_count;
     return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
            (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
            (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
            (c->landed = mem_array(room, sizeof *c->landed, what, e)) &&
            (c->parent = mem_array(room, sizeof *c->parent, what, e)) &&
            (c->row = mem_array(room, sizeof *c->row, what, e)) &&
+           (c->params->fixed_count == 0 || (c->own = mem_array(room, sizeof *c->own, what, e))) &&
            (c->taken = mem_array(room, sizeof *c->taken, what, e)) &&
            (c->part = mem_array(room, sizeof *c->part, what, e)) &&
            (c->rank = mem_array(room, sizeof *c->rank, what, e)) &&
@@ -203,14 +210,66 @@ static void place_curve_samples(candidates *c)
     }
 }
 
+/* A fixed point takes the place of a sample of a curve, with all of its copies. */
+static void replace_sample(candidates *c, uint32_t i, uint32_t fixed)
+{
+    const uint32_t row = c->row[i];
+    while (i > 0 && c->row[i - 1] == row) i--;
+    for (; i < c->allotted.samples.copies && c->row[i] == row; i++) {
+        c->position[i] = c->landed[i] = c->params->fixed[fixed];
+        c->own[i] = fixed;
+    }
+}
+
+/* Adds a fixed point beside the samples of curves. */
+static void pin_fixed(candidates *c, uint32_t fixed)
+{
+    const size_t i = c->fixed++;
+    vec3 x = c->params->fixed[fixed];
+    double distance;
+    c->position[i] = c->landed[i] = x;
+    if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
+    if (!c->f->patches || !land(c, c->part[i], &x, &c->normal[i]))
+        c->normal[i] = c->params->fixed_normal[fixed];
+    c->row[i] = PARTICLES_PINNED;
+    c->own[i] = fixed;
+    c->parent[i] = FRAME_TRANSFER_NONE;
+    c->taken[i] = true;
+}
+
+/* The fixed points. */
+static bool place_fixed(candidates *c, error *e)
+{
+    const size_t copies = c->fixed, count = c->params->fixed_count;
+    vec3 *sample = count > 0 ? mem_array(copies + 1, sizeof *sample, "fixed points", e) : NULL;
+    point_tree *tree = NULL;
+    bool ok = count == 0 || sample;
+    for (size_t i = 0; sample && i < copies; i++) {
+        sample[i] = c->position[i];
+        c->own[i] = FRAME_TRANSFER_NONE;
+    }
+    if (sample && copies > 0) ok = (tree = point_tree_new(sample, copies, e)) != NULL;
+    for (uint32_t k = 0; ok && k < count; k++) {
+        double distance = INFINITY;
+        const uint32_t i = tree ? point_tree_nearest(tree, c->params->fixed[k], 0, &distance) : 0;
+        if (distance < REPLACED * c->spacing[i] && c->own[i] == FRAME_TRANSFER_NONE)
+            replace_sample(c, i, k);
+        else
+            pin_fixed(c, k);
+    }
+    point_tree_free(tree);
+    free(sample);
+    return ok;
+}
+
 /* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other place has it. */
 static bool match_curve_samples(candidates *c, error *e)
 {
     const size_t carried = c->params->previous_count;
-    if (c->fixed == 0) return true;
+    if (c->allotted.samples.copies == 0) return true;
     point_tree *tree = point_tree_new(c->position + c->fixed, carried, e);
     bool *assigned = tree ? mem_array(carried, sizeof *assigned, "points on curves", e) : NULL;
-    for (size_t i = 0; assigned && i < c->fixed; i++) {
+    for (size_t i = 0; assigned && i < c->allotted.samples.copies; i++) {
         double distance;
         const bool again = i > 0 && c->row[i] == c->row[i - 1];
         const uint32_t nearest = again ? 0 : point_tree_nearest(tree, c->position[i], 0, &distance);
@@ -310,27 +369,45 @@ static bool spread_places(candidates *c, error *e)
     return (c->tree = point_tree_new(c->place, places, e)) != NULL;
 }
 
+/* Whether the points around i are all fixed, and too near for one more among them. */
+static bool is_trapped(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    double nearest = INFINITY;
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+        const double d = c->taken[list[k]] ? distance(c, i, list[k]) : INFINITY;
+        if (list[k] >= c->fixed && d < NEAR) return false;
+        nearest = fmin(nearest, d);
+    }
+    return nearest < HOLE;
+}
+
 /* Projects the points; discards those that miss the surface or are over-dense. */
 static bool carry_all(candidates *c, error *e)
 {
     const frame_transfer_params *p = c->params;
+    if (!spread_places(c, e)) return false;
     place_curve_samples(c);
     c->count = c->fixed;
     set_spacings(c, 0);
-    if (!spread_places(c, e)) return false;
-    c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
+    if (!place_fixed(c, e)) return false;
+    c->count = c->fixed;
+    set_spacings(c, 0);
+    if (!p->is_still) c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
     threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
     if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (!match_curve_samples(c, e)) return false;
     c->count = c->fixed + p->previous_count;
     close_gaps(c);
     set_spacings(c, 0);
-    if (!build_lists(c, CROWDED, e)) return false;
+    if (!build_lists(c, p->fixed_count > 0 ? NEAR : CROWDED, e)) return false;
     for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
     for (int inner = 0; inner <= 1; inner++) /* points on boundaries first: boundaries must stay closed */
         for (size_t i = c->fixed; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
+    for (size_t i = c->fixed; p->fixed_count > 0 && i < c->count; i++)
+        c->taken[i] = c->taken[i] && !is_trapped(c, i);
     close_gaps(c);
     return true;
 }
@@ -376,7 +453,8 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Ranks a place by its distance from the nearest point, and a point by the density around it. */
+/* Ranks a place by its distance from the nearest point, and a point by the density around it. A place among fixed points, which would not make
+ * room, comes last unless it is a hole. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -390,6 +468,7 @@ static void rank_chunk(void *context, int worker, size_t begin, size_t end)
             nearest = fmin(nearest, d);
             crowding += (NEAR - d) * (NEAR - d);
         }
+        if (c->params->fixed_count > 0 && i >= c->carried && is_trapped(c, i)) nearest = 0;
         c->rank[i] = i < c->carried ? crowding : nearest;
     }
 }
@@ -591,12 +670,11 @@ static bool ease(candidates *c, error *e)
                            .fast_step = schedule_continued.longest_step,
                            .gain = schedule_continued.gain};
     bool ok = p && r;
-    ok = ok && particles_set_patches(p, c->f->patches, n, e);
+    ok = ok && particles_set_patches(p, c->f->patches, n, e) &&
+         (c->params->fixed_count == 0 || particles_add_places(p, e));
     for (size_t i = 0; ok && i < n; i++) {
-        if (p->patch) {
-            p->patch[i] = c->part[i];
-            p->place[i] = c->row[i];
-        }
+        if (p->patch) p->patch[i] = c->part[i];
+        if (p->place) p->place[i] = c->row[i];
         p->position[i] = c->position[i];
         p->normal[i] = c->normal[i];
         p->size[i] = c->spacing[i] / c->h;
@@ -661,7 +739,7 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     }
     if (!c->f->patches) threads_run(c->pool, c->carried, 256, part_chunk, c);
     for (size_t i = c->carried; i < c->count; i++) places[c->part[i]]++;
-    for (size_t i = 0; i < c->fixed; i++) fixed[c->part[i]]++;
+    for (size_t i = 0; i < c->allotted.samples.copies; i++) fixed[c->part[i]]++;
     for (size_t i = 0; i < c->count; i++) c->missing[c->part[i]] -= c->taken[i];
     for (size_t k = 0; k <= parts; k++) {
         const double should = c->f->patches && k < parts ? (double)c->allotted.free[k] + (double)fixed[k]
@@ -715,7 +793,7 @@ static bool populate(candidates *c, error *e)
     if (!ok || there == count) return ok;
     return error_set(e, ERROR_NO_SURFACE,
                      "point %zu of %zu was not projected onto the surface in %d attempts: reduce the "
-                     "motion between frames",
+                     "motion between frames, or ask for fewer points",
                      there + 1, count, DRAWS);
 }
 
@@ -759,20 +837,22 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
               (out->origin = mem_array(n, sizeof *out->origin, what, e)) &&
               (out->parent = mem_array(n, sizeof *out->parent, what, e)) &&
               morton_order(c->position, n, c->pool, order, e) && build_lists(c, NEAR, e);
-    if (ok && c->f->patches)
-        ok = (out->patch = mem_array(n, sizeof *out->patch, what, e)) &&
-             (out->place = mem_array(n, sizeof *out->place, what, e));
+    if (ok && c->f->patches) ok = (out->patch = mem_array(n, sizeof *out->patch, what, e)) != NULL;
+    if (ok && (c->f->patches || c->params->fixed_count > 0))
+        ok = (out->place = mem_array(n, sizeof *out->place, what, e)) != NULL;
+    if (ok && c->params->fixed_count > 0)
+        ok = (out->fixed = mem_array(n, sizeof *out->fixed, what, e)) != NULL;
     for (size_t k = 0; ok && k < n; k++) {
         uint32_t i = order[k];
+        const bool is_on_curve = c->row[i] < c->allotted.samples.count;
         out->position[k] = c->position[i];
         out->normal[k] = c->normal[i];
-        if (out->patch) {
-            out->patch[k] = c->part[i];
-            out->place[k] = c->row[i];
-        }
-        if (c->row[i] != PARTICLES_FREE && seen[c->row[i]]) continue;
-        if (c->row[i] != PARTICLES_FREE) seen[c->row[i]] = true;
+        if (out->patch) out->patch[k] = c->part[i];
+        if (out->place) out->place[k] = c->row[i];
+        if (is_on_curve && seen[c->row[i]]) continue;
+        if (is_on_curve) seen[c->row[i]] = true;
         const size_t point = out->count++;
+        if (out->fixed) out->fixed[point] = i < c->fixed ? c->own[i] : FRAME_TRANSFER_NONE;
         out->landed[point] = c->landed[i];
         out->parent[point] = c->parent[i];
         out->origin[point] = origin_of(c, i);
@@ -815,7 +895,8 @@ bool frame_transfer_points(const field *f, const surface *scan, const frame_tran
     c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
     *out = (frame_transfer){0};
     bool ok = allot(&c, e) && candidates_make(&c, e) && carry_all(&c, e);
-    if (ok && (double)count_survivors(&c) < SAME_SURFACE * (double)params->previous_count)
+    if (ok && !params->is_still &&
+        (double)count_survivors(&c) < SAME_SURFACE * (double)params->previous_count)
         out->died = params->previous_count;
     else
         ok = ok && populate(&c, e) && hand_over(&c, out, e);

@@ -38,6 +38,11 @@ typedef struct frame_transfer_params {
     bool eased;                 /* sweeps, of the kernel's energy, between portions of births and deaths */
     isa isa;                    /* of these sweeps */
     uint64_t seed;
+    bool is_still; /* the points are of this surface: it has not moved, and is never another one */
+    /* Points that are in the result at exactly these positions, with the unit normals of the surface; fewer than `count`. Points of the
+     * frame before that are near them die. One near a place on a curve takes that place. */
+    size_t fixed_count;
+    const vec3 *fixed, *fixed_normal;
 } frame_transfer_params;
 
 typedef struct frame_transfer {
@@ -49,11 +54,13 @@ typedef struct frame_transfer {
     vec3 *position; /* on the surface */
     vec3 *normal;
     uint32_t *patch; /* on a surface with patches the one that it lies on; else NULL */
-    uint32_t *place; /* likewise: its number in the samples of the quota's curves, or PARTICLES_FREE */
-    /* Of each point, in the order of its first particles. */
+    /* likewise: its number in the samples of the quota's curves, or PARTICLES_FREE; with fixed points PARTICLES_PINNED for these */
+    uint32_t *place;
+    /* Values of each point, in the order of its first particles. */
     vec3 *landed;     /* where it was carried to, before births and deaths moved it; of one born, no matter */
     vec3 *origin;     /* where it was in the frame before; of one that was born, where it would have been */
     uint32_t *parent; /* its index in the frame before, or FRAME_TRANSFER_NONE */
+    uint32_t *fixed; /* its index among the fixed points, or FRAME_TRANSFER_NONE; NULL without fixed points */
 } frame_transfer;
 
 /* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was stopped). The

@@ -122,7 +122,8 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
     s->scratch.relax = solver_new_relax(s, capacity, e);
     if (!s->state.p || !s->scratch.relax || !particles_set_patches(s->state.p, f->patches, capacity, e) ||
         (params->graded && !particles_add_amplitudes(s->state.p, e)) ||
-        (params->sizing && !particles_add_sizes(s->state.p, e)))
+        (params->sizing && !particles_add_sizes(s->state.p, e)) ||
+        (params->given_place && !particles_add_places(s->state.p, e)))
         goto fail;
     s->state.stage = solver_is_continued(s) ? SCHEDULE_STAGES - 1 : 0;
     begin_round(s, "placed");

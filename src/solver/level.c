@@ -35,6 +35,12 @@ static bool arrange(solver *s, error *e)
     return ok;
 }
 
+/* Whether the coarsest level has given particles, so that it is neither dropped nor changed in count. */
+static bool has_given_level(const solver *s)
+{
+    return s->setup.params.start == SOLVER_START_COARSEST;
+}
+
 /* Initial positions of the particles, in memory order. */
 static bool place(solver *s, error *e)
 {
@@ -43,11 +49,19 @@ static bool place(solver *s, error *e)
         memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
         memcpy(s->state.p->normal, s->setup.params.given_normal,
                s->state.p->count * sizeof *s->state.p->normal);
+        if (s->setup.params.given_place)
+            memcpy(s->state.p->place, s->setup.params.given_place,
+                   s->state.p->count * sizeof *s->state.p->place);
         if (!s->state.p->patch) return true;
         assert(s->setup.params.given_patch && s->setup.params.given_place);
         memcpy(s->state.p->patch, s->setup.params.given_patch, s->state.p->count * sizeof *s->state.p->patch);
-        memcpy(s->state.p->place, s->setup.params.given_place, s->state.p->count * sizeof *s->state.p->place);
         return true;
+    }
+    if (has_given_level(s) && !s->state.p->patch) {
+        memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
+        memcpy(s->state.p->normal, s->setup.params.given_normal,
+               s->state.p->count * sizeof *s->state.p->normal);
+        return arrange(s, e);
     }
     if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
                      s->state.spacing, s->setup.pool, s->state.p, &removed, e))
@@ -74,7 +88,8 @@ bool solver_place(solver *s, double support, error *e)
     particles_reset_damping(s->state.p);
     if (!s->setup.method->begin(s, e)) return false;
     bool again;
-    return s->state.plan.count == 1 || s->state.stage > 0 || drop_coarsest(s, &again, e);
+    return s->state.plan.count == 1 || s->state.stage > 0 || has_given_level(s) ||
+           drop_coarsest(s, &again, e);
 }
 
 static size_t count_on_boundary(const solver *s)
@@ -101,6 +116,7 @@ static void release_mesh(solver *s)
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
+    if (has_given_level(s)) return true;
     if (s->state.stage == 0) return drop_coarsest(s, again, e);
     if (s->state.plan.quotas) return true; /* quotas determine the counts */
     /* the number of edges is meaningless if the level does not resolve the surface */

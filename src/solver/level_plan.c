@@ -33,6 +33,12 @@ static const double MIN_COARSEST_SHARE = 0.5;
  * resolved by any level. */
 static const double CURVATURE_QUANTILE = 0.5;
 
+/* Factor of the count by one refinement: each edge of a triangulation, about three for each particle, gets a particle. */
+static const double REFINEMENT = 4;
+/* With given particles: a ratio above a power of four by less than this power of four takes no further level (4.6 instead of 4). Some edges get two
+ * particles then. */
+static const double RATIO_SLACK = 0.1;
+
 /* Typical maximum of the larger principal curvature and the gradient of the spacing over h. Both are scaled by the requested spacing over
  * the spacing h of a uniform packing. 1 / length. */
 static double typical_curvature(const field *f, const surface *scan, const sizing_field *sizing, double h,
@@ -113,6 +119,37 @@ static bool assign_parts(level_plan *l, const surface *scan, const double *weigh
     return ok;
 }
 
+/* Levels from given particles on, in equal ratios. */
+static void plan_from_given(const solver_params *params, level_plan *l)
+{
+    const double ratio = (double)params->count / (double)params->given_count,
+                 steps = fmin(fmax(ceil(log(ratio) / log(REFINEMENT) - RATIO_SLACK), 1), LEVEL_PLAN_MAX - 1);
+    if (params->given_count >= params->count) return;
+    l->count = (int)steps + 1;
+    for (int k = 0; k < l->count - 1; k++)
+        l->particles[k] = (size_t)round((double)params->given_count * pow(ratio, k / steps));
+    l->particles[l->count - 1] = params->count;
+}
+
+/* Quotas of the levels from given particles on. The levels end before one with more curve samples than free particles. */
+static bool plan_patches_from_given(const quota_input *in, const solver_params *params, level_plan *l,
+                                    quota *found, error *e)
+{
+    plan_from_given(params, l);
+    const int levels = l->count;
+    l->count = 1;
+    for (int k = levels - 2; k >= 0; k--) {
+        quota *next = &found[l->count];
+        const bool ok = quota_for_count(in, l->particles[k], next, e);
+        if (!ok || next->free_count < next->samples.count) {
+            quota_free(next);
+            return ok;
+        }
+        l->quotas[l->count++] = *next; /* ownership: level_plan_free */
+    }
+    return true;
+}
+
 /* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A level with more curve samples
  * than free particles is not used. */
 static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
@@ -128,7 +165,9 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
     l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, e);
     if (!l->curves) return false;
     double limit = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
-    bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN;
+    const bool is_given = params->start == SOLVER_START_COARSEST;
+    bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN && !is_given;
+    if (is_given && !plan_patches_from_given(&in, params, l, found, e)) return false;
     while (coarser && l->count < LEVEL_PLAN_MAX) {
         quota *next = &found[l->count];
         double spacing = 2 * found[l->count - 1].spacing;
@@ -158,6 +197,10 @@ bool level_plan_make(const field *f, const surface *scan, const solver_params *p
     *out = (level_plan){.count = 1, .particles = {params->count}};
     if (f->patches) return plan_patches(f, scan, params, out, e);
     if (!params->coarse_to_fine || params->start == SOLVER_START_GIVEN) return true;
+    if (params->start == SOLVER_START_COARSEST) {
+        plan_from_given(params, out);
+        return true;
+    }
     double even = packing_spacing(scan->area, (double)params->count);
     double coarsest = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
     size_t finest_first[LEVEL_PLAN_MAX] = {params->count};

@@ -15,7 +15,8 @@
 typedef enum solver_start {
     SOLVER_START_SURFACE, /* on the surface, in proportion to the area */
     SOLVER_START_RANDOM, /* uniform in the domain, or with random_in_cells in the crossing grid cells; then projected */
-    SOLVER_START_GIVEN /* at `given` */
+    SOLVER_START_GIVEN,   /* at `given` */
+    SOLVER_START_COARSEST /* at `given`, which are the particles of the coarsest level */
 } solver_start;
 
 typedef struct solver_params {
@@ -34,8 +35,13 @@ typedef struct solver_params {
      * once, with the long steps that a solve from SOLVER_START_SURFACE takes on its last level. They remove more defects and move the
      * points farther. 0: never. */
     double max_excess;
-    /* With SOLVER_START_GIVEN and patches, required: patch and place of these solver_patch_points, see `given`. */
+    /* With SOLVER_START_GIVEN and patches, required: patch and place of these solver_patch_points, see `given`. Without patches
+     * given_place is NULL, or PARTICLES_PINNED for particles that never move. */
     const uint32_t *given_patch, *given_place;
+    /* With SOLVER_START_COARSEST: the number of positions on the surface in `given`, with unit normals unless the surface has patches;
+     * at most `count`, in any order. No two are equal. Refinement inserts the others. On patches, curve samples replace points near
+     * curves, and each patch has its quota: surplus points are left out, missing ones are drawn. */
+    size_t given_count;
     uint64_t seed;
     bool graded; /* amplitudes by curvature (13)(14) */
     double d, gamma, nu, kappa_max;

@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "base/rng.h"
+#include "geometry/point_tree.h"
 #include "solver/curves/boundary.h"
 #include "field/projection.h"
 #include "packing/packing.h"
@@ -56,6 +57,7 @@ typedef struct draw_job {
     particles *p;
     size_t first;        /* the first free particle; samples of boundaries and curves precede */
     size_t *patch_first; /* per patch: its first free particle; NULL without patches */
+    bool *is_placed;     /* per particle: it is at a given point; NULL: none is */
     uint64_t seed;
     threads *pool;
     atomic_int drawn_again; /* failed draws */
@@ -190,6 +192,7 @@ static void draw_chunk(void *context, int worker, size_t begin, size_t end)
     last.known = false;
     for (size_t k = begin; k < end; k++) {
         size_t i = job->first + k, lost = atomic_load(&job->lost);
+        if (job->is_placed && job->is_placed[i]) continue;
         if (draw_particle(job, i, &last)) continue;
         while (i < lost && !atomic_compare_exchange_weak(&job->lost, &lost, i)) continue;
         return;
@@ -216,11 +219,106 @@ static bool place_curve_samples(const quota *a, particles *p, size_t *first, siz
     return true;
 }
 
+/* Samples of each patch, for finding the patch of a given point: at least, and for each free particle. */
+enum { PATCH_SAMPLES_LEAST = 8, SAMPLES_PER_PARTICLE = 4 };
+/* Maximum distance of a given point from its patch, in spacings. */
+static const double MAX_GIVEN_DISTANCE = 1;
+
+/* Samples of all patches. Free *place and *patch also after failure. */
+static bool sample_patches(const draw_job *job, vec3 **place, uint32_t **patch, size_t *count, error *e)
+{
+    const size_t patches = job->p->patches->count;
+    const uint32_t *free_count = job->plan->quotas[job->level].free;
+    const double *weight = sizing_field_weight(job->params->sizing, job->scan);
+    rng r = rng_seed(job->seed, job->p->count); /* no particle has this stream */
+    size_t most = 0;
+    for (size_t k = 0; k < patches; k++)
+        most += PATCH_SAMPLES_LEAST + SAMPLES_PER_PARTICLE * (size_t)free_count[k];
+    *place = mem_array(most, sizeof **place, "the start", e);
+    *patch = *place ? mem_array(most, sizeof **patch, "the start", e) : NULL;
+    *count = 0;
+    for (uint32_t k = 0; *patch && k < patches; k++) {
+        const size_t wanted = PATCH_SAMPLES_LEAST + SAMPLES_PER_PARTICLE * (size_t)free_count[k];
+        for (size_t n = 0; n < wanted; n++) {
+            const double where = ((double)n + rng_uniform(&r)) / (double)wanted;
+            (*patch)[*count] = k;
+            *count += surface_patch_point(job->scan, weight, k, where, &r, &(*place)[*count]);
+        }
+    }
+    return *patch && (*count > 0 || error_set(e, ERROR_NO_SURFACE, "no patch of the surface has an area"));
+}
+
+/* A given point on its patch; `patch` UINT32_MAX: on none, or on a curve. */
+typedef struct given_point {
+    vec3 x, normal;
+    uint32_t patch;
+} given_point;
+
+static given_point find_given(const draw_job *job, const point_tree *tree, const uint32_t *patch, size_t i)
+{
+    const vec3 at = job->params->given[i];
+    const projection_limits limits = projection_draft(job->spacing);
+    double distance;
+    given_point g = {.x = at, .patch = patch[point_tree_nearest(tree, at, 0, &distance)]};
+    const field *f = field_of_patch(job->field, g.patch);
+    if (!projection_find(f, &limits, &g.x, &g.normal) || !field_is_within(f, g.x) ||
+        vec3_norm(vec3_sub(g.x, at)) > MAX_GIVEN_DISTANCE * job->spacing ||
+        is_too_near_curve(job, g.patch, g.x))
+        g.patch = UINT32_MAX;
+    return g;
+}
+
+/* Places the free particles of each patch at given points: at all, or evenly chosen ones if there are more. */
+static void fill_patches(draw_job *job, const given_point *given, size_t count, size_t *found, size_t *seen)
+{
+    const uint32_t *free_count = job->plan->quotas[job->level].free;
+    for (size_t i = 0; i < count; i++)
+        if (given[i].patch != UINT32_MAX) found[given[i].patch]++;
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t k = given[i].patch;
+        if (k == UINT32_MAX) continue;
+        const size_t most = found[k] < free_count[k] ? found[k] : free_count[k],
+                     slot = seen[k] * most / found[k];
+        if (++seen[k] * most / found[k] == slot) continue;
+        const size_t at = job->patch_first[k] + slot;
+        job->p->position[at] = given[i].x;
+        job->p->normal[at] = given[i].normal;
+        job->is_placed[at] = true;
+    }
+}
+
+/* Places particles of patches at given points. The others are drawn. */
+static bool place_given(draw_job *job, error *e)
+{
+    const char *what = "the start";
+    const size_t count = job->params->given_count, patches = job->p->patches->count;
+    vec3 *place = NULL;
+    uint32_t *patch = NULL;
+    size_t places = 0;
+    bool ok = sample_patches(job, &place, &patch, &places, e);
+    point_tree *tree = ok ? point_tree_new(place, places, e) : NULL;
+    given_point *given = tree ? mem_array(count, sizeof *given, what, e) : NULL;
+    size_t *found = given ? mem_array(2 * patches, sizeof *found, what, e) : NULL;
+    job->is_placed = found ? mem_array(job->p->count, sizeof *job->is_placed, what, e) : NULL;
+    ok = job->is_placed != NULL;
+    for (size_t i = 0; ok && i < count && !threads_stopped(job->pool); i++)
+        given[i] = find_given(job, tree, patch, i);
+    if (ok && !threads_stopped(job->pool)) fill_patches(job, given, count, found, found + patches);
+    point_tree_free(tree);
+    free(place);
+    free(patch);
+    free(given);
+    free(found);
+    return ok;
+}
+
 /* Places the particles on boundaries or curves first. */
 static bool place_first(draw_job *job, error *e)
 {
     if (job->p->patch)
-        return place_curve_samples(&job->plan->quotas[job->level], job->p, &job->first, &job->patch_first, e);
+        return place_curve_samples(&job->plan->quotas[job->level], job->p, &job->first, &job->patch_first,
+                                   e) &&
+               (job->params->start != SOLVER_START_COARSEST || place_given(job, e));
     return place_boundary(job->scan, job->boundary, job->p, &job->first, e);
 }
 
@@ -241,10 +339,12 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
                     .p = p,
                     .seed = rng_next(&r),
                     .pool = pool};
-    if (!place_first(&job, e)) return false;
+    const bool is_begun = place_first(&job, e);
     atomic_store(&job.lost, p->count);
-    threads_run(pool, p->count - job.first, THREADS_GRAIN, draw_chunk, &job);
+    if (is_begun) threads_run(pool, p->count - job.first, THREADS_GRAIN, draw_chunk, &job);
     free(job.patch_first);
+    free(job.is_placed);
+    if (!is_begun) return false;
     size_t lost = atomic_load(&job.lost);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (lost < p->count)

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "base/memory.h"
+#include "field/projection.h"
 #include "close.h"
 #include "packing/packing.h"
 #include "solver/level_plan.h"
@@ -55,6 +56,7 @@ static solver *pack(const stage *s, size_t count, const frame_transfer *start)
                                   .start = start ? SOLVER_START_GIVEN : SOLVER_START_SURFACE,
                                   .given = start ? start->position : NULL,
                                   .given_normal = start ? start->normal : NULL,
+                                  .given_place = start ? start->place : NULL,
                                   .coarse_to_fine = true,
                                   .isa = ISA_PORTABLE,
                                   .list_limit = SIZE_MAX,
@@ -87,11 +89,23 @@ static int free_first(void **state)
     return 0;
 }
 
+/* The points of the first torus, for a count. */
+static frame_transfer_params params_for(size_t count, bool eased)
+{
+    const solver_points *p = solver_result_points(first);
+    return (frame_transfer_params){.previous_count = p->count,
+                                   .position = p->position,
+                                   .normal = p->normal,
+                                   .count = count,
+                                   .eased = eased,
+                                   .isa = ISA_PORTABLE,
+                                   .seed = 1};
+}
+
 static frame_transfer carry_by(const stage *s, size_t count, bool eased)
 {
     const solver_points *p = solver_result_points(first);
-    const frame_transfer_params params = {p->count, p->position, p->normal,    count,
-                                          NULL,     eased,       ISA_PORTABLE, 1};
+    const frame_transfer_params params = params_for(count, eased);
     frame_transfer c;
     error e = {0};
     if (!frame_transfer_points(&s->field->base, s->scan, &params, s->pool, &c, &e)) fail_msg("%s", e.message);
@@ -112,6 +126,52 @@ static double clearance(const frame_transfer *c, double spacing, size_t i)
     for (size_t k = 0; k < c->count; k++)
         if (k != i) least = fmin(least, vec3_norm(vec3_sub(c->position[k], c->position[i])));
     return least / spacing;
+}
+
+/* Fixed points are where they were given, bit by bit, before and after the solve; the others make room. */
+static void test_fixed_points_never_move(void **state)
+{
+    (void)state;
+    enum { FIXED = 150, EVERY = POINTS / FIXED };
+    stage s = set_stage(&before, 2);
+    const solver_points *p = solver_result_points(first);
+    const double h = packing_spacing(s.scan->area, POINTS);
+    const projection_limits limits = projection_draft(h);
+    vec3 fixed[FIXED], normal[FIXED];
+    size_t found[FIXED] = {0};
+    for (size_t k = 0; k < FIXED; k++) { /* between the points */
+        fixed[k] = vec3_axpy(0.5, vec3_sub(p->position[EVERY * k + 1], p->position[EVERY * k]),
+                             p->position[EVERY * k]);
+        assert_true(projection_find(&s.field->base, &limits, &fixed[k], &normal[k]));
+    }
+    frame_transfer_params params = params_for(POINTS, true);
+    params.is_still = true;
+    params.fixed_count = FIXED;
+    params.fixed = fixed;
+    params.fixed_normal = normal;
+    frame_transfer c;
+    error e = {0};
+    if (!frame_transfer_points(&s.field->base, s.scan, &params, s.pool, &c, &e)) fail_msg("%s", e.message);
+    assert_int_equal(c.count, POINTS);
+    solver *made = pack(&s, POINTS, &c);
+    const solver_points *q = solver_result_points(made);
+    assert_int_equal(q->count, POINTS);
+    for (size_t i = 0; i < POINTS; i++) {
+        const bool is_fixed = c.fixed[i] != FRAME_TRANSFER_NONE;
+        assert_true((c.place[i] == PARTICLES_PINNED) == is_fixed);
+        if (!is_fixed) continue;
+        found[c.fixed[i]]++;
+        assert_memory_equal(&c.position[i], &fixed[c.fixed[i]], sizeof(vec3));
+        assert_memory_equal(&q->position[i], &fixed[c.fixed[i]], sizeof(vec3));
+    }
+    for (size_t k = 0; k < FIXED; k++) assert_int_equal(found[k], 1);
+    for (size_t k = 0; k < FIXED; k++)
+        for (size_t i = 0; i < POINTS; i++)
+            if (c.fixed[i] == FRAME_TRANSFER_NONE)
+                assert_true(vec3_norm(vec3_sub(q->position[i], fixed[k])) > 0.5 * h);
+    solver_free(made);
+    frame_transfer_free(&c);
+    strike(&s);
 }
 
 static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
@@ -270,9 +330,7 @@ static void test_another_surface_is_not_carried_onto(void **state)
     after.center = (vec3){9, 9, 9}; /* a field of distances leads there from anywhere */
     after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
     stage s = set_stage(&after, 1);
-    const solver_points *p = solver_result_points(first);
-    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
-                                          NULL,     true,        ISA_PORTABLE, 1};
+    const frame_transfer_params params = params_for(POINTS, true);
     frame_transfer c;
     assert_true(frame_transfer_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
     assert_int_equal(c.count, 0);
@@ -288,9 +346,7 @@ static void test_a_stop_is_told(void **state)
     stage s = set_stage(&before, 1);
     error e = {0};
     threads *pool = threads_new(2, &stop, &e);
-    const solver_points *p = solver_result_points(first);
-    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
-                                          NULL,     true,        ISA_PORTABLE, 1};
+    const frame_transfer_params params = params_for(POINTS, true);
     frame_transfer c;
     stop = 1;
     assert_false(frame_transfer_points(&s.field->base, s.scan, &params, pool, &c, &e));
@@ -320,6 +376,7 @@ static void test_any_number_of_threads_gives_the_same(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_fixed_points_never_move),
         cmocka_unit_test(test_all_go_with_a_torus_that_moves_turns_and_grows),
         cmocka_unit_test(test_a_turn_about_the_own_axis_is_not_made_up),
         cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),

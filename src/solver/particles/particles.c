@@ -50,16 +50,22 @@ particles *particles_new(size_t count, error *e)
     return NULL;
 }
 
+bool particles_add_places(particles *p, error *e)
+{
+    if (p->place) return true;
+    p->place = mem_array(p->capacity, sizeof *p->place, "particles", e);
+    for (size_t i = 0; p->place && i < p->capacity; i++) p->place[i] = PARTICLES_FREE;
+    return p->place != NULL;
+}
+
 bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e)
 {
     if (!patches) return true;
     p->patches = patches;
     p->patch = mem_array(capacity, sizeof *p->patch, "particles", e);
     p->hint = mem_array(capacity, sizeof *p->hint, "particles", e);
-    p->place = mem_array(capacity, sizeof *p->place, "particles", e);
     for (size_t i = 0; p->hint && i < capacity; i++) p->hint[i] = FIELD_NO_HINT;
-    for (size_t i = 0; p->place && i < capacity; i++) p->place[i] = PARTICLES_FREE;
-    return p->patch && p->hint && p->place;
+    return p->patch && p->hint && particles_add_places(p, e);
 }
 
 void particles_free(particles *p)
@@ -107,17 +113,17 @@ static void copy_between(particles *to, size_t i, const particles *from, size_t 
     if (from->size) to->size[i] = from->size[k];
     to->lambda[i] = from->lambda[k];
     to->energy[i] = from->energy[k];
+    if (from->place) to->place[i] = from->place[k];
     if (!from->patch) return;
     to->patch[i] = from->patch[k];
     to->hint[i] = from->hint[k];
-    to->place[i] = from->place[k];
 }
 
 bool particles_grow(particles *p, size_t capacity, error *e)
 {
     particles *q = particles_new_even(capacity, e);
     if (!q || (p->alpha && !particles_add_amplitudes(q, e)) || (p->size && !particles_add_sizes(q, e)) ||
-        !particles_set_patches(q, p->patches, capacity, e)) {
+        !particles_set_patches(q, p->patches, capacity, e) || (p->place && !particles_add_places(q, e))) {
         particles_free(q);
         return false;
     }
@@ -200,14 +206,15 @@ bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error
         arrange(p->energy, sizeof *p->energy, order, p->count, buffer, pool);
         arrange(p->patch, sizeof *p->patch, order, p->count, buffer, pool);
         arrange(p->hint, sizeof *p->hint, order, p->count, buffer, pool);
-        arrange(p->place, sizeof *p->place, order, p->count, buffer, pool);
     }
+    if (p->place) arrange(p->place, sizeof *p->place, order, p->count, buffer, pool);
     free(buffer);
     return true;
 }
 
 void particles_mark_boundary(particles *p, const field *f, double h)
 {
+    for (size_t i = 0; !f->open && p->place && i < p->count; i++) p->near_boundary[i] = false;
     if (!f->open) return;
     for (size_t i = 0; i < p->count; i++)
         p->near_boundary[i] =

@@ -22,12 +22,13 @@ typedef struct particles {
     /* At the last list build: within 2 h of a boundary of an open surface, on a curve, or with a particle of a curve in its
      * support. */
     bool *near_boundary;
+    /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED; NULL: all are free */
+    uint32_t *place;
     /* The following are NULL for a surface without patches. A point on a curve is one particle for each incident patch. */
     const field_patches *patches;
     /* the patch it belongs to; relocation may change it, a step of the relaxation never does */
     uint32_t *patch;
-    uint32_t *hint;  /* location on its patch: sample_patch_lanes of field_ops */
-    uint32_t *place; /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED */
+    uint32_t *hint; /* location on its patch: sample_patch_lanes of field_ops */
 } particles;
 
 #define PARTICLES_FREE UINT32_MAX
@@ -88,6 +89,9 @@ particles *particles_new_even(size_t count, error *e);
 bool particles_add_amplitudes(particles *p, error *e);
 bool particles_add_sizes(particles *p, error *e);
 
+/* Allocates place, filled with PARTICLES_FREE, unless it exists. Error: limit_memory. */
+bool particles_add_places(particles *p, error *e);
+
 /* Allocates the arrays for patches: every particle becomes a free particle of the first patch. `patches` NULL: does nothing.
  * `capacity`: that of `p`. Error: limit_memory. */
 bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e);
@@ -113,7 +117,7 @@ void particles_reset_damping(particles *p);
 bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e);
 
 /* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times
- * its size. Does nothing for a closed surface. */
+ * its size. Clears it on a closed surface if particles may be fixed; the next list build marks those near fixed particles. */
 void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

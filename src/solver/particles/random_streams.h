@@ -14,6 +14,7 @@ enum random_stream {
     RANDOM_STREAM_WITKIN_HECKBERT = 5,       /* fission and death of Witkin and Heckbert */
     RANDOM_STREAM_WITKIN_HECKBERT_RADII = 6, /* curvature samples for the radii of Witkin and Heckbert */
     RANDOM_STREAM_RELOCATION = 7,            /* candidate positions of over-dense particles */
+    RANDOM_STREAM_AVOIDED = 8, /* samples of the surface, at which distances from given points are taken */
     RANDOM_STREAM_ROUND = 256, /* insertion and deletion: plus the number of the round, from 1 */
     /* defect repair: REPAIR + pass for the order of the defects; REPAIR + (pass * 2^32) + particle for the repair region about
      * a particle */

@@ -237,13 +237,14 @@ static void draw_patch_candidates(const solver *s, const size_t *first, candidat
     }
 }
 
-/* Sets immovable[i] of particles that must not move: on boundaries, on curves, or the only one of their patch. Sets of_patch. */
+/* Sets immovable[i] of particles that must not move: fixed, on boundaries, on curves, or the only one of their patch. Sets of_patch. */
 static void find_immovable(const solver *s, uint32_t *of_patch, bool *immovable)
 {
     const particles *p = s->state.p;
     if (!p->patch) {
         for (size_t i = 0; i < p->count; i++)
-            immovable[i] = projection_boundary_axes(s->setup.field, p->position[i]) != 0;
+            immovable[i] =
+                particles_is_fixed(p, i) || projection_boundary_axes(s->setup.field, p->position[i]) != 0;
         return;
     }
     memset(of_patch, 0, s->setup.field->patches->count * sizeof *of_patch);

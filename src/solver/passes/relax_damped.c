@@ -178,7 +178,7 @@ void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sum
     step_input a = {.params = params,
                     .hint = p->patch ? &p->hint[i] : &none,
                     .field = particles_field(p, params->field, i),
-                    .bounded = p->place && p->near_boundary[i],
+                    .bounded = p->patch && p->near_boundary[i],
                     .potential = job->r->energy,
                     .near = relax_gather_list(job->r, p, worker, i),
                     .flat = job->r->flat[i] || job->r->ignores_normals,

@@ -89,7 +89,7 @@ static bool is_near_curve(const relax *r, const particles *p, size_t i)
     return near;
 }
 
-/* Sets flat, near_boundary (with patches) and moved after a list build. */
+/* Sets flat, near_boundary (with fixed particles) and moved after a list build. */
 static void facing_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
@@ -103,7 +103,7 @@ static void facing_chunk(void *context, int worker, size_t begin, size_t end)
             double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
-        if (p->place) p->near_boundary[i] = is_near_curve(job->r, p, i);
+        if (p->place) p->near_boundary[i] = (!p->patch && p->near_boundary[i]) || is_near_curve(job->r, p, i);
         job->r->flat[i] = (uint8_t)((least > RELAX_FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }
