@@ -118,6 +118,8 @@ static char *name_of(const spec_attribute *a, int place)
 /* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also the two
  * labels. */
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
+/* Property of points if some are given and kept. */
+static const char kept_name[] = "kept";
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
 static size_t place_count(const source *from)
@@ -230,14 +232,16 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
 
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e)
 {
-    size_t places = place_count(from);
+    const size_t of_patches = place_count(from),
+                 places = of_patches + (s->has_points && s->points.mode == SPEC_POINTS_KEEP);
     out->count = places + s->attribute_count;
     for (size_t k = 0; k < s->attribute_count; k++)
         if (is_place(&s->attributes[k])) out->count += ATTACHMENT_ARRAYS - 1;
     out->entries = mem_alloc(out->count * sizeof *out->entries);
     out->values = mem_alloc(out->count * sizeof *out->values);
     for (size_t k = 0; k < places; k++) {
-        out->entries[k] = (attributes_entry){.name = mem_strdup(place_names[k]), .fd = -1, .place = -1};
+        const char *name = k < of_patches ? place_names[k] : kept_name;
+        out->entries[k] = (attributes_entry){.name = mem_strdup(name), .fd = -1, .place = -1};
         out->values[k] = (point_attribute){out->entries[k].name, POINT_ATTRIBUTE_INT, 1, NULL, false};
     }
     for (size_t i = 0, k = places; i < s->attribute_count; i++) {
@@ -381,7 +385,7 @@ static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const 
 }
 
 static bool read_one(attributes_entry *entry, const source *from, const solver_points *solved,
-                     size_t memory_limit, const points *set, point_attribute *out, error *e)
+                     const bool *kept, size_t memory_limit, const points *set, point_attribute *out, error *e)
 {
     size_t numbers = set->count * (size_t)out->components;
     if (entry->is_given) {
@@ -396,7 +400,9 @@ static bool read_one(attributes_entry *entry, const source *from, const solver_p
     entry->stack.memory_limit = memory_limit;
     if (!values) return false;
     if (entry->place >= 0) return true; /* read_attachment fills it in */
-    if (!entry->spec)
+    if (!entry->spec && strcmp(entry->name, kept_name) == 0)
+        for (size_t i = 0; i < set->count; i++) values[i] = kept[i];
+    else if (!entry->spec)
         read_place(entry->name, from, solved, values);
     else if (!entry->request.path)
         read_geometry(entry->spec->name, from, set, values);
@@ -450,7 +456,7 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
     for (size_t k = 0; ok && k < a->count; k++) {
         a->entries[k].request.last = &last;
         ok =
-            (read_one(&a->entries[k], from, solved, memory_limit, set, &a->values[k], e) &&
+            (read_one(&a->entries[k], from, solved, a->kept, memory_limit, set, &a->values[k], e) &&
              (a->entries[k].place != ATTACHMENT_ARRAYS - 1 || read_attachment(a, k, memory_limit, set, e))) ||
             error_prefix(e, "attribute \"%s\"", a->entries[k].name);
     }

@@ -24,6 +24,8 @@ typedef struct attributes {
     vec3 *color;             /* values of the first color attribute, or NULL */
     double *uv;              /* values of the first texture coordinates, or NULL */
     surface_meshes meshes;   /* if places on them are requested */
+    const bool *
+        kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode keep) */
 } attributes;
 
 /* Locates all attributes of the spec (`from` may be a source that is not open, but for its roots), and checks the columns of output.ply.properties. Errors: attribute_missing,

@@ -58,7 +58,8 @@ static bool rehearse_once(job *j, double end_s, run_cost *out)
 /* The reason why trial runs cannot predict the job; NULL: they can. */
 static const char *rehearsal_obstacle(const job *j)
 {
-    return j->spec->has_control ? "sampling.control determines the count during the run"
+    return j->spec->has_points    ? "points are given, and trial runs would need fewer of them"
+           : j->spec->has_control ? "sampling.control determines the count during the run"
            : j->options->previous
                ? "the points of the previous frame are carried over, and trial runs would need fewer "
                  "of them"
@@ -126,7 +127,7 @@ static json *describe_estimate(const job *j, int64_t held, double seconds, const
 {
     json *o = json_new_object();
     if (j->count > 0)
-        json_put_integer(o, "count", (int64_t)j->count);
+        json_put_integer(o, "count", (int64_t)(j->avoided.wanted > 0 ? j->avoided.wanted : j->count));
     else
         json_put_null(o, "count");
     json_put_number(o, "area", j->scan->area);

@@ -50,19 +50,25 @@ bool job_may_continue(const job *j, error *e)
 
 double job_particle_memory(const job *j)
 {
-    return plan_particle_memory(j->spec, j->memory, source_memory(&j->source));
+    return plan_particle_memory(j->spec, j->memory, source_memory(&j->source)) -
+           given_points_bytes(&j->given);
+}
+
+/* Whether points are moved onto the surface and others are inserted between them. */
+static bool carries_points(const job *j)
+{
+    return j->options->previous != NULL || (j->spec->has_points && j->spec->points.mode == SPEC_POINTS_KEEP);
 }
 
 double job_bytes_per_particle(const job *j)
 {
-    return plan_bytes_per_particle(j->spec, j->options->previous != NULL) +
-           attributes_bytes_per_point(&j->attributes);
+    return plan_bytes_per_particle(j->spec, carries_points(j)) + attributes_bytes_per_point(&j->attributes);
 }
 
 static bool fits_memory(const job *j, double count, error *e)
 {
     double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(j->spec, j->options->previous != NULL, count, left, (double)j->memory, e);
+    return plan_check_memory(j->spec, carries_points(j), count, left, (double)j->memory, e);
 }
 
 /* The instruction set that the spec requests. */
@@ -115,6 +121,12 @@ static bool check_label_meshes(const job *j, error *e)
                      count, LABEL_MESHES_MOST);
 }
 
+static size_t memory_left(const job *j)
+{
+    const size_t held = source_memory(&j->source);
+    return j->memory > held ? j->memory - held : 0;
+}
+
 bool job_make_pool(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -133,7 +145,8 @@ bool job_load(job *j, error *e)
     bool ok = job_make_pool(j, e) && fits_memory(j, (double)s->count, e) && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
-              check_label_meshes(j, e) && attributes_find(s, &j->source, j->memory, &j->attributes, e);
+              check_label_meshes(j, e) && given_points_read(s, &j->source, memory_left(j), &j->given, e) &&
+              attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */
     return ok;
 }
@@ -226,6 +239,11 @@ bool job_survey(job *j, error *e)
     }
     return plan_count(j->spec, j->scan->area, wanted, &j->count, e) &&
            fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e) &&
+           given_points_place(&j->given, j->spec, &j->source,
+                              packing_spacing(j->scan->area, (double)j->count), j->count, j->pool, e) &&
+           avoided_points_plan(&j->given, j->spec, &j->source, j->scan, j->count, j->pool, &j->avoided,
+                               &j->count, e) &&
+           fits_memory(j, (double)j->count, e) &&
            (!j->spec->has_feature || j->by_features || make_sizing(j, j->count, &j->by_features, e));
 }
 
@@ -276,6 +294,35 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     return NULL;
 }
 
+/* Puts the given points that are kept among the points of a packing by levels, whose points near them are removed. */
+static bool place_around_kept(job *j, const solver_params *params, frame_transfer_params carry,
+                              frame_transfer *out, error *e)
+{
+    solver *packed = pack_by_levels(j, params, e);
+    if (!packed) return false;
+    const solver_points *p = solver_result_points(packed);
+    carry.is_still = true;
+    carry.previous_count = p->count;
+    carry.position = p->position;
+    carry.normal = p->normal;
+    carry.fixed_count = j->given.count;
+    carry.fixed = j->given.position;
+    carry.fixed_normal = j->given.normal;
+    const bool ok = frame_transfer_points(j->source.field, j->scan, &carry, j->pool, out, e) &&
+                    given_points_note(&j->given, out->fixed, out->count, e);
+    solver_free(packed);
+    return ok;
+}
+
+static void start_from(solver_params *params, const frame_transfer *brought)
+{
+    params->start = SOLVER_START_GIVEN;
+    params->given = brought->position;
+    params->given_normal = brought->normal;
+    params->given_patch = brought->patch;
+    params->given_place = brought->place;
+}
+
 /* Starts a solve with `params`, or from a packing by levels. */
 static solver *start_solve(const job *j, solver_params params, error *e)
 {
@@ -323,11 +370,7 @@ bool job_place(job *j, solution *out, error *e)
     if (j->options->previous &&
         !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
-    const solver_params params = {
-        .given = brought.position,
-        .given_normal = brought.normal,
-        .given_patch = brought.patch,
-        .given_place = brought.place,
+    solver_params params = {
         .max_excess = MORE_DISORDER * j->sequence.excess_alone,
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &witkin_heckbert_state : NULL,
         .count = inserts ? (size_t)start : j->count,
@@ -336,9 +379,7 @@ bool job_place(job *j, solution *out, error *e)
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         /* 0 would be no limit */
         .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1),
-        .start = brought.position              ? SOLVER_START_GIVEN
-                 : s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM
-                                               : SOLVER_START_SURFACE,
+        .start = s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM : SOLVER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
         .graded = s->has_alpha,
@@ -360,6 +401,16 @@ bool job_place(job *j, solution *out, error *e)
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
     };
+    if (s->has_points && s->points.mode == SPEC_POINTS_KEEP &&
+        !place_around_kept(j, &params, carry, &brought, e))
+        goto done;
+    if (s->has_points && s->points.mode == SPEC_POINTS_REFINE) {
+        params.start = SOLVER_START_COARSEST;
+        params.given = j->given.projected;
+        params.given_normal = j->given.normal;
+        params.given_count = j->given.start_count;
+    }
+    if (brought.position) start_from(&params, &brought);
     out->solver = start_solve(j, params, e);
 done:
     frame_transfer_free(&brought);
@@ -405,7 +456,23 @@ bool job_finalize(job *j, solution *s, error *e)
         !mesh_projection_apply(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
         return false;
     mesh_projection_repeat(&l, place, stands->count, VERDICT_RESIDUAL * solver_spacing(s->solver), j->pool);
+    given_points_restore(&j->given, stands->point, stands->count, false, place);
     return true;
+}
+
+bool job_choose_points(job *j, bool *again, error *e)
+{
+    const solver_points *p = solver_result_points(j->solution.solver);
+    size_t packed = 0;
+    *again = false;
+    if (!avoided_points_choose(&j->avoided, &j->given, j->spec, &j->source, p->position, p->count, &packed,
+                               e))
+        return false;
+    if (packed == 0) return true;
+    *again = true;
+    j->count = packed;
+    job_free_solution(&j->solution);
+    return fits_memory(j, (double)packed, e) && job_place(j, &j->solution, e);
 }
 
 /* The closed mesh that has to be resolved by the triangles between the points; otherwise NULL. */
@@ -525,6 +592,7 @@ bool job_measure(job *j, solution *s, error *e)
                                .spacing_context = s->sizing,
                                .sized = s->sizing != NULL,
                                .achieved = j->spec->has_alpha,
+                               .kept = j->given.kept,
                                .copy_count = stands->count,
                                .copy_normal = on.own_normals ? NULL : stands->normal,
                                .copy_point = stands->point,
@@ -539,7 +607,7 @@ bool job_measure(job *j, solution *s, error *e)
 }
 
 /* Positions and normals in world space, in one array that the caller frees. */
-static bool turn_points(const source *from, points *set, vec3 **out, error *e)
+static bool turn_points(const source *from, const given_points *given, points *set, vec3 **out, error *e)
 {
     vec3 *place = mem_array(set->count, 2 * sizeof *place, "the result", e), *normal = place + set->count;
     if (!place) return false;
@@ -547,10 +615,20 @@ static bool turn_points(const source *from, points *set, vec3 **out, error *e)
         place[i] = placement_to_world(from->turned, set->position[i]);
         normal[i] = placement_turn_normal(from->turned, set->normal[i]);
     }
+    given_points_restore(given, NULL, set->count, true, place);
     set->position = place;
     set->normal = normal;
     *out = place;
     return true;
+}
+
+/* Which points were given, in the order of the results; NULL: none. */
+static bool find_kept(const job *j, const point_order *order, size_t count, bool **out, error *e)
+{
+    if (!j->given.kept) return true;
+    *out = mem_array(count, sizeof **out, "the result", e);
+    for (size_t i = 0; *out && i < count; i++) (*out)[order->place[i]] = j->given.kept[i];
+    return *out != NULL;
 }
 
 bool job_write_points(job *j, error *e)
@@ -585,27 +663,33 @@ bool job_write_points(job *j, error *e)
     mesh_projection l;
     vec3 *turned = NULL;
     point_order order = {0};
+    bool *kept = NULL;
     const label_surface *labels = j->source.whole.labels;
     if (labels && j->source.field != label_surface_field(labels)) labels = NULL;
     if (mesh_projection_find_distance(&j->source, &l)) in.field = &l.base;
-    if (j->source.turned && !turn_points(&j->source, &set, &turned, e)) return false;
+    if (j->source.turned && !turn_points(&j->source, &j->given, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
     in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;
     in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
+    j->attributes.kept = j->given.kept;
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
     bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
-              point_order_find(j->spec, &set, p, &s->order_known, labels, j->pool, &order, e) &&
+              point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool,
+                               &order, e) &&
               point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
     in.place = order.place;
     char *comments = surface_meshes_comments(&j->attributes.meshes);
     in.comments = comments;
+    ok = ok && find_kept(j, &order, set.count, &kept, e);
+    in.kept = kept;
     ok = ok && results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"),
                              &j->results, e);
     free(comments);
     point_order_free(&order);
     free(turned);
+    free(kept);
     return ok;
 }
 
@@ -644,6 +728,8 @@ void job_free(job *j)
     curve_distance_free(j->curves);
     surface_free(j->scan);
     attributes_free(&j->attributes);
+    given_points_free(&j->given);
+    avoided_points_free(&j->avoided);
     source_close(&j->source);
     threads_free(j->pool);
 }

@@ -6,6 +6,8 @@
 
 #include "measures/measures.h"
 #include "run/attributes.h"
+#include "run/avoided_points.h"
+#include "run/given_points.h"
 #include "run/point_order.h"
 #include "run/progress.h"
 #include "run/results.h"
@@ -41,6 +43,8 @@ typedef struct job {
     isa isa;
     source source;
     attributes attributes; /* carried by the points */
+    given_points given;
+    avoided_points avoided;
     /* Bytes of memory while inputs were loaded: this process plus the largest of its readers. */
     int64_t load_peak;
     surface *scan;
@@ -79,6 +83,10 @@ bool job_relax(job *j, solver *s, double reserve_s, error *e);
 
 /* Projects the points onto the surface to rounding, or onto the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
+
+/* If given points are avoided: chooses the points of the result. *again: there are too few or far too many, and another solve, with j->count points,
+ * has been placed. */
+bool job_choose_points(job *j, bool *again, error *e);
 
 /* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from the mesh,
  * pins points at the deviations and relaxes all others again. */

@@ -71,20 +71,43 @@ static bool order_by_id(const points *set, uint32_t *order, error *e)
     return true;
 }
 
-bool point_order_find(const spec *s, const points *set, const solver_points *solved,
-                      const point_order_known *known, const label_surface *labels, const threads *pool,
-                      point_order *out, error *e)
+/* Points that are kept in the order of their rows, then the others. `row` NULL: none is kept. */
+static void order_by_row(const uint32_t *row, size_t count, uint32_t *order)
 {
-    *out = (point_order){0};
-    if (!s->has_order) return true;
+    size_t next = 0;
+    for (size_t i = 0; row && i < count; i++) next += row[i] != GIVEN_POINTS_NEW;
+    for (size_t i = 0; i < count; i++)
+        order[row && row[i] != GIVEN_POINTS_NEW ? row[i] : next++] = (uint32_t)i;
+}
+
+static void leave_out(const bool *taken, point_order *out)
+{
+    size_t count = 0;
+    for (size_t k = 0; k < out->count; k++)
+        if (taken[out->order[k]]) out->order[count++] = out->order[k];
+    out->count = count;
+}
+
+bool point_order_find(const spec *s, const points *set, const solver_points *solved,
+                      const point_order_known *known, const label_surface *labels, const given_points *given,
+                      const avoided_points *avoided, const threads *pool, point_order *out, error *e)
+{
+    bool ok = true;
+    *out = (point_order){.count = set->count};
+    if (!s->has_order && !given->row && !avoided->taken) return true;
     out->order = mem_array(set->count, sizeof *out->order, what, e);
     out->place = mem_array(set->count, sizeof *out->place, what, e);
     if (!out->order || !out->place) return false;
-    const bool ok =
-        s->order == SPEC_ORDER_PROGRESSIVE ? order_progressively(solved, known, labels, pool, out->order, e)
-        : s->order == SPEC_ORDER_SPATIAL   ? morton_order(set->position, set->count, NULL, out->order, e)
-                                           : order_by_id(set, out->order, e);
-    for (size_t k = 0; ok && k < set->count; k++) out->place[out->order[k]] = (uint32_t)k;
+    if (!s->has_order)
+        order_by_row(given->row, set->count, out->order);
+    else
+        ok = s->order == SPEC_ORDER_PROGRESSIVE
+                 ? order_progressively(solved, known, labels, pool, out->order, e)
+             : s->order == SPEC_ORDER_SPATIAL ? morton_order(set->position, set->count, NULL, out->order, e)
+                                              : order_by_id(set, out->order, e);
+    if (ok && avoided->taken) leave_out(avoided->taken, out);
+    for (size_t i = 0; i < set->count; i++) out->place[i] = UINT32_MAX;
+    for (size_t k = 0; ok && k < out->count; k++) out->place[out->order[k]] = (uint32_t)k;
     return ok;
 }
 
@@ -115,6 +138,7 @@ bool point_order_apply(point_order *order, points *set, attributes *a, error *e)
     if (!order->order) return true;
     for (size_t k = 0; k < ARRAYS; k++)
         if (array_at(set, k)) bytes += arrays[k].size;
+    set->count = order->count;
     char *next = order->storage = mem_array(set->count, bytes, what, e);
     if (!next || !attributes_permute(a, order->order, set, e)) return false;
     for (size_t k = 0; k < ARRAYS; k++) {

@@ -8,6 +8,8 @@
 #include "formats/points.h"
 #include "labels/label_surface.h"
 #include "run/attributes.h"
+#include "run/avoided_points.h"
+#include "run/given_points.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
 
@@ -22,18 +24,20 @@ bool point_order_prepare(const spec *s, size_t count, point_order_known *out, er
 void point_order_free_known(point_order_known *known);
 
 typedef struct point_order {
+    size_t count;    /* points in order; others are left out */
     uint32_t *order; /* order[k]: the point that becomes the k-th; NULL: points stay where they are */
-    uint32_t *place; /* place[i]: where point i goes */
+    uint32_t *place; /* place[i]: where point i goes; UINT32_MAX: it is left out */
     void *storage;   /* of the arrays of a set */
 } point_order;
 
-/* `solved` are the points of `set` in the space of the solver, `labels` the interfaces on which they lie or NULL. Free also after failure.
- * Errors: limit_memory, cancelled. */
+/* `solved` are the points of `set` in the space of the solver, `labels` the interfaces on which they lie or NULL. Given points that are kept come
+ * first, unless the spec has an order. Points that avoided_points has not taken are left out. Free also after failure. Errors: limit_memory,
+ * cancelled. */
 bool point_order_find(const spec *s, const points *set, const solver_points *solved,
-                      const point_order_known *known, const label_surface *labels, const threads *pool,
-                      point_order *out, error *e);
+                      const point_order_known *known, const label_surface *labels, const given_points *given,
+                      const avoided_points *avoided, const threads *pool, point_order *out, error *e);
 
-/* Puts a set and its attributes in order. The arrays of the set are then those of the order. Error: limit_memory. */
+/* Puts a set and its attributes in order. The count and the arrays of the set are then those of the order. Error: limit_memory. */
 bool point_order_apply(point_order *order, points *set, attributes *a, error *e);
 void point_order_free(point_order *order);
 

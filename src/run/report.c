@@ -335,7 +335,7 @@ static void put_target(json *report, const report_facts *facts)
     json *requested = json_put_object(report, "requested"), *reached = json_put_object(report, "reached");
     if (s->count > 0) {
         json_put_integer(requested, "count", s->count);
-        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_integer(reached, "count", (int64_t)facts->count);
     }
     if (s->spacing > 0) {
         json_put_number(requested, "spacing", s->spacing);
@@ -343,21 +343,21 @@ static void put_target(json *report, const report_facts *facts)
     }
     if (s->density > 0) {
         json_put_number(requested, "density", s->density);
-        json_put_number(reached, "density", (double)solved->count / facts->scan->area);
+        json_put_number(reached, "density", (double)facts->count / facts->scan->area);
     }
     if (s->resolve) {
         json_put_bool(requested, "resolve", true);
-        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_integer(reached, "count", (int64_t)facts->count);
     }
     if (s->time_s > 0) {
         json_put_number(requested, "time_s", s->time_s);
-        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_integer(reached, "count", (int64_t)facts->count);
         json_put_number(reached, "time_s", clock_seconds(clock_monotonic_ms() - facts->progress->start_ms));
     }
     if (s->has_control) {
         json_put_integer(requested, "min_count", s->control.min_count);
         json_put_number(requested, "max_sigma", s->control.max_sigma);
-        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_integer(reached, "count", (int64_t)facts->count);
         json_put_number(reached, "sigma", solved->sigma);
     }
 }
@@ -383,7 +383,7 @@ void report_fill(json *report, const report_facts *facts)
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
     verdict_describe(facts->verdict, report);
-    json_put_integer(report, "count", (int64_t)solved->count);
+    json_put_integer(report, "count", (int64_t)facts->count);
     json_put_string(report, "up", facts->results->y_up ? "y" : "z");
     put_target(report, facts);
     put_surface(report, facts);

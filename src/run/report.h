@@ -21,6 +21,7 @@ typedef struct report_facts {
     const sizing_field *sizing;        /* or NULL */
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const solver *solver;
+    size_t count; /* points of the result */
     const measures *measures;
     double landed;          /* largest distance by which a point was projected onto a mesh, world units */
     const double *farthest; /* coverage of each patch */

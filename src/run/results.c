@@ -72,6 +72,7 @@ enum { GRAIN = 4096 };
 typedef struct residual_job {
     const field *field;
     const points *set;
+    const bool *kept;
     bool as_float;
     double *worst, *sum2; /* per chunk: maximum and sum of squares of |F| / |grad F| */
 } residual_job;
@@ -84,6 +85,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         vec3 x = job->set->position[i];
+        if (job->kept && job->kept[i]) continue;
         if (job->as_float) x = as_floats(x);
         field_sample s = {0};
         double length =
@@ -101,7 +103,13 @@ static void measure_residuals(const results_input *in, bool as_float, threads *p
 {
     if (!in->field) return;
     const size_t chunks = in->set->count / GRAIN + 1;
-    residual_job job = {in->field, in->set, as_float, mem_alloc(chunks * sizeof *job.worst),
+    size_t measured = in->set->count;
+    for (size_t i = 0; in->kept && i < in->set->count; i++) measured -= in->kept[i];
+    residual_job job = {in->field,
+                        in->set,
+                        in->kept,
+                        as_float,
+                        mem_alloc(chunks * sizeof *job.worst),
                         mem_alloc(chunks * sizeof *job.sum2)};
     double worst = 0, sum2 = 0;
     threads_run(pool, in->set->count, GRAIN, residual_chunk, &job);
@@ -112,7 +120,7 @@ static void measure_residuals(const results_input *in, bool as_float, threads *p
     free(job.worst);
     free(job.sum2);
     out->max_residual = worst / in->h;
-    out->rms_residual = sqrt(sum2 / (double)in->set->count) / in->h;
+    out->rms_residual = sqrt(sum2 / (double)measured) / in->h;
 }
 
 typedef struct rounding_job {

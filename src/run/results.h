@@ -17,7 +17,7 @@
 #include "store/file.h"
 
 typedef struct results_facts {
-    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply. For meshes and labels: the distance from
+    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply, without points that are kept. For meshes and labels: the distance from
      * the triangles over h. */
     double max_residual, rms_residual;
     bool widened;    /* float was requested, double was written */
@@ -40,6 +40,8 @@ typedef struct results_input {
     const mesh *triangles;       /* on which the points lie; or NULL */
     const uint32_t (*corner)[3]; /* triangles between the points, if known; otherwise NULL */
     size_t corners;
+    const bool *
+        kept; /* per point of the set: given, so that its distance from the surface does not count; or NULL */
     const uint32_t *place; /* index in the set of each point of `solved`; NULL: the order is the same */
     const char *comments;  /* of points.ply, see ply_write; NULL: the default */
     const scene_instancer *instancer; /* of points.usda; set by results_write */

@@ -18,10 +18,11 @@ static bool relax(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return time_target_fill(j, e);
-    const solver *s = j->solution.solver;
-    return job_relax(j, j->solution.solver, 0, e) && job_finalize(j, &j->solution, e) &&
-           job_pin_unrepresented(j, &j->solution, e) &&
-           (!j->spec->coherent || sequence_end(&j->sequence, solver_result_points(s), e));
+    for (bool again = true; again;)
+        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
+            !job_pin_unrepresented(j, &j->solution, e) || !job_choose_points(j, &again, e))
+            return false;
+    return !j->spec->coherent || sequence_end(&j->sequence, solver_result_points(j->solution.solver), e);
 }
 
 static bool measure_result(job *j, error *e)
@@ -81,6 +82,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .sizing = s->sizing,
         .curvature = s->curvature,
         .solver = s->solver,
+        .count = j->avoided.taken ? j->avoided.taken_count : solver_result_points(s->solver)->count,
         .measures = &s->measures,
         .farthest = s->farthest,
         .landed = s->landed,
@@ -95,6 +97,8 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .progress = &j->progress,
     };
     report_fill(j->report, &facts);
+    given_points_describe(&j->given, j->spec, j->report);
+    avoided_points_describe(&j->avoided, j->report);
     if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
     *outcome = v.outcome;
     return job_may_continue(j, e) && results_write_report(j->options->output, j->report, e);

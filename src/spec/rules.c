@@ -134,6 +134,21 @@ static void check_feature(reading *r, const json_at *at)
                           s->has_feature ? "feature" : "curve_spacing");
 }
 
+static void check_points(reading *r, const json_at *at)
+{
+    static const char *const targets[] = {"control", "time_s", "resolve"};
+    const spec *s = r->s;
+    const json_at points = json_member(at, "points"), distance = json_member(&points, "distance");
+    if (!s->has_points) return;
+    for (size_t k = 0; k < sizeof targets / sizeof *targets; k++)
+        if (json_member(at, targets[k]).node)
+            reading_add_fault(r, &points, "excludes %s: give a count, spacing or density", targets[k]);
+    if (s->points.mode == SPEC_POINTS_AVOID && !distance.node)
+        reading_add_fault(r, &points, "mode \"avoid\" requires distance: add it");
+    if (s->points.mode != SPEC_POINTS_AVOID && distance.node)
+        reading_add_fault(r, &distance, "requires mode \"avoid\": remove one of the two");
+}
+
 static void check_sampling(reading *r, const json_at *at)
 {
     static const char *const limits[] = {"min_spacing", "max_spacing", "gradation"};
@@ -147,6 +162,7 @@ static void check_sampling(reading *r, const json_at *at)
                 "member");
     }
     check_feature(r, at);
+    check_points(r, at);
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
     json_at time = json_member(at, "time_s");
@@ -344,7 +360,8 @@ static void check_bspline(reading *r, const json_at *at)
 
 static void check_solver(reading *r, const json_at *at)
 {
-    json_at method = json_member(at, "method"), step = json_member(at, "step");
+    json_at method = json_member(at, "method"), step = json_member(at, "step"),
+            init = json_member(at, "init");
     if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
         reading_add_fault(r, &step, "requires the minimiser \"gradient\"");
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
@@ -357,6 +374,11 @@ static void check_solver(reading *r, const json_at *at)
                           : r->s->has_grid      ? "grid"
                           : r->s->has_curvature ? "curvature"
                                                 : "curve_spacing");
+    if (r->s->has_points && r->s->method != SPEC_METHOD_SIZED)
+        reading_add_fault(r, &method,
+                          "sampling.points requires the method \"sized\", which excludes sampling.alpha");
+    if (r->s->has_points && r->s->init != SPEC_INIT_SURFACE)
+        reading_add_fault(r, &init, "excludes sampling.points: remove one of the two");
     if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
         reading_add_fault(
             r, &method,
@@ -386,11 +408,14 @@ static void check_preview(reading *r, const json_at *at)
 
 static void check_output(reading *r, const json_at *at)
 {
-    json_at usda = json_member(at, "mesh_usda"), parts = json_member(at, "label_meshes");
+    json_at mesh = json_member(at, "mesh"), usda = json_member(at, "mesh_usda"),
+            parts = json_member(at, "label_meshes");
     json_at usd = json_member(at, "usd"), instancer = json_member(&usd, "instancer");
     if (r->s->has_instancer && !r->s->has_points_usda)
         reading_add_fault(r, &instancer, "requires points_usda: true");
     if (r->s->has_mesh_usda && !r->s->has_mesh) reading_add_fault(r, &usda, "requires mesh: true");
+    if (r->s->has_mesh && r->s->has_points && r->s->points.mode == SPEC_POINTS_AVOID)
+        reading_add_fault(r, &mesh, "excludes sampling.points with mode \"avoid\": remove one of the two");
     if (r->s->has_label_meshes && !(r->s->has_mesh && r->s->surface.kind == SPEC_SURFACE_LABELS))
         reading_add_fault(r, &parts, "requires mesh: true, and surface.labels");
 }
@@ -427,6 +452,11 @@ void rules_check_coherent(reading *r, const json_at *at)
         reading_add_fault(
             r, &coherent,
             "excludes features, because points on edges are computed anew in each frame: remove "
+            "one of the two");
+    if (s->has_points)
+        reading_add_fault(
+            r, &coherent,
+            "excludes sampling.points, because each frame starts with the points of the one before: remove "
             "one of the two");
     if (s->time_s > 0)
         reading_add_fault(

@@ -140,6 +140,10 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
         *out = (spec_input){"/sampling/attach", s->attach};
         return true;
     }
+    if (s->points.path && index-- == 0) {
+        *out = (spec_input){"/sampling/points/path", s->points.path};
+        return true;
+    }
     for (size_t k = 0; k < s->attribute_count; k++) {
         const spec_attribute *a = &s->attributes[k];
         if (!spec_attribute_has_file(a) || index-- > 0) continue;
@@ -162,6 +166,7 @@ void spec_set_frame(spec *s, int frame)
     if (s->region_inside) surface_set_frame(s->region_inside, frame);
     if (s->grid.path) set_frame(&s->grid.path, frame);
     if (s->attach) set_frame(&s->attach, frame);
+    if (s->points.path) set_frame(&s->points.path, frame);
     for (size_t k = 0; k < s->attribute_count; k++) set_frame(&s->attributes[k].from, frame);
 }
 
@@ -175,6 +180,7 @@ void spec_free(spec *s)
     free(s->grid.path);
     free(s->attach);
     free(s->grid.name);
+    free(s->points.path);
     for (size_t i = 0; i < s->attribute_count; i++) {
         free(s->attributes[i].from);
         free(s->attributes[i].name);

@@ -167,6 +167,12 @@ typedef struct spec_grid { /* the grading by a map */
     spec_map_kind kind;
 } spec_grid;
 
+typedef struct spec_points { /* given points */
+    char *path;
+    spec_points_mode mode;
+    double distance; /* with mode avoid, > 0 */
+} spec_points;
+
 typedef struct spec_feature { /* the bound of the spacing by the feature size */
     double ratio;
 } spec_feature;
@@ -245,6 +251,8 @@ typedef struct spec {
     spec_curvature curvature;
     bool has_grid;
     spec_grid grid;
+    bool has_points;
+    spec_points points;
     double curve_spacing; /* of points on curves, over that around; 0: the same */
     double min_spacing, max_spacing,
         gradation; /* of a spacing that varies; 0: none, gradation: given or its default */

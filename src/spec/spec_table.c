@@ -1053,6 +1053,42 @@ const spec_row spec_rows[] = {
      AT(grid.kind),
      .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
               "area; where the density is 0, only max_spacing and gradation determine the points."},
+    {.pointer = "/sampling/points",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_points),
+     .prose =
+         "Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is "
+         "the number of all points of the result: with mode keep it includes the given ones. Requires the "
+         "method sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface."},
+    {.pointer = "/sampling/points/path",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 1,
+     .high = 4096,
+     AT(points.path),
+     .prose =
+         "The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below one "
+         "of the service's input roots. Only the positions are read, in world space."},
+    {.pointer = "/sampling/points/mode",
+     .type = SPEC_TYPE_WORD,
+     .flags = SPEC_REQUIRED,
+     WORDS(SPEC_POINTS),
+     AT(points.mode),
+     .prose =
+         "keep: the points are in the result, at the same positions and first; the other points arrange "
+         "themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve "
+         "starts with the points, and inserts others between them. avoid: the points are not in the result, "
+         "whose points keep the distance from them."},
+    {.pointer = "/sampling/points/distance",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = WORLD_MAX,
+     AT(points.distance),
+     .unit = "world",
+     .prose = "The least distance of the result's points from the given points. Required by mode avoid."},
     {.pointer = "/sampling/curve_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1252,7 +1288,7 @@ const spec_row spec_rows[] = {
          "surface: the first points are distributed over the surface by area. random: they are uniform in "
          "the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing "
          "computed by the method sized, then refined by the chosen method. Its sweeps are part of the "
-         "start and are not in the report."},
+         "start and are not in the report. sampling.points excludes random and sized."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1644,7 +1680,7 @@ const spec_row spec_rows[] = {
      AT(has_mesh),
      .prose = "Whether to write mesh.ply: triangles whose vertices are the points, with the order and "
               "properties of points.ply. The member mesh of the report states whether the triangles close "
-              "the surface."},
+              "the surface. Excludes sampling.points with mode avoid."},
     {.pointer = "/output/mesh_usda",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -1805,7 +1841,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Whether each frame starts with the points of the frame before. The points follow the motion of "
          "the surface and keep their ids. Requires frames and the method sized; excludes features, "
-         "sampling.time_s and sampling.alpha."},
+         "sampling.points, sampling.time_s and sampling.alpha."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

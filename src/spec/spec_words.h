@@ -78,6 +78,16 @@ typedef enum spec_shape { SPEC_SHAPE_LIST(WORDS_ENUMERATOR, SPEC_SHAPE) SPEC_SHA
 
 typedef enum spec_map_kind { SPEC_MAP_LIST(WORDS_ENUMERATOR, SPEC_MAP) SPEC_MAP_COUNT } spec_map_kind;
 
+/* /sampling/points/mode */
+#define SPEC_POINTS_LIST(ENTRY, prefix) \
+    ENTRY(prefix, KEEP, "keep")         \
+    ENTRY(prefix, REFINE, "refine")     \
+    ENTRY(prefix, AVOID, "avoid")
+
+typedef enum spec_points_mode {
+    SPEC_POINTS_LIST(WORDS_ENUMERATOR, SPEC_POINTS) SPEC_POINTS_COUNT
+} spec_points_mode;
+
 /* /sampling/control/selection: of the particles that are split or deleted */
 #define SPEC_SELECTION_LIST(ENTRY, prefix) \
     ENTRY(prefix, BIASED, "biased")        \

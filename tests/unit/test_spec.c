@@ -153,6 +153,9 @@ static json *document_for(const spec_row *row)
                               "\"sampling\":{\"feature\":{}}}"},
         {"/sampling/grid", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},"
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
+        {"/sampling/points/distance",
+         GRADED("\"points\":{\"path\":\"a.ply\",\"mode\":\"avoid\",\"distance\":1}")},
+        {"/sampling/points", GRADED("\"points\":{\"path\":\"a.ply\",\"mode\":\"refine\"}")},
         {"/sampling/control", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
                               "\"sampling\":{\"control\":{\"min_count\":100,\"max_sigma\":0.1}}}"},
         {"/output/usd",
@@ -345,7 +348,9 @@ static void test_words_of_every_row(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        bool shape = strcmp(spec_row_key(row), "shape") == 0; /* other shapes need other members */
+        /* other shapes and modes need other members */
+        bool shape =
+            strcmp(spec_row_key(row), "shape") == 0 || strcmp(row->pointer, "/sampling/points/mode") == 0;
         for (size_t k = 0; !shape && !is_in_list(row) && row->words && row->words[k]; k++) {
             char *quoted = mem_printf(row->type == SPEC_TYPE_WORDS ? "[\"%s\"]" : "\"%s\"", row->words[k]);
             try_value(row, document(quoted), true, NAN);
@@ -404,6 +409,15 @@ static void test_attributes(void **state)
     assert_true(spec_input_at(s, 0, &input)); /* a map is an input, and may differ from frame to frame */
     assert_string_equal(input.pointer, "/sampling/grid/path");
     assert_string_equal(input.path, "a.0002.vdb");
+    assert_false(spec_input_at(s, 1, &input));
+    spec_free(s);
+    s = good(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{\"count\":9,\"points\":{"
+        "\"path\":\"a.####.npz\",\"mode\":\"keep\"}},\"queue\":{\"frames\":\"1-2\"}}");
+    spec_set_frame(s, 2);
+    assert_true(spec_input_at(s, 0, &input));
+    assert_string_equal(input.pointer, "/sampling/points/path");
+    assert_string_equal(input.path, "a.0002.npz");
     assert_false(spec_input_at(s, 1, &input));
     spec_free(s);
     expect_attribute("{}", "/attributes/1/as", "is required if name is absent");

@@ -36,6 +36,7 @@ __all__ = [
     "SamplingCurvatureScale",
     "SamplingFeature",
     "SamplingGrid",
+    "SamplingPoints",
     "Solver",
     "SolverWitkinHeckbert",
     "Spec",
@@ -771,6 +772,30 @@ class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
     """
 
 
+class _SamplingPointsNeeded(TypedDict):
+    path: str
+    mode: Literal["keep", "refine", "avoid"]
+
+
+class _SamplingPointsRest(TypedDict, total=False):
+    distance: float
+
+
+class SamplingPoints(_SamplingPointsNeeded, _SamplingPointsRest):
+    """Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
+    number of all points of the result: with mode keep it includes the given ones. Requires the method sized;
+    excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+
+    path: The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
+        one of the service's input roots. Only the positions are read, in world space.
+    mode: keep: the points are in the result, at the same positions and first; the other points arrange
+        themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve
+        starts with the points, and inserts others between them. avoid: the points are not in the result,
+        whose points keep the distance from them.
+    distance: The least distance of the result's points from the given points. Required by mode avoid. (world)
+    """
+
+
 class _SamplingRest(TypedDict, total=False):
     count: int
     spacing: float
@@ -783,6 +808,7 @@ class _SamplingRest(TypedDict, total=False):
     alpha: SamplingAlpha
     curvature: SamplingCurvature
     grid: SamplingGrid
+    points: SamplingPoints
     curve_spacing: float
     min_spacing: float
     max_spacing: float
@@ -828,6 +854,9 @@ class Sampling(_SamplingRest):
         needs as many points as the target. Requires the method sized.
     grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
         scaled so that it needs as many points as the target. Requires the method sized.
+    points: Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is
+        the number of all points of the result: with mode keep it includes the given ones. Requires the method
+        sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
     curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as
         a fraction of the spacing around them. Away from the curves it grows by gradation; the count does not
         change. It may be combined with curvature, grid or feature. It has no effect on a surface without
@@ -921,7 +950,7 @@ class Solver(_SolverRest):
     init: surface: the first points are distributed over the surface by area. random: they are uniform in the
         domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
         method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
-        report. Default: 'surface'.
+        report. sampling.points excludes random and sized. Default: 'surface'.
     seed: The seed of the random numbers. The same spec, seed and build give the same bytes. Default: 0.
     threads: The number of threads; 0: those that the service gives to each worker. The result does not depend
         on it. Default: 0.
@@ -1200,8 +1229,8 @@ class Output(_OutputRest):
         attributes. Default: False.
     usd: Options of points.usda.
     mesh: Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
-        points.ply. The member mesh of the report states whether the triangles close the surface. Default:
-        False.
+        points.ply. The member mesh of the report states whether the triangles close the surface. Excludes
+        sampling.points with mode avoid. Default: False.
     mesh_usda: Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. Default:
         False.
     label_meshes: Whether to write mesh_label_N.ply for each label N except the background: the part of the
@@ -1296,7 +1325,7 @@ class Queue(_QueueRest):
         for. (frames) Default: 0.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
         the surface and keep their ids. Requires frames and the method sized; excludes features,
-        sampling.time_s and sampling.alpha. Default: False.
+        sampling.points, sampling.time_s and sampling.alpha. Default: False.
     retention_s: How long the job and its results are kept after its end; 0: the service's setting. (s)
         Default: 0.
     webhook: An http or https address that the service calls when the job has ended. The service must allow
