@@ -359,7 +359,7 @@ static bool check_place(const mesh_polygons *p, size_t i, double face, const dou
            error_set(
                e, ERROR_INPUT_DAMAGED,
                "point %zu of the result lies on face %.0f, corners %.0f, %.0f and %.0f with the weights %g, "
-               "%g and %g, which is no place of the mesh: sample the surface again",
+               "%g and %g, which is not a place of the mesh: sample the surface again",
                i, face, corner[0], corner[1], corner[2], weight[0], weight[1], weight[2]);
 }
 
