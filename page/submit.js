@@ -5,7 +5,7 @@ import {Files} from "./files.js";
 import {Node} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
 import {Progress, Trouble, useAction, useTitle} from "./parts.js";
-import {sha256} from "./sha256.js";
+import {Sha256} from "./sha256.js";
 import {Sketch} from "./sketch.js";
 import {bytesOf, countOf, durationOf, numberOf} from "./words.js";
 
@@ -32,9 +32,20 @@ function framesOf({queue: {frames, ...rest} = {}}, surface, sequence) {
   return {queue: Object.keys(rest).length ? rest : undefined};
 }
 
+/** The hash of a file; `onProgress` gets the share that is done. */
+async function hashOf(file, onProgress) {
+  const hash = new Sha256();
+  const reader = file.stream().getReader();
+  for (let piece = await reader.read(); !piece.done; piece = await reader.read()) {
+    hash.update(piece.value);
+    onProgress(hash.count / file.size);
+  }
+  return hash.hex();
+}
+
 /** Sends a file, unless the service has it; returns the path by which a spec names it. */
 async function upload(file, signal, onProgress) {
-  const hash = await sha256(file, share => onProgress(`Reading ${file.name}`, share));
+  const hash = await hashOf(file, share => onProgress(`Reading ${file.name}`, share));
   onProgress(`Sending ${file.name}`, null);
   const options = {body: file, headers: {"Content-Type": "application/octet-stream"}, signal};
   const {path} = await (await send("PUT", `v1/inputs/${hash}`, options)).json();

@@ -98,7 +98,8 @@ def other_versions(root):
     """Files that say another version than configure.ac."""
     version = re.search(r"AC_INIT\(\[hexad\], \[(.*?)\]\)", (root / "configure.ac").read_text())[1]
     said = {name: re.search(pattern, (root / name).read_text(), re.M)[1] for name, pattern in (
-        ("CITATION.cff", r"^version: (\S+)"), ("clients/python/pyproject.toml", r'^version = "(.*)"'))}
+        ("CITATION.cff", r"^version: (\S+)"), ("clients/python/pyproject.toml", r'^version = "(.*)"'),
+        ("clients/typescript/package.json", r'^  "version": "(.*)"'))}
     return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
 
 
@@ -158,6 +159,7 @@ def small(source, tmp_path):
         "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
         "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
         "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
+        "clients/typescript/package.json": '{\n  "version": "1.2.3"\n}\n',
         ".clang-format": (source / ".clang-format").read_text(),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

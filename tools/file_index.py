@@ -13,7 +13,7 @@ import re
 import sys
 
 BEGIN, END = "<!-- files: written by tools/file_index.py -->", "<!-- end of files -->"
-FOLDERS = ("src", "page", "clients/python/hexad")
+FOLDERS = ("src", "page", "clients/python/hexad", "clients/typescript")
 SUFFIXES = (".h", ".c", ".cc", ".js", ".py")
 
 
