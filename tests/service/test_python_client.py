@@ -2,6 +2,7 @@
 import ast
 import doctest
 import hashlib
+import importlib
 import pathlib
 import shutil
 import signal
@@ -405,6 +406,57 @@ def test_what_is_generated_is_current(build, tmp_path):
     subprocess.run([sys.executable, PACKAGE / "generate.py", build, tmp_path], check=True, timeout=PATIENCE_S)
     for name in ("spec.py", "problems.py"):
         assert (tmp_path / name).read_text() == (PACKAGE / "hexad" / name).read_text(), "run make python-client"
+
+
+CUBE = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+CUBE_FACES = [tuple(int(corner) - 1 for corner in line.split()[1:]) for line in CUBE_OBJ.splitlines() if line[0] == "f"]
+
+
+@pytest.fixture
+def submitter(request, monkeypatch):
+    """The part of a submitter (share/) that needs no other program."""
+    folder, name = request.param
+    monkeypatch.syspath_prepend(str(PACKAGE.parents[1] / "share" / folder))
+    yield importlib.import_module(name)
+    del sys.modules[name]
+
+
+SUBMITTERS = pytest.mark.parametrize("submitter, label", [
+    (("blender/hexad_sampler", "submission"), "blender"), (("houdini", "hexad_sampler"), "houdini")], indirect=["submitter"])
+
+
+@SUBMITTERS
+def test_a_submitter_samples_a_mesh_of_its_program(client, submitter, label):
+    job = submitter.submit(client, "a cube", CUBE, CUBE_FACES, 150).wait()
+    points = job.points()
+    assert (job.name, job.document["labels"], points.count) == ("a cube", [label], 150)
+    assert {"blender": "radius", "houdini": "pscale"}[label] in points
+    for place, normal in zip(points.positions, points.normals):  # on the cube, and outwards
+        assert abs(max(map(abs, place)) - 1) < 1e-6 and sum(p * n for p, n in zip(place, normal)) > 0
+
+
+@pytest.mark.parametrize("submitter", [("houdini", "hexad_sampler")], indirect=True)
+def test_a_submitter_cancels_its_job_when_it_is_interrupted(socket_service, tmp_path, submitter):
+    class Interrupted(Exception):
+        pass
+
+    def interrupt(fraction):
+        raise Interrupted
+
+    client = hexad.Client(socket_service().address)
+    job = client.submit(long_sphere())
+    with pytest.raises(Interrupted):
+        submitter.follow(job, interrupt)
+    assert job.wait(check=False).state == "cancelled"
+
+
+def test_the_submitters_have_the_syntax_of_their_programs():
+    """Blender 3.4 has Python 3.10, Houdini 19.5 has 3.9."""
+    share = PACKAGE.parents[1] / "share"
+    found = sorted([*share.rglob("hexad_sampler.py"), *(share / "blender/hexad_sampler").glob("*.py")])
+    assert len(found) == 3
+    for path in found:
+        ast.parse(path.read_text(), feature_version=(3, 9))
 
 
 @pytest.mark.parametrize("page", ["doc/python.md", "clients/python/README.md"])

@@ -4,7 +4,7 @@ from .errors import Damaged, FaultWarning, HexadError, JobFailed, Problem, Unrea
 from .events import Event
 from .job import Job, Result, Service
 from .local import Local
-from .points import Points, read_ply
+from .points import Points, obj_of, read_ply
 
 __all__ = ["Client", "Damaged", "Event", "FaultWarning", "HexadError", "Job", "JobFailed", "Local", "Points", "Problem", "RemoteJob",
-           "Result", "Service", "Unreachable", "WaitTimeout", "read_ply"]
+           "Result", "Service", "Unreachable", "WaitTimeout", "obj_of", "read_ply"]

@@ -5,11 +5,11 @@ import array
 import importlib
 import pathlib
 import struct
-from typing import Any, BinaryIO, Iterator, Mapping
+from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence
 
 from .errors import Damaged
 
-__all__ = ["Points", "read_ply"]
+__all__ = ["Points", "obj_of", "read_ply"]
 
 # names of PLY to the codes of struct, array and NumPy
 TYPES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
@@ -157,3 +157,10 @@ def read_ply(path: str | pathlib.Path) -> Points:
             else:
                 read_records(file, form, element)
     return Points(columns, count, triangles)
+
+
+def obj_of(positions: Iterable[Sequence[float]], faces: Iterable[Sequence[int]]) -> bytes:
+    """A mesh as an OBJ file, for `upload`. `faces`: for each the indices of its vertices, from 0, at least three."""
+    lines = ["v " + " ".join(repr(float(x)) for x in position) for position in positions]
+    lines += ["f " + " ".join(str(int(corner) + 1) for corner in face) for face in faces]
+    return ("\n".join(lines) + "\n").encode()
