@@ -59,6 +59,8 @@ export type Task = {
   attempt: number;
   spent: number;
   interrupted: number;
+  /** The number of frames of other jobs that it waits for (`queue.after_frames`). */
+  waits: number;
   not_before: string | null;
   started: string | null;
   finished: string | null;
@@ -192,6 +194,8 @@ export type JobSummary = {
   owner: string;
   revision: number;
   paused: boolean;
+  /** Whether `queue.accept` contains the outcomes of all tasks. null: the job has not succeeded. */
+  accepted: boolean | null;
   array: boolean;
   tasks: TaskCounts;
   threads: number;
@@ -449,8 +453,8 @@ export type JobSpec = {
    */
   features?: boolean;
   /**
-   * The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
-   * at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
+   * The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
+   * attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
    * curve_spacing the surface near curves; both may be combined with curvature or grid.
    */
   sampling: {
@@ -503,6 +507,14 @@ export type JobSpec = {
      * mesh.ply has the topology of the mesh.
      */
     resolve?: boolean;
+    /**
+     * The path of the points.ply of an earlier result, whose points have places on meshes (attributes: from
+     * geometry, name source). The surface is then not sampled: these points are placed on its meshes, which
+     * must have the same vertices and faces in the same order, such as another frame of an animation.
+     * Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling,
+     * output.mesh, output.convergence, output.order, queue.coherent and outcome.require.
+     */
+    attach?: string;
     /**
      * Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
      * size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
@@ -594,6 +606,27 @@ export type JobSpec = {
        * the density is 0, only max_spacing and gradation determine the points. Default: "spacing".
        */
       kind?: "spacing" | "density";
+    };
+    /**
+     * Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
+     * number of all points of the result: with mode keep it includes the given ones. Requires the method
+     * sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+     */
+    points?: {
+      /**
+       * The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
+       * one of the service's input roots. Only the positions are read, in world space.
+       */
+      path: string;
+      /**
+       * keep: the points are in the result, at the same positions and first; the other points arrange
+       * themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve
+       * starts with the points, and inserts others between them. avoid: the points are not in the result,
+       * whose points keep the distance from them.
+       */
+      mode: "keep" | "refine" | "avoid";
+      /** The least distance of the result's points from the given points. Required by mode avoid. (world) */
+      distance?: number;
     };
     /**
      * The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a fraction
@@ -709,7 +742,7 @@ export type JobSpec = {
      * surface: the first points are distributed over the surface by area. random: they are uniform in the
      * domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
      * method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
-     * report. Default: "surface".
+     * report. sampling.points excludes random and sized. Default: "surface".
      */
     init?: "surface" | "random" | "sized";
     /** The seed of the random numbers. The same spec, seed and build give the same bytes. Default: 0. */
@@ -789,7 +822,8 @@ export type JobSpec = {
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures).
+     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -976,8 +1010,8 @@ export type JobSpec = {
     };
     /**
      * Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
-     * points.ply. The member mesh of the report states whether the triangles close the surface. Default:
-     * false.
+     * points.ply. The member mesh of the report states whether the triangles close the surface. Excludes
+     * sampling.points with mode avoid. Default: false.
      */
     mesh?: boolean;
     /** Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. Default: false. */
@@ -991,8 +1025,8 @@ export type JobSpec = {
     label_meshes?: boolean;
     /**
      * The service copies the results into this directory: an absolute path below one of its output roots. It
-     * is created if missing. Files of the same name are replaced. In a sequence, #### or %04d stands for the
-     * frame number.
+     * is created if missing. Files of the same name are replaced. In a sequence, ####, %04d or $F4 stands for
+     * the frame number.
      */
     directory?: string;
   };
@@ -1038,9 +1072,23 @@ export type JobSpec = {
     /** Identifiers of jobs that must end before this one starts, successful or not. Default: []. */
     after?: string[];
     /**
-     * The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first #### or
-     * %04d in each input path stands for the frame number. At least one input path must contain one, unless
-     * by_frame is given; output.directory must contain one in any case. At most 100000 frames.
+     * Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of
+     * these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails.
+     * Requires frames. Default: [].
+     */
+    after_frames?: string[];
+    /**
+     * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend
+     * on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait
+     * --accept ends with status 0 for it. The state and the outcome of the job do not change. Default:
+     * ["converged","unresolved","not_converged"].
+     */
+    accept?: ("converged" | "unresolved" | "not_converged")[];
+    /**
+     * The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####, %04d
+     * or $F4 in each input path stands for the frame number. At least one input path must contain one, unless
+     * by_frame is given; output.directory must contain one in any case. At most 100000 frames. "all": the
+     * frames of all files of the first such path at the submission.
      */
     frames?: string;
     /**
@@ -1055,9 +1103,14 @@ export type JobSpec = {
       to: number;
     }};
     /**
+     * The maximum number of frames that run at the same time; 0: as many as the service has room for.
+     * (frames) Default: 0.
+     */
+    max_running?: number;
+    /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
-     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.time_s
-     * and sampling.alpha. Default: false.
+     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,
+     * sampling.time_s and sampling.alpha. Default: false.
      */
     coherent?: boolean;
     /** How long the job and its results are kept after its end; 0: the service's setting. (s) Default: 0. */
@@ -1351,9 +1404,9 @@ export type Surface = {
   volume?: {
     /**
      * The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2, MetaImage,
-     * or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of the slice
-     * number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie
-     * below one of the service's input roots.
+     * or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the
+     * slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must
+     * lie below one of the service's input roots.
      */
     path: string;
     /**
@@ -1455,7 +1508,7 @@ export type Surface = {
    */
   exr?: {
     /**
-     * The files, with #### (at least as many digits) or %04d in place of the slice number. They must lie
+     * The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They must lie
      * below one of the service's input roots.
      */
     path: string;
@@ -1542,8 +1595,8 @@ export type AnsweredSpec = {
    */
   features?: boolean;
   /**
-   * The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
-   * at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
+   * The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
+   * attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
    * curve_spacing the surface near curves; both may be combined with curvature or grid.
    */
   sampling: {
@@ -1596,6 +1649,14 @@ export type AnsweredSpec = {
      * mesh.ply has the topology of the mesh.
      */
     resolve?: boolean;
+    /**
+     * The path of the points.ply of an earlier result, whose points have places on meshes (attributes: from
+     * geometry, name source). The surface is then not sampled: these points are placed on its meshes, which
+     * must have the same vertices and faces in the same order, such as another frame of an animation.
+     * Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling,
+     * output.mesh, output.convergence, output.order, queue.coherent and outcome.require.
+     */
+    attach?: string;
     /**
      * Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
      * size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
@@ -1685,6 +1746,27 @@ export type AnsweredSpec = {
        * the density is 0, only max_spacing and gradation determine the points.
        */
       kind?: "spacing" | "density";
+    };
+    /**
+     * Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
+     * number of all points of the result: with mode keep it includes the given ones. Requires the method
+     * sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+     */
+    points?: {
+      /**
+       * The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
+       * one of the service's input roots. Only the positions are read, in world space.
+       */
+      path: string;
+      /**
+       * keep: the points are in the result, at the same positions and first; the other points arrange
+       * themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve
+       * starts with the points, and inserts others between them. avoid: the points are not in the result,
+       * whose points keep the distance from them.
+       */
+      mode: "keep" | "refine" | "avoid";
+      /** The least distance of the result's points from the given points. Required by mode avoid. (world) */
+      distance?: number;
     };
     /**
      * The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a fraction
@@ -1789,7 +1871,7 @@ export type AnsweredSpec = {
      * surface: the first points are distributed over the surface by area. random: they are uniform in the
      * domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
      * method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
-     * report.
+     * report. sampling.points excludes random and sized.
      */
     init?: "surface" | "random" | "sized";
     /** The seed of the random numbers. The same spec, seed and build give the same bytes. */
@@ -1869,7 +1951,8 @@ export type AnsweredSpec = {
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures).
+     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -2043,7 +2126,8 @@ export type AnsweredSpec = {
     };
     /**
      * Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
-     * points.ply. The member mesh of the report states whether the triangles close the surface.
+     * points.ply. The member mesh of the report states whether the triangles close the surface. Excludes
+     * sampling.points with mode avoid.
      */
     mesh?: boolean;
     /** Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh. */
@@ -2056,8 +2140,8 @@ export type AnsweredSpec = {
     label_meshes?: boolean;
     /**
      * The service copies the results into this directory: an absolute path below one of its output roots. It
-     * is created if missing. Files of the same name are replaced. In a sequence, #### or %04d stands for the
-     * frame number.
+     * is created if missing. Files of the same name are replaced. In a sequence, ####, %04d or $F4 stands for
+     * the frame number.
      */
     directory?: string;
   };
@@ -2100,9 +2184,22 @@ export type AnsweredSpec = {
     /** Identifiers of jobs that must end before this one starts, successful or not. */
     after?: string[];
     /**
-     * The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first #### or
-     * %04d in each input path stands for the frame number. At least one input path must contain one, unless
-     * by_frame is given; output.directory must contain one in any case. At most 100000 frames.
+     * Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of
+     * these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails.
+     * Requires frames.
+     */
+    after_frames?: string[];
+    /**
+     * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend
+     * on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait
+     * --accept ends with status 0 for it. The state and the outcome of the job do not change.
+     */
+    accept?: ("converged" | "unresolved" | "not_converged")[];
+    /**
+     * The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####, %04d
+     * or $F4 in each input path stands for the frame number. At least one input path must contain one, unless
+     * by_frame is given; output.directory must contain one in any case. At most 100000 frames. "all": the
+     * frames of all files of the first such path at the submission.
      */
     frames?: string;
     /**
@@ -2117,9 +2214,14 @@ export type AnsweredSpec = {
       to: number;
     }};
     /**
+     * The maximum number of frames that run at the same time; 0: as many as the service has room for.
+     * (frames)
+     */
+    max_running?: number;
+    /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
-     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.time_s
-     * and sampling.alpha.
+     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,
+     * sampling.time_s and sampling.alpha.
      */
     coherent?: boolean;
     /** How long the job and its results are kept after its end; 0: the service's setting. (s) */
@@ -2413,9 +2515,9 @@ export type AnsweredSurface = {
   volume?: {
     /**
      * The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2, MetaImage,
-     * or TIFF of several pages; with slices the images of a stack, with #### or %04d in place of the slice
-     * number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie
-     * below one of the service's input roots.
+     * or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the
+     * slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must
+     * lie below one of the service's input roots.
      */
     path: string;
     /**
@@ -2517,7 +2619,7 @@ export type AnsweredSurface = {
    */
   exr?: {
     /**
-     * The files, with #### (at least as many digits) or %04d in place of the slice number. They must lie
+     * The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They must lie
      * below one of the service's input roots.
      */
     path: string;
@@ -2581,6 +2683,18 @@ export type JobPatch = {
   labels?: string[];
   /** How long the job and its results are kept after its end; 0: the service's setting. (s) Default: 0. */
   retention_s?: number;
+  /**
+   * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend on
+   * it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait --accept
+   * ends with status 0 for it. The state and the outcome of the job do not change. Default:
+   * ["converged","unresolved","not_converged"].
+   */
+  accept?: ("converged" | "unresolved" | "not_converged")[];
+  /**
+   * The maximum number of frames that run at the same time; 0: as many as the service has room for. (frames)
+   * Default: 0.
+   */
+  max_running?: number;
 };
 
 export type State = "queued" | "blocked" | "paused" | "running" | "cancelling" | "succeeded" | "failed" | "cancelled" | "timed_out";
