@@ -1217,7 +1217,7 @@ export type Surface = {
     /**
      * true: finally each point is projected onto the nearest triangle that faces the same way. false: a
      * closed mesh is sampled through a level set without this projection. Ignored with an offset, with
-     * feature edges and for open meshes. Default: true.
+     * features and for open meshes. Default: true.
      */
     on_mesh?: boolean;
   };
@@ -2328,7 +2328,7 @@ export type AnsweredSurface = {
     /**
      * true: finally each point is projected onto the nearest triangle that faces the same way. false: a
      * closed mesh is sampled through a level set without this projection. Ignored with an offset, with
-     * feature edges and for open meshes.
+     * features and for open meshes.
      */
     on_mesh?: boolean;
   };

@@ -16,7 +16,7 @@ typedef struct regime {
     bool fast_kernel;       /* uses fast steps: single precision, without an energy test */
     bool is_continued;      /* particles start at given positions and keep their order */
     bool is_under_resolved; /* pairs on opposite walls repel each other; step_left is meaningless */
-    bool repairs_defects;   /* after convergence, if the parameters permit it */
+    bool repairs_defects;   /* after convergence, where may_repair_defects of driver.c permits it */
     /* after projection, relocates over-dense particles of patches to gaps in coverage */
     bool fills_gaps;
     bool goes_on_after_projection; /* sweeps again until relocated particles have converged */

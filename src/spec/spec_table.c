@@ -195,7 +195,7 @@ const spec_row spec_rows[] = {
      AT(surface.mesh.on_mesh),
      .prose = "true: finally each point is projected onto the nearest triangle that faces the same "
               "way. false: a closed mesh is sampled through a level set without this projection. "
-              "Ignored with an offset, with feature edges and for open meshes."},
+              "Ignored with an offset, with features and for open meshes."},
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -141,7 +141,7 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
         scanned mesh, sharp edges are feature edges only in chains of at least 16 edges and 4 spacings.
     on_mesh: true: finally each point is projected onto the nearest triangle that faces the same way. false: a
         closed mesh is sampled through a level set without this projection. Ignored with an offset, with
-        feature edges and for open meshes. Default: True.
+        features and for open meshes. Default: True.
     """
 
 

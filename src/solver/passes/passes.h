@@ -1,6 +1,7 @@
 /* passes: changes of particles between rounds. A pass acts on s->state.p once, calls no other pass, and gives the same result for any number of threads.
- * It sets *changed to true if particles must converge again, and never to false. Passes after convergence are called after every convergence: they
- * count their calls in solver_state and change nothing once their number is reached. A pass that relocates a particle resets its damping and hint
+ * It sets *changed to true if particles must converge again, and never to false. A pass that may change particles each time it is
+ * called needs a bound: repair_defects and equalise_cells count their calls in solver_state, the others are bounded by the continuations of
+ * the driver. A pass that relocates a particle resets its damping and hint
  * and calls solver_mark_displaced. Errors: limit_memory, cancelled. The folder also contains relax (sweeps) and refine (the particles of the next
  * level), which are not passes. */
 #ifndef HEXAD_SOLVER_PASSES_PASSES_H
