@@ -112,8 +112,7 @@ static void steps_are_free_until_a_level_is_shaken(void **state)
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
     at.sweeps *= 2;
     assert_true(schedule_longest_step(s, &at) == s->longest_step / 4);
-    at = (schedule_position){
-        .levels = 3, .sweeps = (int)(s->sweeps_most / 8), .count = 100}; /* an earlier stage */
+    at = (schedule_position){.levels = 3, .sweeps = (int)(s->sweeps_most / 8), .count = 100}; /* an earlier stage */
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
     assert_true(schedule_longest_step(&schedule_paper, &at) == INFINITY);
     assert_true(schedule_longest_step(&schedule_continued, &at) == schedule_continued.longest_step);
