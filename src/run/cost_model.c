@@ -67,8 +67,7 @@ double cost_model_work(size_t count, bool by_levels)
     double work = by_levels ? PER_POINT * (double)count : (double)count;
     for (size_t n = count; by_levels && n >= LEVEL_LEAST; n /= 4) {
         const schedule_position at = {.levels = 1, .stage = SCHEDULE_STAGES - 1, .count = n};
-        const int sweeps = schedule_level_sweeps(s, &at);
-        work += (double)n * sweeps * (sweeps < s->sweeps_most ? LONGER : 1);
+        work += (double)n * schedule_level_sweeps(s, &at) * ((double)n < s->defects_count ? 1 : LONGER);
     }
     return work;
 }
