@@ -1078,10 +1078,10 @@ export type JobSpec = {
      */
     after_frames?: string[];
     /**
-     * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend
-     * on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait
-     * --accept ends with status 0 for it. The state and the outcome of the job do not change. Default:
-     * ["converged","unresolved","not_converged"].
+     * The outcomes of this job that its users accept; for an array, of each of its frames. A job that names
+     * this one in depends_on or after_frames starts only if this job has such an outcome, and fails
+     * otherwise. hexadctl wait --accept exits with 0 if the outcome is in the list. The state and the outcome
+     * of the job do not change. Default: ["converged","unresolved","not_converged"].
      */
     accept?: ("converged" | "unresolved" | "not_converged")[];
     /**
@@ -1435,8 +1435,9 @@ export type Surface = {
   /**
    * A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of them,
    * each once. Points along the lines where three meet, and along the end of the data, come first. Points
-   * have the properties label_a and label_b; normals point from the former, the lower one, to the latter. It
-   * must be the whole surface: it excludes combinations, offsets, transforms and region.
+   * have the properties label_a and label_b: label_a is the lower of the two labels, but a background is
+   * always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes
+   * combinations, offsets, transforms and region.
    */
   labels?: {
     /**
@@ -1485,8 +1486,8 @@ export type Surface = {
     majority?: number;
     /**
      * The background label. It is listed second in each interface, so normals point into it. Default: none; 0
-     * is then a label like any other. If `labels` or closed requires one: 0 with `labels` without 0;
-     * otherwise one less than the lowest label, at most -1.
+     * is then a label like any other. `labels` and closed need a background: then the default is 0 if
+     * `labels` is given without 0, and otherwise one less than the lowest label, at most -1.
      */
     background?: number;
     /**
@@ -2190,9 +2191,10 @@ export type AnsweredSpec = {
      */
     after_frames?: string[];
     /**
-     * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend
-     * on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait
-     * --accept ends with status 0 for it. The state and the outcome of the job do not change.
+     * The outcomes of this job that its users accept; for an array, of each of its frames. A job that names
+     * this one in depends_on or after_frames starts only if this job has such an outcome, and fails
+     * otherwise. hexadctl wait --accept exits with 0 if the outcome is in the list. The state and the outcome
+     * of the job do not change.
      */
     accept?: ("converged" | "unresolved" | "not_converged")[];
     /**
@@ -2546,8 +2548,9 @@ export type AnsweredSurface = {
   /**
    * A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of them,
    * each once. Points along the lines where three meet, and along the end of the data, come first. Points
-   * have the properties label_a and label_b; normals point from the former, the lower one, to the latter. It
-   * must be the whole surface: it excludes combinations, offsets, transforms and region.
+   * have the properties label_a and label_b: label_a is the lower of the two labels, but a background is
+   * always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes
+   * combinations, offsets, transforms and region.
    */
   labels?: {
     /**
@@ -2596,8 +2599,8 @@ export type AnsweredSurface = {
     majority?: number;
     /**
      * The background label. It is listed second in each interface, so normals point into it. Default: none; 0
-     * is then a label like any other. If `labels` or closed requires one: 0 with `labels` without 0;
-     * otherwise one less than the lowest label, at most -1.
+     * is then a label like any other. `labels` and closed need a background: then the default is 0 if
+     * `labels` is given without 0, and otherwise one less than the lowest label, at most -1.
      */
     background?: number;
     /**
@@ -2684,10 +2687,10 @@ export type JobPatch = {
   /** How long the job and its results are kept after its end; 0: the service's setting. (s) Default: 0. */
   retention_s?: number;
   /**
-   * The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend on
-   * it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait --accept
-   * ends with status 0 for it. The state and the outcome of the job do not change. Default:
-   * ["converged","unresolved","not_converged"].
+   * The outcomes of this job that its users accept; for an array, of each of its frames. A job that names
+   * this one in depends_on or after_frames starts only if this job has such an outcome, and fails otherwise.
+   * hexadctl wait --accept exits with 0 if the outcome is in the list. The state and the outcome of the job
+   * do not change. Default: ["converged","unresolved","not_converged"].
    */
   accept?: ("converged" | "unresolved" | "not_converged")[];
   /**

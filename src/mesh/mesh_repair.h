@@ -1,8 +1,8 @@
 /* mesh_repair: tests whether triangles enclose a volume, and orients them consistently.
  *
  * A component is a set of triangles connected by edges. It is closed if an even number of triangles meets at each of its edges. Its triangles are
- * oriented like the majority. Outermost components are oriented so that their volume is positive; components inside one are turned with it. A
- * component inside another one of opposite orientation is a cavity of it. A solid is a component with its cavities. The shape is the union of the
+ * oriented like the majority. An outermost component is oriented so that its volume is positive; if it is reversed for that, so are all components
+ * inside it. A component inside another one is a cavity of it if their orientations are opposite. A solid is a component with its cavities. The shape is the union of the
  * solids.
  */
 #ifndef HEXAD_MESH_MESH_REPAIR_H

@@ -40,7 +40,7 @@ bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values
 void mesh_values_free(mesh_values *values);
 
 /* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is corner first[p] of
- * all. Numbers begin at 0 and follow the order of the file; polygons of fewer than three corners have one, too. */
+ * all. Polygons are numbered from 0 in the order of the file, those of fewer than three corners included. */
 typedef struct mesh_polygons {
     size_t count, corners;
     uint32_t *size;   /* number of corners of each polygon */

@@ -32,7 +32,7 @@ typedef struct mesh_reader_header {
     uint64_t end;
 } mesh_reader_header;
 
-/* The command below answers as the other and then with the polygons of the file, from which the triangles are cut: two
+/* This command answers like MESH_READER_COMMAND, followed by the polygons of the file, from which the triangles are cut: two
  * uint64_t, the number of polygons and of all their corners; the number of corners of each polygon, and the vertices of all
  * corners, uint32_t each. A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
 #define MESH_POLYGONS_COMMAND "read-mesh-polygons"

@@ -169,7 +169,7 @@ const solver_points *solver_result_points(const solver *s);
  * *goes_on: a particle was fixed. Then previous results are invalid, and the caller must run the solve to its end and finalize it
  * again. If *goes_on is false and the function returns true, nothing was changed and results stay valid. This is so if no place is
  * accepted, and always
- * - unless the solve has converged (SOLVER_CONVERGED), on a surface with patches;
+ * - if the surface has no patches, or the solve has not converged (SOLVER_CONVERGED);
  * - if at least half of max_sweeps is used;
  * - if the solve started at given positions;
  * - if the surface is under-resolved.

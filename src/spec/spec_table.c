@@ -456,11 +456,12 @@ const spec_row spec_rows[] = {
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between "
-              "two of them, each once. Points along the lines where three meet, and along the end of the "
-              "data, come first. Points have the properties label_a and label_b; normals point from the "
-              "former, the lower one, to the latter. It must be the whole surface: it excludes combinations, "
-              "offsets, transforms and region."},
+     .prose =
+         "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between "
+         "two of them, each once. Points along the lines where three meet, and along the end of the "
+         "data, come first. Points have the properties label_a and label_b: label_a is the lower of the two "
+         "labels, but a background is always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes combinations, "
+         "offsets, transforms and region."},
     {.pointer = "/surface/labels/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
@@ -561,9 +562,10 @@ const spec_row spec_rows[] = {
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.background, surface.labels.has_background),
-     .prose = "The background label. It is listed second in each interface, so normals point into it. "
-              "Default: none; 0 is then a label like any other. If `labels` or closed requires one: 0 with "
-              "`labels` without 0; otherwise one less than the lowest label, at most -1."},
+     .prose =
+         "The background label. It is listed second in each interface, so normals point into it. "
+         "Default: none; 0 is then a label like any other. `labels` and closed need a background: then the "
+         "default is 0 if `labels` is given without 0, and otherwise one less than the lowest label, at most -1."},
     {.pointer = "/surface/labels/closed",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -1801,9 +1803,9 @@ const spec_row spec_rows[] = {
      WORDS(SPEC_OUTCOME),
      AT(accept),
      .prose =
-         "The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that depend "
-         "on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl wait --accept "
-         "ends with status 0 for it. The state and the outcome of the job do not change."},
+         "The outcomes of this job that its users accept; for an array, of each of its frames. A job that names this "
+         "one in depends_on or after_frames starts only if this job has such an outcome, and fails otherwise. hexadctl "
+         "wait --accept exits with 0 if the outcome is in the list. The state and the outcome of the job do not change."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
@@ -1954,6 +1956,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_LARGE] = "integer",
         [SPEC_TYPE_BOOL] = "boolean",
         [SPEC_TYPE_WORD] = "word",
+        [SPEC_TYPE_WORDS] = "[word, ...]",
         [SPEC_TYPE_STRING] = "string",
         [SPEC_TYPE_VECTOR] = "[number x 3]",
         [SPEC_TYPE_TRIPLE] = "[integer x 3]",

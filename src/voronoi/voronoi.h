@@ -34,8 +34,8 @@ typedef struct voronoi_sites {
 /* Points whose normals have a smaller cosine than this are on opposite walls. At a sharp edge the cosine is larger. */
 #define VORONOI_OPPOSITE_COSINE -0.6
 
-/* Maximum length of a neighbour list. Where a list is longer, the points are over-dense, and voronoi_star_triangles returns an empty star
- * (count and triangle_count 0) with `pinched` set. */
+/* Longest neighbour list that is evaluated. For a point with a longer list the points are over-dense: voronoi_star_triangles returns an empty
+ * star (count and triangle_count 0) with `pinched` set. */
 #define VORONOI_STAR_MAX 256
 
 /* The star of a point. Neighbours are in no particular order. */

@@ -507,6 +507,7 @@ def test_what_is_no_id_is_answered_with_the_forms_of_an_id(as_user):
 def test_spec_help_of_a_member(build):
     def spec_help(*words):
         return subprocess.run([build / "hexad-worker", "spec-help", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert "(null)" not in spec_help().stdout
     done = spec_help("sampling/count")
     assert done.returncode == 0 and done.stdout.startswith("/sampling/count (integer") and done.stdout.count("\n/") == 0
     for word, told in (("nonsense", ": run hexad-worker spec-help for all members"), ("conut", "; did you mean count?")):

@@ -461,8 +461,9 @@ class _SurfaceLabelsRest(TypedDict, total=False):
 class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
     """A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two of
     them, each once. Points along the lines where three meet, and along the end of the data, come first.
-    Points have the properties label_a and label_b; normals point from the former, the lower one, to the
-    latter. It must be the whole surface: it excludes combinations, offsets, transforms and region.
+    Points have the properties label_a and label_b: label_a is the lower of the two labels, but a background
+    is always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes
+    combinations, offsets, transforms and region.
 
     path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
         image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
@@ -487,8 +488,8 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
         preserve the volume of each label; parts that are thinner than the rest of their label, and specks
         with a radius below this, shrink or vanish. 0: no filter. (voxels) Default: 0.
     background: The background label. It is listed second in each interface, so normals point into it.
-        Default: none; 0 is then a label like any other. If `labels` or closed requires one: 0 with `labels`
-        without 0; otherwise one less than the lowest label, at most -1.
+        Default: none; 0 is then a label like any other. `labels` and closed need a background: then the
+        default is 0 if `labels` is given without 0, and otherwise one less than the lowest label, at most -1.
     closed: true: beyond the end of the data is background, and the end an interface with it. false: the
         interfaces end there. Default: False.
     groups: Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]].
@@ -594,8 +595,9 @@ class Surface(_SurfaceRest):
         converted), for NIfTI right-anterior-superior.
     labels: A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between two
         of them, each once. Points along the lines where three meet, and along the end of the data, come
-        first. Points have the properties label_a and label_b; normals point from the former, the lower one,
-        to the latter. It must be the whole surface: it excludes combinations, offsets, transforms and region.
+        first. Points have the properties label_a and label_b: label_a is the lower of the two labels, but a
+        background is always label_b. Normals point from label_a to label_b. It must be the whole surface: it
+        excludes combinations, offsets, transforms and region.
     exr: A stack of OpenEXR images as a dense volume. The surface is where the volume has the isovalue; larger
         values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin + voxel_size (x, y, k).
         Rows count downwards in the image. Pixels are numbered by the data window, not by the display window.
@@ -1308,10 +1310,10 @@ class Queue(_QueueRest):
     after_frames: Identifiers of arrays with all frames of this job. Each frame of this job starts when the
         same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of
         this job fails. Requires frames. Default: [].
-    accept: The outcomes of this job that its users accept; for an array, of each of its frames. Jobs that
-        depend on it (depends_on, after_frames) start only with such an outcome, and otherwise fail. hexadctl
-        wait --accept ends with status 0 for it. The state and the outcome of the job do not change. Default:
-        ['converged', 'unresolved', 'not_converged'].
+    accept: The outcomes of this job that its users accept; for an array, of each of its frames. A job that
+        names this one in depends_on or after_frames starts only if this job has such an outcome, and fails
+        otherwise. hexadctl wait --accept exits with 0 if the outcome is in the list. The state and the
+        outcome of the job do not change. Default: ['converged', 'unresolved', 'not_converged'].
     frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####,
         %04d or $F4 in each input path stands for the frame number. At least one input path must contain one,
         unless by_frame is given; output.directory must contain one in any case. At most 100000 frames. "all":
