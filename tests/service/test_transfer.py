@@ -234,7 +234,7 @@ def test_an_input_that_nobody_uses_goes(new_service, tmp_path, clock):  # noqa: 
     wait_until(lambda: not list((service.state / "inputs").iterdir()), "the input and its senders to go")
     refused = service.post("/v1/jobs", mesh(f"{name}.obj"))
     expect_problem(refused, 422, "input_missing", "/surface/mesh/path")
-    assert refused.json["detail"].endswith("; upload it again with hexadctl upload")
+    assert refused.json["detail"].endswith("has expired: send it with hexadctl upload")
 
 
 def test_a_job_whose_input_is_gone_says_so(new_service):
