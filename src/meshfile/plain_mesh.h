@@ -26,7 +26,7 @@ typedef struct plain_mesh {
     /* 3MF and AMF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has been multiplied
      * already; if the library reads the file, the caller multiplies. */
     double unit;
-    bool is_quantised; /* glTF: the coordinates are integers, which the library does not read */
+    bool is_quantised;   /* glTF: the coordinates are integers, which the library does not read */
     bool keeps_polygons; /* the polygons are kept as they are in the file, in addition to the triangles */
     size_t polygons, polygon_corners;
     uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */

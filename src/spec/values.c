@@ -212,6 +212,10 @@ static void read_words(reading *r, const json_at *at, const spec_row *row, json 
         json_at element = json_element(at, k);
         int i = find_word(r, &element, row);
         if (i < 0) return;
+        if (found & 1u << i) {
+            reading_add_fault(r, &element, "is a repetition of '%s': remove one", row->words[i]);
+            return;
+        }
         found |= 1u << i;
     }
     memcpy(reading_target(r, row->offset), &found, sizeof found);

@@ -331,8 +331,8 @@ static int open_below(const store_roots *roots, const root *r, const char *path,
 static void set_missing(const char *path, const char *where, bool sent, int why, error *e)
 {
     const bool denied = why == EACCES;
-    const char *hint = frames_is_pattern(path)
-                           ? "add queue.frames: " FRAMES_NOTATIONS " in a path stands for the frame number"
+    const char *hint = frames_is_pattern(path) ? "add queue.frames: " FRAMES_NOTATIONS
+                                                 " in a path stands for the frame number"
                        : sent                   ? "upload it again with hexadctl upload"
                        : denied && *where       ? "let the user of the service read it"
                        : denied                 ? "let this user read it"

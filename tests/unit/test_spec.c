@@ -854,7 +854,8 @@ static void test_faults(void **state)
                  invalid, "/surface/analytic/axis", "zero vector");
     expect_fault(
         "{\"surface\":{\"analytic\":{\"shape\":\"cylinder\",\"radius\":1,\"height\":1,\"rounding\":0.6}}}",
-        invalid, "/surface/analytic/rounding", "at most the smallest half size or radius of the shape, 0.5 (given 0.6)");
+        invalid, "/surface/analytic/rounding",
+        "at most the smallest half size or radius of the shape, 0.5 (given 0.6)");
     expect_fault(
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"halfspace\"}},\"sampling\":{\"count\":9}}",
         invalid, "/surface", "it contains a halfspace");
@@ -862,7 +863,8 @@ static void test_faults(void **state)
                  "{\"analytic\":{\"shape\":\"halfspace\"}}]},\"sampling\":{\"count\":9}}",
                  invalid, "/surface", "give a region");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
-                 invalid, "/surface/analytic/rounding", "at most the smallest half size or radius of the shape, 1 (given 1.5)");
+                 invalid, "/surface/analytic/rounding",
+                 "at most the smallest half size or radius of the shape, 1 (given 1.5)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,
                  "/surface/analytic/half_size/1", "(given -2)");
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
@@ -1009,6 +1011,7 @@ static void test_accepted_outcomes(void **state)
     }
     static const char *const wrong[][2] = {{"[]", "/queue/accept"},
                                            {"\"converged\"", "/queue/accept"},
+                                           {"[\"converged\",\"converged\"]", "/queue/accept/1"},
                                            {"[\"converged\",\"good\"]", "/queue/accept/1"}};
     for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
         char *text = mem_printf(SPHERE ",\"queue\":{\"accept\":%s}}", wrong[k][0]);
