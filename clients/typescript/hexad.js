@@ -469,7 +469,7 @@ export class Job {
     const step = Math.min(LONGEST_WAIT_S, this.client.timeout / 2);
     while (!this.hasEnded) {
       const left = Math.min(step, (end - Date.now()) / 1000);
-      if (left < 0) throw new WaitTimeout(`job ${this.id} is still ${this.state} after ${timeout} s`);
+      if (left < 0) throw new WaitTimeout(`the wait for job ${this.id} ended after ${timeout} s; the job is ${this.state} and goes on: wait again`);
       const parameters = {id: this.id, Prefer: `wait=${Math.max(1, Math.round(left))}`};
       this.document = /** @type {JobDocument} */ (await this.client.call("getJob", parameters, {signal}));
     }
@@ -547,7 +547,7 @@ export class Job {
    */
   async read(name, frame) {
     const result = (await this.results(frame)).find(found => found.name === name);
-    if (!result) throw new HexadError(`job ${this.id} has no ${name}`);
+    if (!result) throw new HexadError(`job ${this.id} has no result ${name}: results() lists its files`);
     const bytes = new Uint8Array(result.bytes);
     let at = 0;
     await this.receive(result, frame, async () => {

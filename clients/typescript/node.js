@@ -83,7 +83,7 @@ export class Job extends WebJob {
       await mkdir(place, {recursive: true});
       for (const result of await this.results(each)) {
         if (result.name.startsWith(".") || /[/\\]/.test(result.name))
-          throw new HexadError(`the name of a result is not the name of a file: ${JSON.stringify(result.name)}`);
+          throw new HexadError(`job ${this.id} has a result whose name contains a path, ${JSON.stringify(result.name)}: report this as a fault`);
         const path = join(place, result.name);
         await this.fetchFile(result, path, each);
         paths.push(path);

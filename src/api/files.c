@@ -94,6 +94,18 @@ static void put_parent(const http_context *c, const char *path, json *document)
     free(above);
 }
 
+/* Opens a directory below the input roots. Errors: those of store_open_directory; input_missing. */
+static DIR *open_listing(const http_context *c, const char *path, error *e)
+{
+    int fd = store_open_directory(c->roots, path, e);
+    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
+    if (fd >= 0 && !listing) {
+        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(errno));
+        close(fd);
+    }
+    return listing;
+}
+
 void files_list(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
@@ -104,13 +116,8 @@ void files_list(const http_context *c, const http_request *request, reply *r)
         reply_set_json(r, 200, document);
         return;
     }
-    int fd = store_open_directory(c->roots, path, &e);
-    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
+    DIR *listing = open_listing(c, path, &e);
     if (!listing) {
-        if (fd >= 0) {
-            error_set(&e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(errno));
-            close(fd);
-        }
         reply_set_error(r, &e, NULL);
         json_free(document);
         return;
@@ -123,7 +130,7 @@ void files_list(const http_context *c, const http_request *request, reply *r)
     json_put_string(document, "path", path);
     put_parent(c, path, document);
     json *list = json_put_array(document, "files");
-    for (size_t i = 0; i < found.count; i++) append_found(c, fd, path, found.item[i], list);
+    for (size_t i = 0; i < found.count; i++) append_found(c, dirfd(listing), path, found.item[i], list);
     json_put_string(document, "next", found.more ? found.item[found.count - 1] : NULL);
     closedir(listing);
     names_clear(&found);
@@ -170,14 +177,9 @@ static bool is_frame_readable(const http_context *c, const frame_pattern *p, con
 static bool add_frames(const http_context *c, const frame_pattern *p, const char *directory, numbers *out,
                        error *e)
 {
-    int frame = 0, fd = store_open_directory(c->roots, directory, e);
-    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
-    if (!listing) {
-        if (fd < 0) return false;
-        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", directory, strerror(errno));
-        close(fd);
-        return false;
-    }
+    int frame = 0;
+    DIR *listing = open_listing(c, directory, e);
+    if (!listing) return false;
     for (struct dirent *entry; out->count <= FRAMES_MOST && (entry = readdir(listing));) {
         if (entry->d_name[0] == '.' || !frames_match(p->name, entry->d_name, &frame) ||
             !is_frame_readable(c, p, entry, frame))

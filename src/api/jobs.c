@@ -399,8 +399,10 @@ static void describe_dependency(const queue_receipt *receipt, const char *id, ch
     if (receipt->verdict == QUEUE_UNKNOWN_DEPENDENCY)
         snprintf(detail, 256, "the job %.100s does not exist: list the jobs for their IDs", id);
     else if (receipt->verdict == QUEUE_REPEATED_DEPENDENCY)
-        snprintf(detail, 256,
-                 "the job %.100s is listed twice in depends_on, after and after_frames: remove one", id);
+        snprintf(
+            detail, 256,
+            "the job %.100s is listed twice, in after_frames and in depends_on, after or after_frames: remove one",
+            id);
     else if (receipt->frame == QUEUE_NO_FRAME)
         snprintf(detail, 256, "the job %.100s has no frames: name it in depends_on", id);
     else

@@ -216,7 +216,7 @@ typedef struct incidence {
 /* A mesh whose corners have normals. Vertices at the same place are one for the normals. */
 typedef struct frame {
     polygon_mesh p;
-    uint32_t *joined; /* of each vertex the one that stands for its place */
+    uint32_t *joined; /* of each vertex the one that represents its place */
     vec3 *normal;     /* of each polygon, unit; 0: without area */
     size_t *first;    /* of each vertex its first incidence; one more than vertices */
     incidence *at;

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "formats/points.h"
 #include "geometry/vec3.h"
+#include "mesh/mesh_patches.h"
 
 /* What determines the numbers of polygons, corners and vertices. */
 typedef struct attachment_topology {
@@ -69,6 +70,6 @@ bool attachment_evaluate(const attachment_file *files, size_t file_count, size_t
                          const double *const values[ATTACHMENT_ARRAYS], vec3 *position, vec3 *normal,
                          error *e);
 
-#define ATTACHMENT_CREASE 0.7 /* radians; the default feature angle of meshes */
+#define ATTACHMENT_CREASE MESH_PATCHES_ANGLE /* radians */
 
 #endif

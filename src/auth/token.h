@@ -27,6 +27,8 @@
 #define TOKEN_ID_SIZE 13
 #define TOKEN_USER_SIZE 65
 #define TOKEN_ANY_PRIORITY INT_MAX
+/* The token file of the service that systemd runs (systemd/hexad.service). */
+#define TOKEN_SYSTEM_FILE "/etc/hexad/tokens"
 
 typedef struct token {
     char id[TOKEN_ID_SIZE];

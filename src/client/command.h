@@ -26,7 +26,8 @@ enum {
 /* NULL: the option was not given. Only what belongs to the command is set. */
 typedef struct command_options {
     bool json, wait, dependents, yes;
-    bool accept;  /* of wait, and of submit with wait: COMMAND_OK for an accepted outcome (queue.accept) */
+    bool
+        accept; /* of wait, and of submit and attach with wait: COMMAND_OK for an accepted outcome (queue.accept) */
     bool several; /* whether the command line has more than one argument */
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;

@@ -168,7 +168,7 @@ static int submit(client *c, const char *from, const char *given, const command_
 {
     json *document = NULL;
     if (options->accept && !options->wait) {
-        print_failure("submit: --accept requires --wait");
+        print_failure("--accept requires --wait");
         return COMMAND_USAGE;
     }
     int code = post_spec(c, JOBS, from, given, options, &document);

@@ -13,8 +13,6 @@
 #include "base/nearest_name.h"
 #include "config/config_table.h"
 
-#define SETTINGS_FILE HEXAD_SYSCONFDIR "/hexad.conf"
-
 enum { MOST_SETTINGS = 128 };
 
 /* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to restart lists. */
@@ -344,7 +342,7 @@ static bool maintains_service(int argc, char *const *argv)
         if (is_named(key, length, "config") || is_named(key, length, "state_dir")) return false;
         maintains |= is_named(key, length, "check") || is_named(key, length, "backup");
     }
-    return maintains && access(SETTINGS_FILE, F_OK) == 0;
+    return maintains && access(CONFIG_FILE, F_OK) == 0;
 }
 
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e)
@@ -356,7 +354,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     bool ok = true;
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
-    if (ok && maintains_service(argc, argv)) ok = take_file(&s, SETTINGS_FILE);
+    if (ok && maintains_service(argc, argv)) ok = take_file(&s, CONFIG_FILE);
     ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
     if (!ok) {
         config_clear(&read);
@@ -522,11 +520,11 @@ void config_print_help(FILE *file)
         "                   scope admin in $HEXAD_TOKEN\n"
         "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
         "                   jobs. It changes neither and prints a line for each fault.\n"
-        "                   --backup and --check read " SETTINGS_FILE " unless --config or\n"
+        "                   --backup and --check read " CONFIG_FILE " unless --config or\n"
         "                   --state_dir is given\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
-        "                   names, otherwise " SETTINGS_FILE "). For\n"
+        "                   names, otherwise " CONFIG_FILE "). For\n"
         "                   the service that systemd runs with this file it also writes the drop-in\n"
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"

@@ -19,6 +19,9 @@
 #include "base/log.h"
 #include "base/sandbox.h"
 
+/* The settings file of the installed service. */
+#define CONFIG_FILE HEXAD_SYSCONFDIR "/hexad.conf"
+
 typedef struct config_list {
     char **item;
     size_t count;

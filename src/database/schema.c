@@ -176,7 +176,7 @@
 /* The outcomes for which dependent jobs start (SCHEMA_ACCEPTED). Default: all. */
 #define ACCEPT "accept INTEGER NOT NULL DEFAULT 14"
 
-/* The maximum number of tasks of a job that run at the same time; 0: none. */
+/* The maximum number of tasks of a job that run at the same time; 0: any number. */
 #define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
 /* Tasks that wait for frames of other jobs (queue/frame_needs), and whether the first queued task of an ordered job does. */
 #define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"

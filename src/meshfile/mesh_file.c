@@ -53,14 +53,27 @@ static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e
                      "the file ended while it was read: check the disk and copy it again");
 }
 
+static bool invalid(error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file made its reader return an invalid answer: save it in another format");
+}
+
+/* Whether the answer ends here. */
+static bool check_end(FILE *stream, error *e)
+{
+    return fgetc(stream) == EOF ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file made its reader return more data than announced: save it in another format");
+}
+
 /* `text` receives the warnings, one a line. */
 static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READER_TEXT_MAX + 1], error *e)
 {
     text[0] = 0;
     if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
+        return invalid(e);
     if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
     text[h->text_length] = 0;
     for (char *p = text; *p; p++) /* it may quote the file */
@@ -134,8 +147,7 @@ static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, fl
     if (!read_all(stream, head, sizeof *head, 1, e)) return false;
     if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
         head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
+        return invalid(e);
     for (char *p = head->name; *p; p++) /* it is the file's */
         if (*p < ' ' || *p > '~') *p = '?';
     *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
@@ -146,9 +158,7 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
 {
     uint32_t count;
     if (!read_all(stream, &count, sizeof count, 1, e)) return false;
-    if (count > MESH_VALUES_MOST)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
+    if (count > MESH_VALUES_MOST) return invalid(e);
     if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
         return error_set(
             e, ERROR_LIMIT_MEMORY,
@@ -162,11 +172,6 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
             return false;
         }
     return true;
-}
-
-static bool invalid(error *e)
-{
-    return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
 }
 
 /* Checks that the polygons have the triangles and the vertices of the mesh. */
@@ -241,9 +246,7 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
              (!values || read_values(stream, &m, memory_limit, values, e)) &&
              (!polygons || read_polygons(stream, &m, memory_limit, polygons, e));
     }
-    if (ok && fgetc(stream) != EOF)
-        ok = error_set(e, ERROR_INPUT_DAMAGED,
-                       "the file made its reader return more data than announced: save it in another format");
+    ok = ok && check_end(stream, e);
     if (!ok) {
         mesh_free(&m);
         return false;
@@ -260,8 +263,7 @@ static bool skip_triangles(FILE *stream, uint64_t triangles, error *e)
     uint32_t corner[3];
     for (uint64_t n = 0; n < triangles; n++)
         if (!read_all(stream, corner, sizeof corner, 1, e)) return false;
-    return fgetc(stream) == EOF ||
-           error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
+    return check_end(stream, e);
 }
 
 static bool check_points(const vec3 *point, size_t count, error *e)

@@ -12,7 +12,7 @@
 typedef struct mesh_file {
     int fd;           /* open for reading, a regular file; its offset does not matter. It is not closed. */
     const char *path; /* its ending determines the format */
-    /* path of a program whose commands `read-mesh` and `read-mesh-values` call mesh_reader_main; NULL: this program itself */
+    /* path of a program whose commands `read-mesh`, `read-mesh-values` and `read-mesh-polygons` call mesh_reader_main; NULL: this program itself */
     const char *program;
     size_t memory_limit; /* bytes: for the reading process, and again for the mesh */
 } mesh_file;

@@ -9,7 +9,9 @@
  * 2. `text_length` bytes of a message or of warnings, one a line;
  * 3. if `code` is ERROR_NONE: the vertices (three doubles each) and the triangles (three uint32_t each);
  * 4. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a mesh_reader_values and
- *    vertices * components floats, vertex by vertex.
+ *    vertices * components floats, vertex by vertex;
+ * 5. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the number of corners of each
+ *    polygon, and the vertices of all corners, uint32_t each.
  * Numbers have the machine's own byte order, because both ends are on one machine.
  */
 #ifndef HEXAD_MESHFILE_MESH_READER_H
@@ -32,9 +34,7 @@ typedef struct mesh_reader_header {
     uint64_t end;
 } mesh_reader_header;
 
-/* This command answers like MESH_READER_COMMAND, followed by the polygons of the file, from which the triangles are cut: two
- * uint64_t, the number of polygons and of all their corners; the number of corners of each polygon, and the vertices of all
- * corners, uint32_t each. A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
+/* Command that also answers the polygons of the file, from which the triangles are cut: part 5 of the answer above. A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
 #define MESH_POLYGONS_COMMAND "read-mesh-polygons"
 
 /* Command that also answers attributes of the vertices other than their positions: part 4 of the answer above. */
@@ -57,7 +57,7 @@ typedef struct mesh_reader_values {
     uint32_t kind, components; /* kind: a mesh_values_kind; components: 1 .. MESH_VALUES_COMPONENTS */
 } mesh_reader_values;
 
-/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND as its first word. Reads the file on
+/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND or MESH_POLYGONS_COMMAND as its first word. Reads the file on
  * descriptor 0, writes the answer to descriptor 1, allocates at most MEMORY bytes beyond its memory at the start. Returns
  * (or exits with) the exit status: 0 if the answer, a mesh or an error, was written completely. */
 int mesh_reader_main(int argc, char **argv);

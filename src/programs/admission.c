@@ -14,7 +14,6 @@
 #include "config/config_edit.h"
 #include "store/file.h"
 
-#define SETTINGS_FILE HEXAD_SYSCONFDIR "/hexad.conf"
 #define UNITS "/etc/systemd/system"
 #define DROP_IN_DIRECTORY "hexad.socket.d"
 #define DROP_IN "allow.conf"
@@ -179,7 +178,7 @@ static void warn_of_tokens(const change *w)
 {
     token_set set = {0};
     size_t count = 0;
-    char *path = w->tokens ? mem_strdup(w->tokens) : mem_strdup(HEXAD_SYSCONFDIR "/hexad/tokens");
+    const char *path = w->tokens ? w->tokens : TOKEN_SYSTEM_FILE;
     if (!w->group && token_set_read(path, &set, NULL))
         for (size_t k = 0; k < set.count; k++) count += strcmp(set.item[k].user, w->name) == 0;
     fflush(stdout);
@@ -190,7 +189,6 @@ static void warn_of_tokens(const change *w)
             "`hexadctl token revoke ID` revokes one\n",
             w->name, count, count == 1 ? "" : "s", path, count == 1 ? "s" : "");
     token_set_clear(&set);
-    free(path);
 }
 
 /* ---- the socket */
@@ -378,7 +376,7 @@ static bool find_file(change *w, const char *named, error *e)
 {
     struct stat info;
     char *of_unit = find_file_of_unit();
-    const char *file = named ? named : of_unit ? of_unit : SETTINGS_FILE;
+    const char *file = named ? named : of_unit ? of_unit : CONFIG_FILE;
     w->file = realpath(file, NULL);
     w->units = !named || (w->file && of_unit && strcmp(w->file, of_unit) == 0);
     bool ok = w->file ||

@@ -327,11 +327,11 @@ static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
 }
 
 /* The spec that places the points of a result on other meshes; `report` is the report of the result. */
-static json *attached_spec(const arguments *a, const json *report, error *e)
+static json *attached_spec(const arguments *a, json *report, error *e)
 {
-    json *sampled = json_find((json *)(uintptr_t)report, "/spec");
+    json *sampled = json_find(report, "/spec");
     char *path =
-        mem_printf("%.*spoints.ply", (int)(strlen(a->spec_path) - strlen("report.json")), a->spec_path);
+        mem_printf("%.*spoints.ply", (int)(strlen(a->spec_path) - strlen(WORKER_REPORT_NAME)), a->spec_path);
     json *document = NULL;
     if (sampled)
         document = attach_spec_make(sampled, path, a->meshes, a->mesh_count, e);
@@ -445,7 +445,7 @@ static int obey(int argc, char **argv, command *what)
     handle_signals();
     mem_begin();
     bool parsed = parse_arguments(argc, argv, &a, &e);
-    if (parsed && a.meshes) a.spec_path = report_path = mem_printf("%s/report.json", a.spec_path);
+    if (parsed && a.meshes) a.spec_path = report_path = mem_printf("%s/" WORKER_REPORT_NAME, a.spec_path);
     if (!parsed || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
     if (!(s = load_spec(spec_file, &a, &faults, &e))) goto fail;
     if (!choose_frame(&s, a.frame, a.previous != NULL, &faults, &e)) goto fail;

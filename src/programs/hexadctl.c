@@ -18,8 +18,7 @@
 /* The socket of the service that systemd runs, and that of other services. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
 #define STATE_SOCKET HEXAD_STATEDIR "/hexad.sock"
-/* The service that systemd runs reads the first, and has a group of its own (systemd/hexad-sysusers.conf). */
-#define SYSTEM_TOKENS "/etc/hexad/tokens"
+/* The service that systemd runs has a group of its own (systemd/hexad-sysusers.conf). */
 #define SYSTEM_GROUP "hexad"
 #define STATE_TOKENS HEXAD_STATEDIR "/tokens"
 
@@ -31,7 +30,8 @@ static const char usage[] =
     "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
     "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
     "                    the job will fail, submit prints the reason\n"
-    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait] [--priority N] [--label LABEL]... [--key KEY]\n"
+    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--priority N]\n"
+    "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
     "                    of its meshes; PATH is the path of a mesh as in a spec, one for each mesh of the\n"
     "                    surface. With #### in PATH the job is an array of FRAMES\n"
@@ -101,7 +101,7 @@ static const char usage[] =
     "  --state STATES blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or\n"
     "                 timed_out; several are separated by commas\n"
     "  --scopes LIST  one or more of read, submit, cancel, admin; default: read,submit,cancel\n"
-    "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS " (of the service that\n"
+    "  --file FILE    the daemon's token_file; default: " TOKEN_SYSTEM_FILE " (of the service that\n"
     "                 systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
     "                 " STATE_TOKENS "\n"
     "  --json         print the JSON documents of the server\n"
@@ -401,7 +401,7 @@ static const char *default_server(void)
 static void set_default_tokens(command_options *options)
 {
     const struct group *group = getgrnam(SYSTEM_GROUP);
-    options->file = group ? SYSTEM_TOKENS : STATE_TOKENS;
+    options->file = group ? TOKEN_SYSTEM_FILE : STATE_TOKENS;
     options->file_group = group ? group->gr_gid : TOKEN_NO_GROUP;
 }
 

@@ -267,16 +267,17 @@ static bool update_dependent(database *d, const job_state_need *need, job_state 
     return save_one(d, &before, j, now, e);
 }
 
+/* The next job with a seq above ?2 that depends on ?1 and meets the condition. */
+#define NEXT_DEPENDENT(condition)                                                                     \
+    "SELECT " STATE_COLUMNS " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job" \
+    " WHERE needs = ?1 AND job > ?2 AND " condition " ORDER BY job LIMIT 1)"
+
 /* Loads the next job with a seq above `after` that depends on the ended one. */
 static bool next_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found, error *e)
 {
     return load(
-        d,
-        ASK(d, e,
-            "SELECT " STATE_COLUMNS " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
-            " WHERE needs = ?1 AND job > ?2 AND by_frame = 0 AND state = 'blocked' ORDER BY job LIMIT 1)",
-            integer(need), integer(after)),
-        j, found, e);
+        d, ASK(d, e, NEXT_DEPENDENT("by_frame = 0 AND state = 'blocked'"), integer(need), integer(after)), j,
+        found, e);
 }
 
 static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
@@ -295,16 +296,12 @@ static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
 static bool next_frame_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found,
                                  error *e)
 {
-    return load(d,
-                ASK(d, e,
-                    "SELECT " STATE_COLUMNS
-                    " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
-                    " WHERE needs = ?1 AND job > ?2 AND by_frame = 1 AND held > 0 ORDER BY job LIMIT 1)",
-                    integer(need), integer(after)),
-                j, found, e);
+    return load(d, ASK(d, e, NEXT_DEPENDENT("by_frame = 1 AND held > 0"), integer(need), integer(after)), j,
+                found, e);
 }
 
-/* Jobs whose ends, or ends of whose frames, others wait for. A list instead of recursion. */
+/* Jobs that have ended, or frames of which have: the jobs that wait for them are still to be updated. A list, so that there is no
+ * recursion. */
 typedef struct ended_jobs {
     struct ended_job {
         int64_t seq;

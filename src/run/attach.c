@@ -9,7 +9,6 @@
 #include "base/memory.h"
 #include "formats/ply.h"
 #include "formats/property.h"
-#include "run/instances.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/surface_meshes.h"
@@ -338,16 +337,6 @@ static bool read_attributes(job *j, error *e)
     return ok;
 }
 
-/* Checks that the points have the attributes that pictures and instances name. */
-static bool check_outputs(const spec *s, const points *set, error *e)
-{
-    if (s->has_preview && s->preview_attribute &&
-        !property_find_attribute(set->attributes, set->attribute_count, s->preview_attribute))
-        return property_refuse_missing(set->attributes, set->attribute_count, "/output/preview/attribute",
-                                       s->preview_attribute, e);
-    return instances_check(s, set, e);
-}
-
 static bool write_files(job *j, error *e)
 {
     attach *a = (attach *)j;
@@ -360,7 +349,7 @@ static bool write_files(job *j, error *e)
                               .y_up = upright_y(j->spec, &a->set),
                               .h = a->spacing};
     const bool ok =
-        check_outputs(j->spec, &a->set, e) &&
+        attributes_check_named(j->spec, &a->set, e) &&
         results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
     free(comments);
     return ok;

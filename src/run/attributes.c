@@ -23,8 +23,8 @@ struct attributes_entry {
     exr_stack_params stack; /* if the surface is an EXR stack */
     slices_files files;
     attribute_counts counts;
-    int place; /* of the place on a mesh: which array, ATTACHMENT_MESH ...; else -1 */
-    attachment_counts attached;
+    int place;          /* of the place on a mesh: which array, ATTACHMENT_MESH ...; else -1 */
+    double distance;    /* of places on meshes: the largest of a point from its place, in spacings */
     double least, most; /* range of the components; for vectors, of each component */
 };
 
@@ -189,11 +189,13 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     return true;
 }
 
-static bool check_preview(const spec *s, const attributes *a, error *e)
+bool attributes_check_named(const spec *s, const points *set, error *e)
 {
-    return !s->has_preview || !s->preview_attribute ||
-           property_find_attribute(a->values, a->count, s->preview_attribute) ||
-           property_refuse_missing(a->values, a->count, "/output/preview/attribute", s->preview_attribute, e);
+    if (s->has_preview && s->preview_attribute &&
+        !property_find_attribute(set->attributes, set->attribute_count, s->preview_attribute))
+        return property_refuse_missing(set->attributes, set->attribute_count, "/output/preview/attribute",
+                                       s->preview_attribute, e);
+    return instances_check(s, set, e);
 }
 
 /* Checks that the points will have what the outputs require, by a set of zero points with the same arrays. */
@@ -225,7 +227,7 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
         if (a->values[k].kind == POINT_ATTRIBUTE_UV) set.uv = &number;
     static const double turn[4];
     if (s->has_orient) set.orient = turn;
-    if (!check_preview(s, a, e) || !instances_check(s, &set, e)) return false;
+    if (!attributes_check_named(s, &set, e)) return false;
     return columns_choose(&set, (const char *const *)s->ply_properties, s->ply_property_count, &unused, e) ||
            error_prefix(e, "/output/ply/properties");
 }
@@ -378,7 +380,7 @@ static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const 
     for (size_t n = 0; n < ATTACHMENT_ARRAYS; n++) {
         attributes_entry *entry = &a->entries[first + n];
         note_range(entry, values[n], set->count * (size_t)a->values[first + n].components);
-        entry->attached = counts;
+        entry->distance = counts.distance;
         entry->counts.outside = counts.outside;
     }
     return true;
@@ -493,7 +495,7 @@ static void warn(json *warnings, const attributes_entry *entry, size_t count, co
 static void describe_meshes(const attributes *a, const attributes_entry *entry, json *object, json *warnings)
 {
     json *list = json_put_array(object, "meshes");
-    json_put_number(object, "distance", entry->attached.distance);
+    json_put_number(object, "distance", entry->distance);
     for (size_t k = 0; k < a->meshes.count; k++) {
         const attachment_file *file = &a->meshes.file[k];
         json *of_mesh = json_append_object(list);
@@ -505,7 +507,7 @@ static void describe_meshes(const attributes *a, const attributes_entry *entry, 
         json_put_string(of_mesh, "topology", hash);
         free(hash);
     }
-    warn(warnings, entry, entry->attached.outside,
+    warn(warnings, entry, entry->counts.outside,
          "lie on no mesh, such as those on caps of a region or on other parts: their numbers are -1");
 }
 

@@ -28,6 +28,9 @@ typedef struct attributes {
         kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode keep) */
 } attributes;
 
+/* Checks that the points have the attributes that pictures and instances name. Errors: attribute_missing, spec_invalid. */
+bool attributes_check_named(const spec *s, const points *set, error *e);
+
 /* Locates all attributes of the spec (`from` may be a source that is not open, but for its roots), and checks the columns of output.ply.properties. Errors: attribute_missing,
  * spec_invalid (a name occurs twice or is one of the points' own properties), those of attribute_find and
  * source_open_file. Free *out after failure, too. */

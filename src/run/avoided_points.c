@@ -16,7 +16,7 @@ static const double SAMPLES_PER_POINT = 4, SAMPLES_LEAST = 20000, SAMPLES_MOST =
 /* The number of points of a packing within an area varies with the position of its lattice. Its standard deviation is .17 to .33 times the square root of
  * the number of cells on the area's border; this is the factor that is allowed for. Larger: points end farther from the given ones than the distance. */
 static const double BORDER_VARIATION = 0.75;
-/* Another packing is made if points are missing, or if this many times the slack are too many; at most so often. */
+/* Another packing is made if points are missing, or if more than EXCESS_SLACKS times the slack are too many; ROUNDS_MOST packings in all. */
 static const double EXCESS_SLACKS = 4;
 enum { ROUNDS_MOST = 4 };
 /* Rounding of coordinates to floats, relative. */
@@ -34,7 +34,7 @@ static vec3 in_world(const source *from, vec3 x)
     return from->turned ? placement_to_world(from->turned, x) : x;
 }
 
-/* The number of points of a packing of which `wanted` are in this share. */
+/* The number of points of a packing such that this share of them is `wanted` points. */
 static bool set_packed(double wanted, double share, size_t *packed, error *e)
 {
     const double count = ceil(wanted / share);

@@ -21,7 +21,7 @@ typedef struct avoided_points {
     double nearest; /* least distance of a point of the result from a given one, world units */
 } avoided_points;
 
-/* Computes the number of points of a packing of the whole surface, of which about `count` are far enough from the given points. *packed is unchanged if
+/* Computes how many points a packing of the whole surface must have for about `count` of them to be far enough from the given points. *packed is unchanged if
  * the target is not a count, or if no points are avoided. Errors: no_surface (no place is far enough), spec_invalid (too many points), limit_memory,
  * cancelled. */
 bool avoided_points_plan(const given_points *g, const spec *s, const source *from, const surface *scan,

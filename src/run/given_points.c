@@ -97,12 +97,10 @@ static bool check_distances(given_points *g, const spec *s, const double *distan
 
 static int compare_places(const void *a, const void *b, void *context)
 {
-    const vec3 *place = context, p = place[*(const uint32_t *)a], q = place[*(const uint32_t *)b];
+    const vec3 *place = context;
     const uint32_t i = *(const uint32_t *)a, j = *(const uint32_t *)b;
-    if (p.x != q.x) return p.x < q.x ? -1 : 1;
-    if (p.y != q.y) return p.y < q.y ? -1 : 1;
-    if (p.z != q.z) return p.z < q.z ? -1 : 1;
-    return (i > j) - (i < j);
+    const int order = vec3_compare(place[i], place[j]);
+    return order ? order : (i > j) - (i < j);
 }
 
 /* Drops points at the place of an earlier one: no force would separate their particles. */
@@ -112,10 +110,8 @@ static bool drop_equal(given_points *g, error *e)
     bool *drops = order ? mem_array(g->count, sizeof *drops, what, e) : NULL;
     for (size_t i = 0; drops && i < g->count; i++) order[i] = (uint32_t)i;
     if (drops) qsort_r(order, g->count, sizeof *order, compare_places, g->projected);
-    for (size_t k = 1; drops && k < g->count; k++) {
-        const vec3 p = g->projected[order[k - 1]], q = g->projected[order[k]];
-        drops[order[k]] = p.x == q.x && p.y == q.y && p.z == q.z;
-    }
+    for (size_t k = 1; drops && k < g->count; k++)
+        drops[order[k]] = vec3_compare(g->projected[order[k - 1]], g->projected[order[k]]) == 0;
     for (size_t i = 0; drops && i < g->count; i++) {
         if (drops[i]) continue;
         g->projected[g->start_count] = g->projected[i];

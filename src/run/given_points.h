@@ -8,6 +8,7 @@
 #include "json/json.h"
 #include "source/source.h"
 #include "spec/spec.h"
+#include "sequence/frame_transfer.h"
 
 typedef struct given_points {
     size_t count;    /* rows of the file; 0: none are given */
@@ -23,7 +24,7 @@ typedef struct given_points {
     bool *kept;    /* per point */
 } given_points;
 
-#define GIVEN_POINTS_NEW UINT32_MAX
+#define GIVEN_POINTS_NEW FRAME_TRANSFER_NONE /* rows are those of frame_transfer.fixed */
 
 /* Reads the file of the spec, if it names one. Free *out after failure, too. Errors: those of source_open_file and mesh_file_read_points, with
  * the path. */
@@ -43,7 +44,7 @@ bool given_points_note(given_points *g, const uint32_t *row, size_t count, error
 void given_points_restore(const given_points *g, const uint32_t *point, size_t count, bool world,
                           vec3 *position);
 
-/* Bytes of memory for each row. */
+/* Bytes of memory of all rows. */
 double given_points_bytes(const given_points *g);
 
 /* Adds the member `points` to the report. */

@@ -5,15 +5,12 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "geometry/affine.h"
 
 void surface_append_transform(const spec_surface *s, double m[3][4])
 {
     double product[3][4];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 4; j++) {
-            product[i][j] = j == 3 ? m[i][3] : 0;
-            for (int k = 0; k < 3; k++) product[i][j] += m[i][k] * s->matrix[4 * k + j];
-        }
+    affine_compose((const double(*)[4])m, s->matrix, product);
     memcpy(m, product, sizeof product);
 }
 

@@ -13,10 +13,7 @@
 #include "measures/measures.h"
 #include "spec/spec.h"
 
-#define VERDICT_LIST(ENTRY, prefix)         \
-    ENTRY(prefix, CONVERGED, "converged")   \
-    ENTRY(prefix, UNRESOLVED, "unresolved") \
-    ENTRY(prefix, NOT_CONVERGED, "not_converged")
+#define VERDICT_LIST SPEC_OUTCOME_LIST
 
 typedef enum verdict_outcome { VERDICT_LIST(WORDS_ENUMERATOR, VERDICT) VERDICT_OUTCOMES } verdict_outcome;
 

@@ -41,14 +41,19 @@ static bool has_given_level(const solver *s)
     return s->setup.params.start == SOLVER_START_COARSEST;
 }
 
+static void copy_given(solver *s)
+{
+    particles *p = s->state.p;
+    memcpy(p->position, s->setup.params.given, p->count * sizeof *p->position);
+    memcpy(p->normal, s->setup.params.given_normal, p->count * sizeof *p->normal);
+}
+
 /* Initial positions of the particles, in memory order. */
 static bool place(solver *s, error *e)
 {
     size_t removed;
     if (solver_is_continued(s)) {
-        memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
-        memcpy(s->state.p->normal, s->setup.params.given_normal,
-               s->state.p->count * sizeof *s->state.p->normal);
+        copy_given(s);
         if (s->setup.params.given_place)
             memcpy(s->state.p->place, s->setup.params.given_place,
                    s->state.p->count * sizeof *s->state.p->place);
@@ -58,9 +63,7 @@ static bool place(solver *s, error *e)
         return true;
     }
     if (has_given_level(s) && !s->state.p->patch) {
-        memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
-        memcpy(s->state.p->normal, s->setup.params.given_normal,
-               s->state.p->count * sizeof *s->state.p->normal);
+        copy_given(s);
         return arrange(s, e);
     }
     if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,

@@ -22,7 +22,7 @@ double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 /* Bytes of the pictures while they are drawn. */
 double plan_picture_memory(const spec *s);
 
-/* Bytes that one particle takes at the peak. `is_continued`: the points of the previous frame are carried over. */
+/* Bytes that one particle takes at the peak. `is_continued`: points are carried over, from the previous frame or around given points that are kept. */
 double plan_bytes_per_particle(const spec *s, bool is_continued);
 
 /* Whether `count` particles fit into `memory` bytes, which are left of `limit`. Error: limit_memory. */

@@ -191,7 +191,8 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
 
 #define SPEC_FROM_SURFACE "surface"
 #define SPEC_FROM_GEOMETRY "geometry"
-#define SPEC_GEOMETRY_SOURCE "source" /* its name for the place of a point on a mesh */
+#define SPEC_GEOMETRY_SOURCE \
+    "source" /* the name, with SPEC_FROM_GEOMETRY, of the place of a point on a mesh */
 
 typedef struct spec_attribute { /* of points, from a file or from the surface's own geometry */
     char *from;                 /* SPEC_FROM_SURFACE: the surface's file; SPEC_FROM_GEOMETRY; else a path */
@@ -317,7 +318,8 @@ typedef struct spec {
     char **after_frames; /* likewise */
     size_t after_frames_count;
     unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
-    char *frames;    /* as given; NULL: the job is not a sequence. Their numbers; FRAMES_ALL has none: */
+    char *
+        frames; /* as given, or FRAMES_ALL; NULL: the job is not a sequence. Their numbers, none for FRAMES_ALL: */
     int *frame;
     size_t frame_count;
     bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */

@@ -1,4 +1,4 @@
-/* block_lines: lines of voxels in blocks, for those who go along all of them. */
+/* block_lines: lines of voxels in blocks, for code that visits all of them. */
 #ifndef HEXAD_VOXELS_BLOCK_LINES_H
 #define HEXAD_VOXELS_BLOCK_LINES_H
 
