@@ -9,14 +9,30 @@
 #include <time.h>
 #include <unistd.h>
 
-/* Added to what the kernel says, or to a fixed time after stop_clocks(). */
-static _Atomic int64_t wall_ahead_ms, boot_ahead_ms;
+/* Added to what the kernel says, or to a fixed time after stop_clocks(). `passed_ms` belongs to both clocks. */
+static _Atomic int64_t stepped_ms, passed_ms;
 static atomic_bool clocks_are_stopped;
+/* What the thread's last reading of the wall clock took from `passed_ms`, for the next reading of the time since boot:
+ * a program that reads both, one after the other, must not see time pass between them. */
+static _Thread_local int64_t passed_at_wall_ms = -1;
+
+static int64_t clock_ahead_ms(clockid_t clock)
+{
+    int64_t passed = passed_ms;
+    if (clock == CLOCK_REALTIME) {
+        passed_at_wall_ms = passed;
+        return stepped_ms + passed;
+    }
+    if (clock != CLOCK_BOOTTIME) return 0;
+    if (passed_at_wall_ms >= 0) passed = passed_at_wall_ms;
+    passed_at_wall_ms = -1;
+    return passed;
+}
 
 /* Takes the place of the C library's function. */
 int clock_gettime(clockid_t clock, struct timespec *now)
 {
-    int64_t ahead_ms = clock == CLOCK_REALTIME ? wall_ahead_ms : clock == CLOCK_BOOTTIME ? boot_ahead_ms : 0;
+    int64_t ahead_ms = clock_ahead_ms(clock);
     if (syscall(SYS_clock_gettime, clock, now) != 0) return -1;
     if (clocks_are_stopped && (clock == CLOCK_REALTIME || clock == CLOCK_BOOTTIME))
         *now = (struct timespec){.tv_sec = clock == CLOCK_REALTIME ? 1800000000 : 1000000};
@@ -40,14 +56,21 @@ static inline void stop_clocks(void)
 /* The wall clock is set. */
 static inline void step_wall(int64_t ms)
 {
-    wall_ahead_ms += ms;
+    stepped_ms += ms;
 }
 
 /* Time passes. */
 static inline void pass(int64_t ms)
 {
-    wall_ahead_ms += ms;
-    boot_ahead_ms += ms;
+    passed_ms += ms;
+    passed_at_wall_ms = -1;
+}
+
+/* Both clocks are those of the kernel again. */
+static inline void reset_clocks(void)
+{
+    stepped_ms = passed_ms = 0;
+    passed_at_wall_ms = -1;
 }
 
 #endif
