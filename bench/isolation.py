@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 """How long one user waits while ten others do all that the OpenAPI document offers, and what is hostile.
 
-    bench/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers] [--priority 0]
+    bench/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]
                        [--untimed] [--only large_pages,...] [--place DIRECTORY]
 
 Prints a table in Markdown: the answering times of GET /healthz, of status reads and of submissions of one user, before and
 during the load, and the daemon's RssAnon. Ends with 1 when a goal is missed: 99th percentiles below 50 ms, RssAnon below 300 MB,
 no failure of the measured user's requests, no answer 500, an end within drain_s + grace_s + 5 s of SIGTERM under the load.
 
-The ten users run at the lowest priority: they stand for programs on other machines. Beside each measured request a byte goes
+The ten users run at the lowest priority: they stand for programs on other machines. The daemon has the default one: with a
+higher priority, it keeps the kernel's threads, which flush the disk for it, from their processors. Beside each measured request a byte goes
 to another process and back; its percentiles show how long processes of this machine wait for a processor, which no daemon can
 change. --only: these hostile requests of the class User and operations of the document. --untimed: times are
-printed, but not judged. --jobs: cancelled jobs that are in the queue from the beginning. --priority: nice value of the daemon and of the measured user.
+printed, but not judged. --jobs: cancelled jobs that are in the queue from the beginning.
 """
 import argparse
 import collections
@@ -497,7 +498,6 @@ class User:
         client.close()
 
     def run(self, end, pipe):
-        os.setpriority(os.PRIO_PROCESS, 0, 19)
         threads = [threading.Thread(target=self.work, daemon=True) for _ in range(THREADS)]
         for thread in threads:
             thread.start()
@@ -510,11 +510,11 @@ class User:
         os._exit(0)
 
 
-def set_priority(nice):
-    """Of this process and its children; also of their session, where the kernel shares processors among sessions."""
-    os.setpriority(os.PRIO_PROCESS, 0, nice)
+def be_last():
+    """The lowest priority of this process and its children; also of their session, where the kernel shares processors among sessions."""
+    os.setpriority(os.PRIO_PROCESS, 0, 19)
     try:
-        pathlib.Path("/proc/self/autogroup").write_text(str(nice))
+        pathlib.Path("/proc/self/autogroup").write_text("19")
     except OSError:
         pass
 
@@ -522,7 +522,7 @@ def set_priority(nice):
 def be_users(end, tellers, words):
     """A process of each user, in a session of their own."""
     os.setsid()
-    set_priority(0)
+    be_last()
     users = []
     for teller, word in zip(tellers, words):
         process = multiprocessing.Process(target=lambda t=teller, w=word: User(*w).run(end, t))
@@ -634,7 +634,7 @@ def campaign(options, base):
             daemon.process.kill()
             daemon.process.wait()
     print(f"bench/isolation.py --minutes {options.minutes:g} --seed {options.seed} --jobs {options.jobs}"
-          f"{' --real-workers' if options.real_workers else ''}{f' --priority {options.priority}' if options.priority else ''}:"
+          f"{' --real-workers' if options.real_workers else ''}:"
           f" {os.cpu_count()} processors, load average {load:.1f}\n")
     print(table(before, during))
     print(f"\nRssAnon: {idle_mb:.0f} MB before, at most {most_mb:.0f} MB; the end after SIGTERM took {ended_s:.1f} s of"
@@ -661,16 +661,11 @@ def main():
     parser.add_argument("--jobs", type=int, default=113000)
     parser.add_argument("--untimed", action="store_true")
     parser.add_argument("--real-workers", action="store_true")
-    parser.add_argument("--priority", type=int, default=0)
     parser.add_argument("--only", type=lambda text: text.split(","), default=[])
     parser.add_argument("--place", type=pathlib.Path)
     options = parser.parse_args()
     options.built = options.built.resolve()
     print(f"seed {options.seed}", flush=True)
-    if options.priority:
-        if os.getsid(0) != os.getpid():
-            os.setsid()
-        set_priority(options.priority)
     with tempfile.TemporaryDirectory(dir=options.place) as where:
         status = campaign(options, pathlib.Path(where))
         log = (pathlib.Path(where) / "log").read_text(errors="replace").splitlines()
