@@ -74,6 +74,10 @@ typedef struct store_facts {
  * is no error. */
 bool store_directory_create(const char *path, error *e);
 
+/* Flushes a file to disk, a large one piece by piece, so that flushes of other files do not wait for all of it. False:
+ * errno. */
+bool store_flush(int fd);
+
 /* Flushes the names in a directory to disk. */
 bool store_directory_sync(const char *path, error *e);
 

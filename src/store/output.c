@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "base/transfer.h"
+#include "store/file.h"
 
 #define DIRECTORY (O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)
 
@@ -215,7 +216,7 @@ static bool copy_file(const store_outputs *outputs, int from, int to, const char
     if (in < 0) return false;
     unlinkat(to, temporary, 0); /* of a try before */
     int out = openat(to, temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-    bool ok = out >= 0 && copy_bytes(in, out) && adopt(outputs, out, outputs->mode) && fsync(out) == 0;
+    bool ok = out >= 0 && copy_bytes(in, out) && adopt(outputs, out, outputs->mode) && store_flush(out);
     int why = errno;
     close(in);
     if (out >= 0 && close(out) != 0 && ok) {
