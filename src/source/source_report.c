@@ -35,7 +35,7 @@ static void describe_volume(const volume_info *info, json *members, json *warnin
     }
     json_put_number(members, "voxel_size", info->voxel_size);
     json_put_integer(members, "crossing_cells", (int64_t)info->crossing_cells);
-    json_put_integer(members, "bricks", (int64_t)info->bricks);
+    json_put_integer(members, "bricks", (int64_t)info->coefficient_blocks);
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 

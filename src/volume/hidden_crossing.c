@@ -10,7 +10,7 @@
 #include "base/memory.h"
 #include "field/field.h"
 #include "geometry/flood.h"
-#include "volume/brick.h"
+#include "volume/coefficient_block.h"
 #include "voxels/grid_view.h"
 
 enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells along each axis */, BLOCKS = 16 /* per chunk of work */ };
@@ -21,11 +21,11 @@ static const double LEAST_DEPTH = 1e-3;
  * right in the mean over all positions. This is not so next to cells whose area is computed from roots, which divide
  * the surface in another way: the area of a torus with half of its cells bent would be 6e-4 too small. */
 static const double BENT_MOST = 0.01;
-static const int step_along[3] = {BRICK_SLAB, BRICK_SIDE, 1};
+static const int step_along[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
 
 typedef struct search {
     const block_map *map;
-    const bricks *bricks;
+    const coefficient_blocks *coefficients;
     const int64_t *size;
     double aspect;
     uint8_t *crossed;
@@ -129,7 +129,7 @@ static void corner_values(const float *first, double out[8])
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
             for (int k = 0; k < 2; k++) {
-                const float *p = first + i * BRICK_SLAB + j * BRICK_SIDE + k;
+                const float *p = first + i * COEFFICIENT_BLOCK_SLAB + j * COEFFICIENT_BLOCK_SIDE + k;
                 z[i][j][k] = ((double)p[0] + 4 * (double)p[1] + (double)p[2]) / 6;
             }
     for (int i = 0; i < 4; i++)
@@ -162,15 +162,17 @@ static uint8_t *row_of(uint8_t *rows, uint32_t n, const int32_t at[3])
     return &rows[64 * (size_t)n + 8 * (size_t)(at[0] & 7) + (size_t)(at[1] & 7)];
 }
 
-static const float *cell_of(const search *s, uint32_t n, const int32_t at[3], float buffer[BRICK_CELL])
+static const float *cell_of(const search *s, uint32_t n, const int32_t at[3],
+                            float buffer[COEFFICIENT_BLOCK_CELL])
 {
-    return bricks_find_cell(s->bricks, n, (const int[]){at[0] & 7, at[1] & 7, at[2] & 7}, buffer);
+    return coefficient_blocks_find_cell(s->coefficients, n, (const int[]){at[0] & 7, at[1] & 7, at[2] & 7},
+                                        buffer);
 }
 
 /* Follows the surface from a cell of block n through its faces to new cells. */
 static bool follow_faces(search *s, uint32_t n, const int32_t at[3], error *e)
 {
-    float buffer[BRICK_CELL], beyond[BRICK_CELL];
+    float buffer[COEFFICIENT_BLOCK_CELL], beyond[COEFFICIENT_BLOCK_CELL];
     const float *first = cell_of(s, n, at, buffer);
     for (int face = 0; face < FACES; face++) {
         int axis = face >> 1;
@@ -364,7 +366,7 @@ ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
     lanes c = {0}, x = c, y = c;
 #pragma GCC unroll 7
     for (int j = 0; j < GROUP + 3; j++) {
-        const float *from = slab + j * BRICK_SIDE;
+        const float *from = slab + j * COEFFICIENT_BLOCK_SIDE;
         const lanes c0 = c, x0 = x, y0 = y;
         c = *(const lanes *)from;
         const lanes z = along_long(c);
@@ -374,11 +376,11 @@ ISA_INLINE void add_slab(long_slopes *s, const float *slab, int more)
         if (j > 0) add_long_bend(s, along_long(y));
         if (j > 1) add_long_bend(s, y - y0);
         if (more == 0) continue;
-        const lanes beside = *(const lanes *)(from + BRICK_SLAB);
+        const lanes beside = *(const lanes *)(from + COEFFICIENT_BLOCK_SLAB);
         add_long_slope(s, 0, x = beside - c);
         add_long_bend(s, along_long(x));
         if (j > 0) add_long_bend(s, x - x0);
-        if (more > 1) add_long_bend(s, (*(const lanes *)(from + 2 * BRICK_SLAB) - beside) - x);
+        if (more > 1) add_long_bend(s, (*(const lanes *)(from + 2 * COEFFICIENT_BLOCK_SLAB) - beside) - x);
     }
 }
 
@@ -395,7 +397,7 @@ ISA_CLONES static bool group_is_flat(const float *first, int length, double aspe
     const lanes zero = {0}, none = zero - INFINITY;
     long_slopes s = {{none, none, none}, {none, none, none}, zero};
     field_bend bend;
-    for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * BRICK_SLAB, length + 2 - i);
+    for (int i = 0; i < length + 3; i++) add_slab(&s, first + i * COEFFICIENT_BLOCK_SLAB, length + 2 - i);
     const slopes all = {{folded(s.fall[0]), folded(s.fall[1]), folded(s.fall[2])},
                         {folded(s.rise[0]), folded(s.rise[1]), folded(s.rise[2])},
                         folded(s.bend)};
@@ -410,7 +412,8 @@ ISA_CLONES_OF_128 static unsigned doubtful_faces(const float *first, double aspe
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++) {
 #pragma GCC unroll 4
-        for (int j = 0; j < 4; j++) memcpy(&c[i][j], first + i * BRICK_SLAB + j * BRICK_SIDE, sizeof c[i][j]);
+        for (int j = 0; j < 4; j++)
+            memcpy(&c[i][j], first + i * COEFFICIENT_BLOCK_SLAB + j * COEFFICIENT_BLOCK_SIDE, sizeof c[i][j]);
     }
     const slopes s = slopes_of(c);
     if (is_monotone(&s, aspect, bend)) return 0;
@@ -457,12 +460,12 @@ static bool has_crossed_face(const float *first, unsigned faces, double bound)
     return false;
 }
 
-/* An upper bound of the coefficients of a brick. */
-static double brick_bound(const float *brick)
+/* An upper bound of the coefficients of a coefficient block. */
+static double coefficient_bound(const float *coefficients)
 {
     float bound = 0;
-    for (size_t k = 0; k < BRICK_SIZE; k++) {
-        const float size = fabsf(brick[k]);
+    for (size_t k = 0; k < COEFFICIENT_BLOCK_SIZE; k++) {
+        const float size = fabsf(coefficients[k]);
         bound = size > bound ? size : bound;
     }
     return (double)bound;
@@ -471,8 +474,8 @@ static double brick_bound(const float *brick)
 /* The scan of a block. */
 typedef struct block_scan {
     const search *s;
-    const float *brick;
-    double bound;  /* bound of the brick's coefficients; < 0: unknown */
+    const float *coefficients;
+    double bound;  /* bound of the coefficient block's coefficients; < 0: unknown */
     bool was_flat; /* the previous group was flat: the next one probably is, too */
 } block_scan;
 
@@ -486,13 +489,13 @@ static void note_bend(const block_scan *l, size_t at, unsigned bits, field_bend 
 /* `at`: index of the cell's row among the rows of all blocks. */
 static void scan_cell(block_scan *l, size_t at, int z)
 {
-    const float *first = brick_cell(l->brick, at >> 3 & 7, at & 7, z);
+    const float *first = coefficient_block_cell(l->coefficients, at >> 3 & 7, at & 7, z);
     field_bend bend;
     const unsigned faces = doubtful_faces(first, l->s->aspect, &bend);
     note_bend(l, at, 1u << z, bend);
     l->was_flat = bend == FIELD_FLAT && faces == 0;
     if (faces == 0) return;
-    if (l->bound < 0) l->bound = brick_bound(l->brick);
+    if (l->bound < 0) l->bound = coefficient_bound(l->coefficients);
     if (has_crossed_face(first, faces, l->bound)) l->s->pending[at] |= (uint8_t)(1u << z);
 }
 
@@ -507,7 +510,8 @@ static void scan_group(block_scan *l, size_t n, int x, int y, int z)
     while (x < end && !(layer[end - 1] & group)) end--;
     if (x == end) return;
     if (l->was_flat)
-        l->was_flat = group_is_flat(brick_cell(l->brick, x, y, z > 0 ? z - 1 : 0), end - x, l->s->aspect);
+        l->was_flat = group_is_flat(coefficient_block_cell(l->coefficients, x, y, z > 0 ? z - 1 : 0), end - x,
+                                    l->s->aspect);
     const bool together = l->was_flat;
     for (int k = GROUP * x; k < GROUP * end; k++) {
         const size_t at = 64 * n + (size_t)(8 * (k / GROUP) + y + k % GROUP);
@@ -540,9 +544,9 @@ static void leak_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         static const uint8_t none[64] = {0};
-        float buffer[BRICK_SIZE];
+        float buffer[COEFFICIENT_BLOCK_SIZE];
         if (memcmp(s->crossed + 64 * n, none, sizeof none) == 0) continue;
-        l.brick = bricks_read_once(s->bricks, (uint32_t)n, buffer);
+        l.coefficients = coefficient_blocks_read_once(s->coefficients, (uint32_t)n, buffer);
         l.bound = -1;
         for (int k = 0; k < 8; k++)
             scan_group(&l, n, GROUP * (k >> 2), GROUP * (k >> 1 & 1), GROUP * (k & 1));
@@ -583,14 +587,14 @@ static void flood_cells(void *context)
     f->ok = flood_reaches_all(f->search->map, f->search->crossed, &f->search->out->joined, f->e);
 }
 
-bool hidden_crossing_find(const bricks *b, const int64_t size[3], double aspect, threads *pool,
+bool hidden_crossing_find(const coefficient_blocks *b, const int64_t size[3], double aspect, threads *pool,
                           uint8_t *crossed, hidden_crossing *out, error *e)
 {
     const char *what = "the cells with hidden crossings";
     const block_map *map = b->map;
     const size_t bytes = (size_t)map->count * 64;
     search s = {.map = map,
-                .bricks = b,
+                .coefficients = b,
                 .size = size,
                 .aspect = aspect,
                 .crossed = crossed,

@@ -18,7 +18,7 @@
 #include "geometry/block_map.h"
 #include "volume/crossed_cells.h"
 
-struct bricks; /* volume/brick.h */
+struct coefficient_blocks; /* volume/coefficient_block.h */
 
 typedef struct hidden_crossing {
     crossed_cell *cell; /* crossed cells whose corners have one sign */
@@ -31,8 +31,8 @@ typedef struct hidden_crossing {
 /* `size`: of the data along axes on which cells end with the data; 0: they do not. `aspect` >= 1: longest over shortest
  * side of a voxel. `crossed`: 64 bytes per block, the rows of a crossing_block; receives the cells that are found.
  * Error: limit_memory. Free *out also after failure. */
-bool hidden_crossing_find(const struct bricks *b, const int64_t size[3], double aspect, threads *pool,
-                          uint8_t *crossed, hidden_crossing *out, error *e);
+bool hidden_crossing_find(const struct coefficient_blocks *b, const int64_t size[3], double aspect,
+                          threads *pool, uint8_t *crossed, hidden_crossing *out, error *e);
 void hidden_crossing_free(hidden_crossing *g);
 
 #endif

@@ -11,7 +11,7 @@
 #include "mesh/levelset.h"
 #include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"
-#include "volume/brick.h"
+#include "volume/coefficient_block.h"
 #include "volume/crossed_cells.h"
 #include "volume/dense_grid.h"
 #include "volume/hidden_crossing.h"
@@ -25,18 +25,18 @@
 #include "voxels/reach.h"
 #include "voxels/samples.h"
 
-/* Distances, in voxels from crossed cells, within which voxels are read. Bricks depend on two voxels beyond the margin.
+/* Distances, in voxels from crossed cells, within which voxels are read. Coefficient blocks depend on two voxels beyond the margin.
  * An error at the end of the voxels decays as 0.268 to the number of voxels, counted along all axes; for arbitrary
  * values 11 voxels beyond the coefficients of a crossed cell give 5e-7. For a level set only the known voxels are used,
- * wherever they end, and bricks extrapolate them independently: from 3 voxels off the surface adjacent bricks may
+ * wherever they end, and coefficient blocks extrapolate them independently: from 3 voxels off the surface adjacent coefficient blocks may
  * differ, which only affects trial steps. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
-/* With smoothing, all bricks are searched for crossings, margin included: a brick extends up to 7 voxels beyond the
+/* With smoothing, all coefficient blocks are searched for crossings, margin included: a coefficient block extends up to 7 voxels beyond the
  * margin, its apron 1 more, and a crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
-static const reach_limits bricks_reach = {.straight = VOLUME_FIELD_MARGIN};
+static const reach_limits coefficient_reach = {.straight = VOLUME_FIELD_MARGIN};
 
 /* State while a volume is opened. */
 typedef struct loading {
@@ -290,12 +290,12 @@ static bool find_crossings(loading *l, volume *v, error *e)
 /* Bytes of a volume without its cells. */
 static size_t held_bytes(size_t blocks, size_t made)
 {
-    return sizeof(volume) + made * BRICK_SIZE * sizeof(float) +
+    return sizeof(volume) + made * COEFFICIENT_BLOCK_SIZE * sizeof(float) +
            blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
-/* Whether the blocks of samples are those of the bricks, with the same indices. Otherwise there are more. */
-static bool reaches_bricks_alone(const loading *l)
+/* Whether the blocks of samples are those of the coefficient blocks, with the same indices. Otherwise there are more. */
+static bool reaches_coefficients_alone(const loading *l)
 {
     return l->kind == GRID_VIEW_LEVEL_SET && !l->smooth;
 }
@@ -306,7 +306,7 @@ static bool plan_samples(loading *l, const block_map *near, error *e)
     const reach_limits far = {.axis = l->smooth ? REACH_SMOOTH : 0,
                               .straight = band ? VOLUME_FIELD_MARGIN : REACH,
                               .path = band ? 0 : PATH};
-    if (reaches_bricks_alone(l)) return block_map_copy(near, &l->reach, e);
+    if (reaches_coefficients_alone(l)) return block_map_copy(near, &l->reach, e);
     return block_map_init(&l->reach, 4 * l->crossings.count, e) &&
            reach_add_blocks(&l->crossings, far, l->pool, &l->reach, e);
 }
@@ -314,13 +314,13 @@ static bool plan_samples(loading *l, const block_map *near, error *e)
 static bool plan(loading *l, volume *v, error *e)
 {
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
-        !reach_add_blocks(&l->crossings, bricks_reach, l->pool, &v->map, e) || !plan_samples(l, &v->map, e) ||
-        !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
+        !reach_add_blocks(&l->crossings, coefficient_reach, l->pool, &v->map, e) ||
+        !plan_samples(l, &v->map, e) || !crossed_cells_list(&l->crossings, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     l->leaves = samples_look(&l->grid_view, &l->reach);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + sizeof(grid_view_signs) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile) - l->leaves.used;
-    const size_t stored = bricks_capacity(v->map.count, l->points);
+    const size_t stored = coefficient_blocks_capacity(v->map.count, l->points);
     size_t held = held_bytes(v->map.count, stored > 0 ? stored : v->map.count) +
                   crossed_cells_bytes(&v->cells) + l->leaves.spare,
            limit = l->memory_limit;
@@ -348,7 +348,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     block_map_free(&v->map);
     crossed_cells_free(&v->cells);
     if (!ok || !block_map_init(&v->map, 2 * found.count, e) ||
-        !reach_add_blocks(&found, bricks_reach, l->pool, &v->map, e) ||
+        !reach_add_blocks(&found, coefficient_reach, l->pool, &v->map, e) ||
         !crossed_cells_list(&found, &v->map, l->pool, &v->cells, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
@@ -376,20 +376,21 @@ static bool note_sides(loading *l, volume *v, error *e)
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
     if (!v->crossed) return false;
     crossed_cells_mark(&v->cells, l->pool, v->crossed);
-    if (reaches_bricks_alone(l)) {
+    if (reaches_coefficients_alone(l)) {
         v->inside = l->samples.inside;
         l->samples.inside = NULL;
         return true;
     }
     v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
-    if (v->inside) brick_note_sides(&l->samples, &v->map, v->inside);
+    if (v->inside) coefficient_block_set_sides(&l->samples, &v->map, v->inside);
     return v->inside;
 }
 
-static bool make_bricks(loading *l, volume *v, error *e)
+static bool build_coefficients(loading *l, volume *v, error *e)
 {
     if (!l->smooth && !prefilter_run(&l->samples, l->kind == GRID_VIEW_LEVEL_SET, l->pool, e)) return false;
-    if (!bricks_make(&l->samples, &v->map, bricks_capacity(v->map.count, l->points), l->pool, &v->bricks, e))
+    if (!coefficient_blocks_build(&l->samples, &v->map, coefficient_blocks_capacity(v->map.count, l->points),
+                                  l->pool, &v->coefficients, e))
         return false;
     for (int axis = 0; axis < 3; axis++) {
         int32_t low = INT32_MAX, high = INT32_MIN;
@@ -407,8 +408,8 @@ static bool make_bricks(loading *l, volume *v, error *e)
 static bool add_hidden_crossings(const loading *l, volume *v, error *e)
 {
     hidden_crossing found = {0};
-    bool ok = hidden_crossing_find(&v->bricks, v->info.size, affine_aspect(v->to_world, v->to_index), l->pool,
-                                   v->crossed, &found, e);
+    bool ok = hidden_crossing_find(&v->coefficients, v->info.size, affine_aspect(v->to_world, v->to_index),
+                                   l->pool, v->crossed, &found, e);
     if (ok) {
         crossed_cells_add_late(&v->cells, found.cell, found.count);
         found.cell = NULL;
@@ -437,19 +438,19 @@ static void measure(volume *v)
     v->base.extent = bbox_longest(box);
     v->info.surface_box = box;
     v->info.crossing_cells = v->cells.count;
-    v->info.bricks = v->map.count;
-    v->info.memory_bytes = held_bytes(v->map.count, v->bricks.capacity) + crossed_cells_bytes(&v->cells) +
-                           samples_bytes(v->bricks.coefficients.map.count, true) +
-                           v->bricks.coefficients.spare;
+    v->info.coefficient_blocks = v->map.count;
+    v->info.memory_bytes =
+        held_bytes(v->map.count, v->coefficients.capacity) + crossed_cells_bytes(&v->cells) +
+        samples_bytes(v->coefficients.source.map.count, true) + v->coefficients.source.spare;
 }
 
-/* Builds the bricks of a loaded grid. */
+/* Builds the coefficient blocks of a loaded grid. */
 static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) ||
         !crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e) || !note_sides(l, v, e) ||
-        !make_bricks(l, v, e) || !add_hidden_crossings(l, v, e))
+        !build_coefficients(l, v, e) || !add_hidden_crossings(l, v, e))
         return false;
     measure(v);
     return true;
@@ -839,7 +840,7 @@ void volume_close(volume *v)
     mesh_faces_free(v->faces);
     fidelity_free(&v->info.fidelity);
     block_map_free(&v->map);
-    bricks_free(&v->bricks);
+    coefficient_blocks_free(&v->coefficients);
     free(v->inside);
     free(v->crossed);
     free(v->hidden_crossing);

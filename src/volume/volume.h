@@ -1,9 +1,9 @@
-/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse bricks around the isosurface.
+/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the isosurface.
  *
  * A volume is read completely by one call, through src/vdb. An open volume keeps no file and no library object, only
- * bricks (8^3 cells and the coefficients around them that their splines need) around the surface, with a margin within
+ * coefficient blocks (8^3 cells and the coefficients around them that their splines need) around the surface, with a margin within
  * which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few places will be
- * sampled, bricks are made on first access.
+ * sampled, coefficient blocks are made on first access.
  */
 #ifndef HEXAD_VOLUME_VOLUME_H
 #define HEXAD_VOLUME_VOLUME_H
@@ -79,7 +79,7 @@ typedef struct volume_info {
     double voxel_size;         /* cube root of the volume of a voxel */
     uint64_t active_voxels;
     uint64_t crossing_cells;
-    uint64_t bricks;
+    uint64_t coefficient_blocks;
     size_t memory_bytes;        /* bytes of the volume */
     bbox surface_box;           /* of the crossing cells */
     size_t triangles;           /* used triangles of a mesh; 0 for a grid */

@@ -38,15 +38,15 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCK_MAP_NONE) return false;
-    float buffer[BRICK_CELL];
-    const float *corner = bricks_find_cell(&v->bricks, n, cell, buffer);
+    float buffer[COEFFICIENT_BLOCK_CELL];
+    const float *corner = coefficient_blocks_find_cell(&v->coefficients, n, cell, buffer);
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
-        v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
+        v->spline->hessian(corner, COEFFICIENT_BLOCK_SIDE, COEFFICIENT_BLOCK_SLAB, t, &jet);
         out->hessian =
             affine_pull_hessian(v->to_index, (sym3){jet.xx, jet.yy, jet.zz, jet.xy, jet.xz, jet.yz});
     } else {
-        v->spline->gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
+        v->spline->gradient(corner, COEFFICIENT_BLOCK_SIDE, COEFFICIENT_BLOCK_SLAB, t, &jet);
     }
     out->value = jet.f;
     out->gradient = affine_pull_gradient(v->to_index, (vec3){jet.d[0], jet.d[1], jet.d[2]});
@@ -160,7 +160,7 @@ static bool any_crossed(const volume *v, const int32_t low[3], const int32_t hig
     return false;
 }
 
-/* Whether a cell within NEAR voxels of this one, which lies in a brick, is crossed. */
+/* Whether a cell within NEAR voxels of this one, which lies in a coefficient block, is crossed. */
 static bool is_near(const volume *v, const int32_t cell[3])
 {
     int32_t low[3], high[3];
@@ -182,8 +182,8 @@ static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
     return fmax(floor(steps) - 1, 0);
 }
 
-/* The fraction of the way from a place to the bounding box of the bricks. */
-static double way_to_bricks(const volume *v, vec3 from, vec3 way)
+/* The fraction of the way from a place to the bounding box of the coefficient blocks. */
+static double way_to_blocks(const volume *v, vec3 from, vec3 way)
 {
     double share = 0;
     for (int axis = 0; axis < 3; axis++) {
@@ -194,30 +194,30 @@ static double way_to_bricks(const volume *v, vec3 from, vec3 way)
     return share;
 }
 
-/* The voxel of a place, and the index of its brick. */
-static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
+/* The voxel of a place, and the index of its coefficient block. */
+static uint32_t block_at(const volume *v, vec3 index, int32_t voxel[3])
 {
     for (int axis = 0; axis < 3; axis++) voxel[axis] = voxel_of(vec3_get(index, axis));
     return block_map_find(&v->map, voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3);
 }
 
-static double side_of_voxel(const volume *v, uint32_t brick, const int32_t voxel[3])
+static double side_of_voxel(const volume *v, uint32_t index, const int32_t voxel[3])
 {
     const int bit = 8 * (voxel[1] & 7) + (voxel[2] & 7);
-    return v->inside[8 * (size_t)brick + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
+    return v->inside[8 * (size_t)index + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
-/* The side in the first brick on the way, found by testing all bricks: used if there are fewer bricks than blocks on
+/* The side in the first coefficient block on the way, found by testing all coefficient blocks: used if there are fewer coefficient blocks than blocks on
  * the way. */
 static double side_of_first(const volume *v, vec3 from, vec3 way)
 {
     double first = INFINITY;
     uint32_t found = BLOCK_MAP_NONE;
-    for (uint32_t brick = 0; brick < v->map.count; brick++) {
+    for (uint32_t index = 0; index < v->map.count; index++) {
         double begin = 0, end = 1;
         for (int axis = 0; axis < 3; axis++) {
             const double by = vec3_get(way, axis),
-                         low = 8.0 * v->map.blocks[brick][axis] - vec3_get(from, axis);
+                         low = 8.0 * v->map.blocks[index][axis] - vec3_get(from, axis);
             if (by == 0 && !(low <= 0 && low + 8 > 0)) end = -1;
             if (by == 0) continue;
             begin = fmax(begin, fmin(low / by, (low + 8) / by));
@@ -225,7 +225,7 @@ static double side_of_first(const volume *v, vec3 from, vec3 way)
         }
         if (!(begin <= end && begin < first)) continue;
         first = begin;
-        found = brick;
+        found = index;
     }
     if (found == BLOCK_MAP_NONE) return 1;
     int32_t voxel[3];
@@ -237,7 +237,7 @@ static double side_of_first(const volume *v, vec3 from, vec3 way)
     return side_of_voxel(v, found, voxel);
 }
 
-/* The side in the first voxel of a brick on the straight line from a place outside all bricks to the first cell. */
+/* The side in the first voxel of a coefficient block on the straight line from a place outside all coefficient blocks to the first cell. */
 static double side_on_way(const volume *v, vec3 from)
 {
     crossed_cell to;
@@ -246,11 +246,11 @@ static double side_on_way(const volume *v, vec3 from)
     /* one voxel each */
     const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1);
     if (steps > 8.0 * v->map.count) return side_of_first(v, from, way);
-    for (double k = fmax(floor(way_to_bricks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
+    for (double k = fmax(floor(way_to_blocks(v, from, way) * steps) - 1, 1); k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
         int32_t voxel[3];
-        const uint32_t brick = brick_at(v, p, voxel);
-        if (brick != BLOCK_MAP_NONE) return side_of_voxel(v, brick, voxel);
+        const uint32_t index = block_at(v, p, voxel);
+        if (index != BLOCK_MAP_NONE) return side_of_voxel(v, index, voxel);
         k += steps_within_block(p, voxel, vec3_scale(way, 1 / steps));
     }
     return 1;
@@ -270,8 +270,8 @@ double volume_field_side_beyond(const volume *v)
     return side;
 }
 
-/* Every crossing lies in a brick, at least NEAR from its faces: the side is that of the first voxel of a brick on any
- * straight line to a brick. The spline is not used far from the surface, where it extrapolates a band. */
+/* Every crossing lies in a coefficient block, at least NEAR from its faces: the side is that of the first voxel of a coefficient block on any
+ * straight line to a coefficient block. The spline is not used far from the surface, where it extrapolates a band. */
 static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;
@@ -286,16 +286,16 @@ static double side(const field *f, vec3 x)
         within = within && at >= v->low[axis] && at < v->high[axis];
     }
     if (!within) return v->beyond != 0 ? v->beyond : side_on_way(v, from);
-    const uint32_t brick = brick_at(v, from, voxel);
-    if (brick == BLOCK_MAP_NONE) return side_on_way(v, from);
-    return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
+    const uint32_t index = block_at(v, from, voxel);
+    if (index == BLOCK_MAP_NONE) return side_on_way(v, from);
+    return is_near(v, voxel) ? 0 : side_of_voxel(v, index, voxel);
 }
 
 /* Positions of the lanes along one axis: block, voxel, and fraction within the voxel. Lanes outside `low` .. `high` are
  * in no block. */
 typedef struct lane_places {
     int32_t block[VEC3_LANES], voxel[VEC3_LANES], within[VEC3_LANES];
-    int32_t way[VEC3_LANES]; /* offset of the voxel's cell in a brick */
+    int32_t way[VEC3_LANES]; /* offset of the voxel's cell in a coefficient block */
     float t[VEC3_LANES];
 } lane_places;
 
@@ -318,17 +318,17 @@ ISA_CLONES static void place_lanes(const double m[4], double low, double high, i
     for (int l = 0; l < VEC3_LANES; l++) out->way[l] = out->voxel[l] * step;
 }
 
-/* Finds the cells of the lanes; lanes that are not defined get none. `buffer`: for cells of bricks that are not stored. */
+/* Finds the cells of the lanes; lanes that are not defined get none. `buffer`: for cells of coefficient blocks that are not stored. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out,
-                       float buffer[VEC3_LANES][BRICK_CELL])
+                       float buffer[VEC3_LANES][COEFFICIENT_BLOCK_CELL])
 {
-    static const int32_t step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
+    static const int32_t step[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
     lane_places at[3];
     block_map_seen seen = {0};
     int32_t last[3] = {0};
     int32_t way[VEC3_LANES], all_within[VEC3_LANES];
     uint32_t n = BLOCK_MAP_NONE;
-    const float *brick = NULL; /* brick of block `last`: adjacent lanes often share one */
+    const float *coefficients = NULL; /* coefficient block of block `last`: adjacent lanes often share one */
     for (int axis = 0; axis < 3; axis++) {
         place_lanes(v->to_index[axis], v->low[axis], v->high[axis], step[axis], x, &at[axis]);
         memcpy(out->t[axis], at[axis].t, sizeof out->t[axis]);
@@ -338,16 +338,16 @@ static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spli
     for (int l = 0; l < VEC3_LANES; l++) {
         const bool within = defined[l] && all_within[l];
         const int32_t block[3] = {at[0].block[l], at[1].block[l], at[2].block[l]};
-        if (within && (!brick || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
+        if (within && (!coefficients || block[0] != last[0] || block[1] != last[1] || block[2] != last[2])) {
             n = block_map_find_near(&v->map, block[0], block[1], block[2], &seen);
-            brick = n == BLOCK_MAP_NONE ? NULL : bricks_at(&v->bricks, n);
+            coefficients = n == BLOCK_MAP_NONE ? NULL : coefficient_blocks_at(&v->coefficients, n);
             memcpy(last, block, sizeof last);
         }
         defined[l] = within && n != BLOCK_MAP_NONE;
-        out->corner[l] = defined[l] && brick ? brick + way[l] : NULL;
-        if (!defined[l] || brick) continue;
+        out->corner[l] = defined[l] && coefficients ? coefficients + way[l] : NULL;
+        if (!defined[l] || coefficients) continue;
         const int voxel[3] = {at[0].voxel[l], at[1].voxel[l], at[2].voxel[l]};
-        out->corner[l] = bricks_find_cell(&v->bricks, n, voxel, buffer[l]);
+        out->corner[l] = coefficient_blocks_find_cell(&v->coefficients, n, voxel, buffer[l]);
     }
 }
 
@@ -369,15 +369,15 @@ static void sample_lanes(const field *f, const vec3_lanes *x, bool *defined, dou
 {
     const volume *v = (const volume *)f;
     spline_lanes lanes;
-    float buffer[VEC3_LANES][BRICK_CELL];
+    float buffer[VEC3_LANES][COEFFICIENT_BLOCK_CELL];
     find_cells(v, x, defined, &lanes, buffer);
-    v->spline->gradient_lanes(&lanes, BRICK_SIDE, BRICK_SLAB);
+    v->spline->gradient_lanes(&lanes, COEFFICIENT_BLOCK_SIDE, COEFFICIENT_BLOCK_SLAB);
     pull_lanes(v->to_index, &lanes, value, gradient);
 }
 
 static void forget(const field *f)
 {
-    bricks_forget(&((const volume *)f)->bricks);
+    coefficient_blocks_discard(&((const volume *)f)->coefficients);
 }
 
 const field_ops volume_field_ops = {.sample = sample,

@@ -6,7 +6,7 @@
 
 #include "field/spline.h"
 #include "geometry/block_map.h"
-#include "volume/brick.h"
+#include "volume/coefficient_block.h"
 #include "volume/crossed_cells.h"
 #include "volume/hidden_crossing.h"
 #include "volume/volume.h"
@@ -17,12 +17,13 @@
 struct volume {
     field base; /* first: the field's functions get this pointer */
     double to_index[3][4], to_world[3][4];
-    double cell_radius;     /* from the centre of a cell to its farthest corner, world units */
-    double low[3], high[3]; /* bounding box of the bricks in index space; no lookup is needed outside */
+    double cell_radius; /* from the centre of a cell to its farthest corner, world units */
+    double low[3],
+        high[3]; /* bounding box of the coefficient blocks in index space; no lookup is needed outside */
     /* Side of all places outside that box, 1 or -1; 0 if the surface may cross its faces, at the end of the data. */
     double beyond;
     block_map map;
-    bricks bricks;            /* of the map's blocks */
+    coefficient_blocks coefficients; /* of the map's blocks */
     uint64_t *inside;         /* 8 words per block: voxels that are inside, as the active flags of vdb.h */
     uint8_t *crossed;         /* 64 bytes per block: crossed cells, as rows of crossing_block */
     uint8_t *hidden_crossing; /* likewise: cells with a crossed face whose corners have one sign */
@@ -39,7 +40,7 @@ extern const field_ops volume_field_ops;
 /* The bounding box of the boxes of all cells, world space. */
 bbox volume_field_cells_box(const volume *v);
 
-/* The side of all places outside the bounding box of the bricks, or 0 if its corners differ. Bricks, sides and cells
+/* The side of all places outside the bounding box of the coefficient blocks, or 0 if its corners differ. Coefficient blocks, sides and cells
  * have been set. */
 double volume_field_side_beyond(const volume *v);
 

@@ -139,7 +139,7 @@ def test_a_half_space_in_a_region(sample):
 
 @pytest.mark.parametrize("z, sign", [
     (6, 1), (33, 1), pytest.param(6, -1, marks=pytest.mark.extended), pytest.param(33, -1, marks=pytest.mark.extended)])
-def test_a_plane_parts_the_places_beyond_its_bricks(sample, tmp_path, sign, z):
+def test_a_plane_has_two_sides_beyond_its_coefficient_blocks(sample, tmp_path, sign, z):
     """A sphere far from the plane is another surface on the one side, and within the solid on the other."""
     values = numpy.broadcast_to(sign * (numpy.arange(40.0) - 19.5), (40, 40, 40))
     write_nrrd(tmp_path / "plane.nrrd", values.astype("f4"))

@@ -259,7 +259,7 @@ static void a_plane_goes_on(void **state)
         samples_free(&s);
         for (int k = 0; k < VOXELS; k++) {
             const double f = (double)other.f[k];
-            bool within = fabs(f) <= BAND + SIDE / 2; /* so far bricks reach */
+            bool within = fabs(f) <= BAND + SIDE / 2; /* so far coefficient blocks reach */
             /* slivers at the cube's end have no lines */
             for (int at = k, axis = 0; axis < 3; at /= ALL, axis++)
                 within = within && at % ALL >= SIDE && at % ALL < ALL - SIDE;

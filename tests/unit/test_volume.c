@@ -65,7 +65,7 @@ static void the_spline_goes_through_the_samples(void **state)
             bool inside = false, outside = false;
             check_middle(f, k, &cell);
             for (int c = 0; c < 8; c++) {
-                /* A corner that lies on a brick's far face belongs to the next brick: step inwards. */
+                /* A corner that lies on a coefficient block's far face belongs to the next coefficient block: step inwards. */
                 assert_true(field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s));
                 worst = fmax(worst, fabs(s.value - cell.value[c]));
                 *(cell.value[c] < 0 ? &inside : &outside) = true;
@@ -562,7 +562,7 @@ static void opening_twice_gives_the_same_bits(void **state)
     fixture_free(&g);
 }
 
-static void outside_the_bricks_there_is_no_field(void **state)
+static void outside_the_coefficient_blocks_there_is_no_field(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_uniform, 14, ball, 0.3);
@@ -676,7 +676,7 @@ static void areas_of_caps_are_right(void **state)
     fixture_free(&g);
 }
 
-/* Near a cell, from one brick to the next, beyond all of them, and in lanes that nobody wants. */
+/* Near a cell, from one coefficient block to the next, beyond all of them, and in lanes that nobody wants. */
 static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defined)
 {
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -695,7 +695,8 @@ static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defi
 static void lanes_are_samples_in_single_precision(void **state)
 {
     (void)state;
-    const double tolerance = 4e-6; /* of a voxel; floats carry 6e-8 of the ten voxels that bricks reach */
+    const double tolerance =
+        4e-6; /* of a voxel; floats carry 6e-8 of the ten voxels that coefficient blocks reach */
     int fd = fixture_bytes(NULL, 0);
     volume *v[ISA_COUNT] = {0};
     uint64_t seed = SEED;
@@ -869,7 +870,7 @@ int main(void)
         cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
         cmocka_unit_test(files_without_offsets_read_the_same),
         cmocka_unit_test(opening_twice_gives_the_same_bits),
-        cmocka_unit_test(outside_the_bricks_there_is_no_field),
+        cmocka_unit_test(outside_the_coefficient_blocks_there_is_no_field),
         cmocka_unit_test(area_between_corners_counts),
         cmocka_unit_test(areas_are_right_however_cells_bend),
         cmocka_unit_test(areas_of_caps_are_right),

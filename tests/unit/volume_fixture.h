@@ -47,7 +47,7 @@ volume *fixture_open(int fd, const char *grid, double isovalue, volume_reconstru
 /* Writes, opens and closes the descriptor; fails the test when the volume does not open. */
 volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction how);
 
-/* Newton's method from x onto the surface along the gradient; false when it leaves the bricks. */
+/* Newton's method from x onto the surface along the gradient; false when it leaves the coefficient blocks. */
 bool fixture_project(const field *f, vec3 x, vec3 *out);
 vec3 fixture_cell_center(const field *f, size_t k);
 

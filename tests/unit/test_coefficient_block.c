@@ -1,4 +1,4 @@
-/* Bricks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
+/* Coefficient blocks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
  * as hidden_crossing says of many cells at once. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,27 +12,27 @@
 #include "samples_fixture.h"
 #include "shapes.h"
 #include "field/field.h"
-#include "volume/brick.h"
+#include "volume/coefficient_block.h"
 #include "volume/hidden_crossing.h"
 
 enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 
 typedef struct looking {
-    const bricks *later, *once;
+    const coefficient_blocks *later, *once;
     bool has_room; /* for all of them */
     atomic_int wrong;
 } looking;
 
-/* Whether the coefficients of a cell of a brick that has no room are those of its brick. */
-static bool cell_is(const bricks *b, uint32_t n, size_t k, const float *brick)
+/* Whether the coefficients of a cell of a coefficient block that has no room are those of its coefficient block. */
+static bool cell_is(const coefficient_blocks *b, uint32_t n, size_t k, const float *coefficients)
 {
-    float room[BRICK_CELL];
+    float room[COEFFICIENT_BLOCK_CELL];
     const int cell[3] = {(int)(k % 8), (int)(k / 8 % 8), (int)(k / 64 % 8)};
-    const float *got = bricks_find_cell(b, n, cell, room),
-                *right = brick_cell(brick, cell[0], cell[1], cell[2]);
+    const float *got = coefficient_blocks_find_cell(b, n, cell, room),
+                *right = coefficient_block_cell(coefficients, cell[0], cell[1], cell[2]);
     bool same = true;
     for (int row = 0; row < 16; row++) {
-        const int at = row / 4 * BRICK_SLAB + row % 4 * BRICK_SIDE;
+        const int at = row / 4 * COEFFICIENT_BLOCK_SLAB + row % 4 * COEFFICIENT_BLOCK_SIDE;
         same &= memcmp(got + at, right + at, 4 * sizeof *got) == 0;
     }
     return same;
@@ -43,24 +43,26 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     looking *job = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        float room[BRICK_SIZE];
+        float room[COEFFICIENT_BLOCK_SIZE];
         const uint32_t n = (uint32_t)(k * 2654435761u % job->once->map->count);
-        const float *brick = k % 3 ? bricks_at(job->later, n) : bricks_read_once(job->later, n, room),
-                    *right = bricks_at(job->once, n);
-        const bool differs = brick ? memcmp(brick, right, BRICK_SIZE * sizeof *brick) != 0
-                                   : job->has_room || !cell_is(job->later, n, k, right);
+        const float *coefficients = k % 3 ? coefficient_blocks_at(job->later, n)
+                                          : coefficient_blocks_read_once(job->later, n, room),
+                    *right = coefficient_blocks_at(job->once, n);
+        const bool differs =
+            coefficients ? memcmp(coefficients, right, COEFFICIENT_BLOCK_SIZE * sizeof *coefficients) != 0
+                         : job->has_room || !cell_is(job->later, n, k, right);
         if (differs) atomic_fetch_add(&job->wrong, 1);
     }
 }
 
 /* With room for so many. */
-static void check_bricks(size_t share)
+static void check_blocks(size_t share)
 {
     error e = {0};
     rng one = rng_seed(1, 0), other = rng_seed(1, 0);
     samples first = samples_fixture(BLOCKS, 0, true, &one), second = samples_fixture(BLOCKS, 0, true, &other);
     block_map map;
-    bricks once, later;
+    coefficient_blocks once, later;
     threads *pool = threads_new(WORKERS, NULL, &e);
     assert_non_null(pool);
     assert_true(block_map_init(&map, 0, &e));
@@ -69,8 +71,8 @@ static void check_bricks(size_t share)
         assert_true(block_map_find_or_add(&map, at[0], at[1], at[2], NULL, &e));
     }
     const size_t room = map.count / share;
-    assert_true(bricks_make(&first, &map, 0, pool, &once, &e));
-    assert_true(bricks_make(&second, &map, room, pool, &later, &e));
+    assert_true(coefficient_blocks_build(&first, &map, 0, pool, &once, &e));
+    assert_true(coefficient_blocks_build(&second, &map, room, pool, &later, &e));
     assert_null(first.f);
     assert_null(second.f);
     for (int round = 0; round < 3; round++) {
@@ -78,34 +80,36 @@ static void check_bricks(size_t share)
         threads_run(pool, LOOKS, 8, look_chunk, &job);
         assert_int_equal(atomic_load(&job.wrong), 0);
         size_t there = 0;
-        for (uint32_t n = 0; n < map.count; n++) there += atomic_load(&later.place[n]) >= BRICK_THERE;
+        for (uint32_t n = 0; n < map.count; n++)
+            there += atomic_load(&later.place[n]) >= COEFFICIENT_BLOCK_PRESENT;
         assert_int_equal(there, room);
-        bricks_forget(&later);
-        bricks_forget(&once);
+        coefficient_blocks_discard(&later);
+        coefficient_blocks_discard(&once);
         assert_int_equal(atomic_load(&later.place[map.count]), 0);
     }
-    bricks_free(&once);
-    bricks_free(&later);
+    coefficient_blocks_free(&once);
+    coefficient_blocks_free(&later);
     block_map_free(&map);
     threads_free(pool);
 }
 
-static void bricks_are_the_same_whenever_they_are_made(void **state)
+static void blocks_built_on_first_access_equal_those_built_at_once(void **state)
 {
     (void)state;
-    check_bricks(1);
-    check_bricks(3);
-    assert_int_equal(bricks_capacity(1000, 10), 0);
-    assert_int_equal(bricks_capacity(1000000, 0), 0);
-    assert_true(bricks_capacity(1000000, 10) > 10 && bricks_capacity(1000000, 10) < 1000000);
-    assert_int_equal(bricks_capacity(1000000, 900000), 1000000);
+    check_blocks(1);
+    check_blocks(3);
+    assert_int_equal(coefficient_blocks_capacity(1000, 10), 0);
+    assert_int_equal(coefficient_blocks_capacity(1000000, 0), 0);
+    assert_true(coefficient_blocks_capacity(1000000, 10) > 10 &&
+                coefficient_blocks_capacity(1000000, 10) < 1000000);
+    assert_int_equal(coefficient_blocks_capacity(1000000, 900000), 1000000);
 }
 
 /* Differences along an axis: at most two, so that nothing is rounded otherwise than in hidden_crossing.c. */
 static float change(const float *c, const int at[3], int axis, int then)
 {
-    static const int step[3] = {BRICK_SLAB, BRICK_SIDE, 1};
-    const float *p = brick_cell(c, at[0], at[1], at[2]);
+    static const int step[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
+    const float *p = coefficient_block_cell(c, at[0], at[1], at[2]);
     if (then < 0) return p[step[axis]] - p[0];
     return (p[step[axis] + step[then]] - p[step[then]]) - (p[step[axis]] - p[0]);
 }
@@ -138,15 +142,16 @@ static field_bend bend_of_cell(const float *first, double aspect)
  * that are gentle. */
 static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, size_t *gentle)
 {
-    float brick[BRICK_SIZE];
+    float coefficients[COEFFICIENT_BLOCK_SIZE];
     uint8_t crossed[64];
-    const bricks b = {.map = map, .memory = brick, .capacity = 1};
+    const coefficient_blocks b = {.map = map, .memory = coefficients, .capacity = 1};
     const double bend = 0.01 * rng_uniform(r), noise = 0.003 * rng_uniform(r), aspect = 1 + rng_uniform(r);
     const vec3 slope = {rng_uniform(r) - 0.5, rng_uniform(r) - 0.5, rng_uniform(r) - 0.5};
-    const int wild = (int)(BRICK_SIZE * rng_uniform(r)); /* noise from here on */
-    for (int k = 0; k < BRICK_SIZE; k++) {
-        const vec3 p = {k / BRICK_SLAB, k / BRICK_SIDE % BRICK_SIDE, k % BRICK_SIDE};
-        brick[k] =
+    const int wild = (int)(COEFFICIENT_BLOCK_SIZE * rng_uniform(r)); /* noise from here on */
+    for (int k = 0; k < COEFFICIENT_BLOCK_SIZE; k++) {
+        const vec3 p = {k / COEFFICIENT_BLOCK_SLAB, k / COEFFICIENT_BLOCK_SIDE % COEFFICIENT_BLOCK_SIDE,
+                        k % COEFFICIENT_BLOCK_SIDE};
+        coefficients[k] =
             (float)(vec3_dot(slope, p) + bend * p.x * (p.y - p.z) + (k > wild ? noise * rng_uniform(r) : 0));
     }
     for (int k = 0; k < 64; k++) crossed[k] = (uint8_t)(256 * rng_uniform(r) * rng_uniform(r));
@@ -157,7 +162,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
     field_bend bends[512];
     size_t cells = 0, bent = 0;
     for (int k = 0; k < 512; k++) {
-        bends[k] = bend_of_cell(brick_cell(brick, k >> 6, k >> 3 & 7, k & 7), aspect);
+        bends[k] = bend_of_cell(coefficient_block_cell(coefficients, k >> 6, k >> 3 & 7, k & 7), aspect);
         if (!(asked[k >> 3] >> (k & 7) & 1)) continue;
         cells++;
         bent += bends[k] == FIELD_BENT;
@@ -194,7 +199,7 @@ static void cells_are_flat_one_by_one_or_together(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bricks_are_the_same_whenever_they_are_made),
+        cmocka_unit_test(blocks_built_on_first_access_equal_those_built_at_once),
         cmocka_unit_test(cells_are_flat_one_by_one_or_together),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
