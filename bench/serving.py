@@ -40,12 +40,12 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 Claim = collections.namedtuple("Claim", "text wanted found met")
 SMALL = {"no preview": {"output": {"preview": False}}, "default outputs": {"output": {}}}
-HEAD = """# The service under load, measured
+HEAD = """# Speed of the service
 
-Written by `make bench-service` ([bench/serving.py](../../bench/serving.py)); do not edit. One run on one machine: {cpu}, \
+`make bench-service` ([bench/serving.py](../../bench/serving.py)) writes this page; do not edit it. One run on one machine: {cpu}, \
 {cores} cores, {when},
-load average {load:.1f} at its start. What is compared took turns in that run, {rounds} times and more; figures are medians
-of the rounds, ratios medians of the rounds' ratios.
+load average {load:.1f} at its start. Compared cases ran in turn, at least {rounds} times. Figures are medians of the rounds;
+ratios are medians of the ratios of each round.
 
 """
 
@@ -270,7 +270,7 @@ def bench_streams(b):
                                 if e["type"] != "state" or e["state"] not in ("blocked", "queued"))])
     b.stop(one)
     b.say(f"- {count} event streams, open at once, of {len(jobs)} jobs that ran: {whole} had every event to the job's "
-          f"end; the latest came {latest:.0f} ms after what it tells.")
+          f"end; the largest delay of an event was {latest:.0f} ms.")
     b.claim("1 000 event streams, open at once: share that had every event to its job's end", "1",
             whole / count, 1, True, "{:.4g}", count >= CLAIMED["streams"])
 
@@ -326,7 +326,7 @@ def bench_small_jobs(b):
 
 def table(claims):
     verdict = {True: "met", False: "**missed**", None: "not in this run"}
-    lines = ["| claim | wanted | found | |", "| --- | --- | --- | --- |"]
+    lines = ["| claim | bound | measured | |", "| --- | --- | --- | --- |"]
     return "\n".join(lines + [f"| {c.text} | {c.wanted} | {c.found} | {verdict[c.met]} |" for c in claims]) + "\n"
 
 

@@ -271,7 +271,7 @@ def judge(case, rows, bounds):
         fine = {">=": lambda: value >= limit[0], "<=": lambda: value <= limit[0],
                 "within": lambda: limit[0] <= value <= limit[-1]}[kind]()
         if not fine:
-            wrong.append(f"{name} {value:.4g}, wanted {kind} {' '.join(map(str, limit))}")
+            wrong.append(f"{name} {value:.4g}, bound {kind} {' '.join(map(str, limit))}")
     for row in rows:
         if row["told_count"] != row["count"]:
             wrong.append(f"the report tells {row['told_count']} points, the file has {row['count']}")
@@ -281,7 +281,7 @@ def judge(case, rows, bounds):
 def verdict_faults(rows):
     """Outcomes that the measures do not confirm."""
     expected = ["unresolved" if row["close_share"] > CLOSE or row["coincident"] else "converged" for row in rows]
-    return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), wanted {wanted}"
+    return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), expected {wanted}"
             for row, wanted in zip(rows, expected) if row["verdict"][0] != wanted]
 
 

@@ -223,22 +223,20 @@ def run_alone(worker, shared, where):
 
 HEAD = """# Sequences
 
-Written by `make sequences` (tools/sequence.py). Points of coherent sequences (`queue.coherent`), frame after frame.
+`make sequences` (tools/sequence.py) writes this page. It has the points of coherent sequences (`queue.coherent`), frame by frame.
 
-- way: how far the points that are in both frames went beside the surface's own motion, over h, median and 95 %.
-  The torus' own motion is a formula; of smoke it is the way along the normal. The bound is a median of {drift}.
-- hex: share of points with the ideal number of neighbours (tools/measure.py). The bound is {hex} where none is said.
-- alone: hex of the same frame without the one before.
-- born, died: points that came and went with the frame.
+- way: distance that the points in both frames moved relative to the motion of the surface, over h, median and 95 %.
+  The motion of the torus is a formula; for smoke, the way is along the normal. The bound is a median of {drift}.
+- hex: share of points with the ideal number of neighbours (tools/measure.py). The bound is {hex} unless the section has another bound.
+- alone: hex of the same frame, sampled without the frame before.
+- born, died: points that were added and removed with the frame.
 """
 HEAD_ALONE = """## smoke, frames alone
 
-The files' frames sampled by themselves. The surface has features of a voxel's size everywhere: at a spacing of a voxel
-and more a third of the points and more lie on walls thinner than 1.2 spacings, and the others have no better order than
-this. At 0.4 voxels the bound can be met, by frames alone as by those that are
-carried. Not so where there are droplets of a few points: each part is to have 30 on the coarsest level, so that there
-is but one level (file 3 at density 0.3, and the frames above that have 0.90 alone), and its order is that of a start
-from scattered points.
+The frames of the files, sampled by themselves. The surface has features of one voxel everywhere. At a spacing of one voxel and more, a third of the
+points and more lie on walls thinner than 1.2 spacings, and hex does not reach the bound. At 0.4 voxels the bound can be met, by frames alone
+and by coherent frames. Droplets of a few points are an exception: each part needs 30 points on the coarsest level, so there is only one
+level, and hex is that of random initial points (file 3 at density 0.3, and the frames above with 0.90 alone).
 
 | file | density | points | spacing, voxels | on thin walls | hex |
 |---|---|---|---|---|---|"""
