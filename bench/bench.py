@@ -228,7 +228,8 @@ def main():
             run_surface(surface, options, tools, results, pathlib.Path(where))
     results.write()
     told = json.loads(options.results.read_text(encoding="utf-8"))
-    options.page.write_text(page.whole(told, packing.MOST), encoding="utf-8")
+    below = page.kept(options.page)
+    options.page.write_text(page.whole(told, packing.MOST) + (f"\n{below}" if below else ""), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -159,26 +159,26 @@ def main():
                                       load=os.getloadavg()[2], q=queued))
 
 
-PAGE = """# The farm
+PAGE = """# Slurm
 
 `python3 bench/farm.py BUILD doc/measured/farm.md --small {small} --large {large} --queued {queued}`: a Slurm of four nodes and the daemon on one
-machine of {cores} cores (load average at the end: {load:.1f}). The figures say what the engine costs, not how a cluster
-scales.
+machine of {cores} cores (load average at the end: {load:.1f}). The figures are the cost of the engine `slurm` beside `local`, not the
+scaling of a cluster.
 
 ## Jobs: {small} of 1000 points, {large} of a million
 
-| engine | jobs | wall s | processor ms of the daemon a job | of Slurm's daemons a job | workers' share of the cores | all others' | idle |
+| engine | jobs | wall s | CPU ms of the daemon for a job | CPU ms of Slurm's daemons for a job | share of the cores: workers | other processes | idle |
 |---|---|---|---|---|---|---|---|
 {rows}
 
-The daemon's time is its own, without the commands that it calls and without workers. The workers' share is their processor
-time (`processor_ms` of the attempts) by wall time and cores. All others are daemons, Slurm, and whatever else ran on the machine.
+The CPU time of the daemon is without the commands that it calls and without workers. The share of the workers is their CPU
+time (`processor_ms` of the attempts) over wall time and cores. Other processes are the daemons, Slurm, and other load on the machine.
 
-## What users wait for
+## Delays
 
-| what | at most |
+| delay | at most |
 |---|---|
-| from a worker's progress line to the event that clients get | {late[0]:.2f} s |
+| from a worker's progress line to the event at a client | {late[0]:.2f} s |
 | from a cancellation to the worker's end on its node | {late[1]:.2f} s |
 
 ## {queued} attempts in Slurm's queue
@@ -188,7 +188,7 @@ time (`processor_ms` of the attempts) by wall time and cores. All others are dae
 | from the submission until all are in Slurm's queue | {q[0]:.1f} s |
 | memory of the daemon then | {q[1]:.0f} MiB |
 | one `squeue` for all | {q[2]:.2f} s |
-| processor time of the daemon and its commands while they wait, in shares of a core | {q[3]:.3f} |
+| CPU time of the daemon and its commands while the attempts wait, share of a core | {q[3]:.3f} |
 | `GET /v1/jobs` meanwhile | {q[4]:.3f} s |
 | cancel all: until the job is cancelled | {q[5]:.1f} s |
 | until Slurm's queue is empty | {q[6]:.1f} s |

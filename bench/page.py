@@ -2,29 +2,30 @@
 import inputs
 from claims import CLAIMS
 
-HEAD = """# Performance, measured
+HEAD = """# Performance
 
-Written by `make bench`; do not edit. One run on one machine: {cpu}, {cores} cores, {id}. Ratios are what counts:
-another machine has other seconds, and one that is busy with something else stretches all of them.
+`make bench` writes this page, except the part below the comment "{mark}". One run on one machine: {cpu}, {cores} cores, {id}.
+Compare ratios rather than seconds: another machine, or other load on this one, changes all seconds alike.
 
-- A row is one tool at one count, median over `runs` (seeds 1, 2, ...). CPU and wall seconds and the peak of memory are
-  those of the whole process, from its start to its end, as the kernel tells them. Every tool has one thread where
-  nothing else is said. `to ours` is its CPU by ours.
-- `hexad` is the whole job, from a level set in a VDB file to a `points.ply` that was read again and verified. Teem and
-  CGAL's Surface_mesher are given a dense volume of true distances of the same voxels, the others triangles of it
-  whose corners lie on the surface, which are made for them beforehand and cost them nothing.
-- The measures come from the points alone, by [bench/packing.py](../../bench/packing.py) on
-  [tools/measure.py](../../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact
-  surface's normals. Lengths are relative to the spacing that was asked for: even, or 1 / kappa within {ratio}:1.
-  `residual` is the largest distance from the surface, in spacings. Beyond {most:.0e} points windows are measured.
-- Poisson-disk samplers throw darts: they are no packings, and are here for their cost.
+- Each row has one tool and one number of points. Its figures are medians over `runs` runs with the seeds 1, 2, and so on.
+- CPU time, wall time and peak memory are those of the whole process. Every tool runs on one thread unless the row has another
+  number. `CPU ratio` is the CPU time over that of hexad.
+- hexad runs the whole job: it reads a level set from a VDB file, writes `points.ply`, reads it again and verifies it. Teem and
+  CGAL's Surface_mesher get a dense volume of exact distances at the same voxels. The other tools get triangles whose corners lie on
+  the surface. These inputs are prepared before the run and are not part of its time.
+- [bench/packing.py](../../bench/packing.py) computes the measures from the points alone, with
+  [tools/measure.py](../../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact surface's
+  normals. Lengths are relative to the requested spacing, which is even or 1 / kappa within {ratio}:1. `residual` is the largest
+  distance of a point from the surface, in spacings. Above {most:.0e} points, randomly placed windows are measured.
+- Poisson-disk samplers draw random points at a minimum distance. They do not compute a packing and are listed for their cost.
 
 """
-COLUMNS = (("got", "got", "{:d}"), ("cpu_s", "CPU s", "{:.3g}"), ("wall_s", "wall s", "{:.3g}"),
+KEPT = "<!-- make bench keeps what follows -->"
+COLUMNS = (("got", "points", "{:d}"), ("cpu_s", "CPU s", "{:.3g}"), ("wall_s", "wall s", "{:.3g}"),
            ("peak_mb", "peak MB", "{:.0f}"), ("hex_fraction", "hex_fraction", "{:.4f}"),
            ("edge_cv", "edge_cv", "{:.4f}"),
            ("energy_excess", "energy_excess %", "{:.3f}"), ("grading_cv", "grading CV", "{:.4f}"),
-           ("residual", "residual", "{:.0e}"), ("runs", "runs", "{:d}"), ("cpu_to_ours", "to ours", "{:.3g}"))
+           ("residual", "residual", "{:.0e}"), ("runs", "runs", "{:d}"), ("cpu_to_ours", "CPU ratio", "{:.3g}"))
 
 
 def cells(row):
@@ -37,7 +38,7 @@ def tool_name(row):
 
 
 def console_line(row):
-    who = f"{row['surface']:<15} {row['asked']:>8} {tool_name(row):<17}"
+    who = f"{row['surface']:<15} {row['asked']:>9} {tool_name(row):<17}"
     if "missing" in row:
         return f"{who} {row['missing']}"
     return who + "".join(f" {text:>{max(len(title), 8)}}" for text, (_, title, _) in zip(cells(row), COLUMNS))
@@ -45,7 +46,7 @@ def console_line(row):
 
 def console_head():
     titles = "".join(f" {title:>{max(len(title), 8)}}" for _, title, _ in COLUMNS)
-    return f"{'surface':<15} {'asked':>8} {'tool':<17}{titles}"
+    return f"{'surface':<15} {'requested':>9} {'tool':<17}{titles}"
 
 
 def markdown(names, lines):
@@ -62,7 +63,7 @@ def surface_table(rows):
     for row in sorted(rows, key=lambda r: r["asked"]):
         figures = [*[""] * (len(COLUMNS) - 1), row["missing"]] if "missing" in row else cells(row)
         lines.append([str(row["asked"]), tool_name(row), *figures])
-    return markdown(["asked", "tool", *(title for _, title, _ in COLUMNS)], lines)
+    return markdown(["requested", "tool", *(title for _, title, _ in COLUMNS)], lines)
 
 
 def claims_table(rows):
@@ -71,24 +72,25 @@ def claims_table(rows):
         answer = judge(rows)
         found, met = answer or ("", None)
         lines.append([text, wanted, found, {True: "met", False: "**missed**", None: "not in this run"}[met]])
-    return markdown(["claim", "wanted", "found", ""], lines)
+    return markdown(["claim", "bound", "measured", ""], lines)
 
 
 def kernels_section(kernels):
     if not kernels:
         return ""
     head = ["field", "instruction set", "ns per update", "ns per particle listed", "neighbours", "operations", "bytes",
-            "floor, ns"]
+            "lower bound, ns"]
     numbers = ("ns", "list_ns", "neighbours", "operations", "bytes", "floor_ns")
     table = markdown(head, [[k["field"], k["isa"]] + [f"{k[n]:g}" for n in numbers] for k in kernels])
-    return ("\n## Kernels\n\nOne update of one of 100 000 particles at rest by one thread, from `bench/kernels`; the "
-            "floor is its operations\nat the rate of multiplications and additions that the same run measured.\n\n"
+    return ("\n## Kernels\n\nCost of one update of a converged particle, of 100 000, on one thread (`bench/kernels`). The lower "
+            "bound is the time of its\noperations at the rate of multiplications and additions that the same run "
+            "measured.\n\n"
             + table)
 
 
 def whole(told, most):
     """The page of the results `told`; `most`: points up to which all are measured."""
-    parts = [HEAD.format(**told["run"], ratio=inputs.RATIO, most=most), "## Tools\n\n", peers_table(told),
+    parts = [HEAD.format(**told["run"], mark=KEPT.strip("<!-> "), ratio=inputs.RATIO, most=most), "## Tools\n\n", peers_table(told),
              "\n## Claims\n\n", claims_table(told["rows"]), kernels_section(told["run"].get("kernels"))]
     for name, surface in told["surfaces"].items():
         rows = [r for r in told["rows"] if r["surface"] == name]
@@ -97,3 +99,9 @@ def whole(told, most):
         elif "missing" in surface:
             parts.append(f"\n## {name}\n\nLeft out: {surface['missing']}.\n")
     return "".join(parts)
+
+
+def kept(path):
+    """The part of a page that a new run keeps: from the line KEPT on; empty without such a line or page."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    return text[text.index(KEPT + "\n"):] if KEPT + "\n" in text else ""

@@ -40,12 +40,12 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 Claim = collections.namedtuple("Claim", "text wanted found met")
 SMALL = {"no preview": {"output": {"preview": False}}, "default outputs": {"output": {}}}
-HEAD = """# The service under load, measured
+HEAD = """# Speed of the service
 
-Written by `make bench-service` ([bench/serving.py](../../bench/serving.py)); do not edit. One run on one machine: {cpu}, \
+`make bench-service` ([bench/serving.py](../../bench/serving.py)) writes this page; do not edit it. One run on one machine: {cpu}, \
 {cores} cores, {when},
-load average {load:.1f} at its start. What is compared took turns in that run, {rounds} times and more; figures are medians
-of the rounds, ratios medians of the rounds' ratios.
+load average {load:.1f} at its start. Compared cases ran in turn, at least {rounds} times. Figures are medians of the rounds;
+ratios are medians of the ratios of each round.
 
 """
 
@@ -144,12 +144,12 @@ def bench_submissions(b, one):
     rows, posts = b.rounds(lambda: b.load("rows", b.where, b.options.span), lambda: submissions(b, one))
     flush_ms = 1000 / statistics.median(rows)
     rate, own_ms, busy = (statistics.median(x) for x in zip(*posts))
-    b.say(f"- Submissions: {CLIENTS} clients had {rate:.0f} jobs a second acknowledged, where a durable transaction of "
-          f"one row takes SQLite {flush_ms:.2f} ms, so {1000 / flush_ms:.0f} a second; {own_ms:.3f} ms of the daemon's "
-          f"processor time each, and daemon and clients took {busy:.2f} of the processors' time that others left.")
+    b.say(f"- Submissions: {CLIENTS} clients had {rate:.0f} jobs a second acknowledged. A durable transaction of one row takes "
+          f"{flush_ms:.2f} ms with SQLite, {1000 / flush_ms:.0f} a second. A submission takes {own_ms:.3f} ms of CPU time of the "
+          f"daemon; daemon and clients took {busy:.2f} of the CPU time that other processes left.")
     shared = statistics.median(p[0] / r for p, r in zip(posts, rows))
-    b.claim(f"Submissions of {CLIENTS} clients share flushes or take the processors: the greater of acknowledged jobs by "
-            f"{SHARED_FLUSHES} durable transactions and processors busy by {BUSY}", "at least 1",
+    b.claim(f"Submissions of {CLIENTS} clients: the larger of acknowledged jobs over {SHARED_FLUSHES} durable transactions, "
+            f"and busy processors over {BUSY}", "at least 1",
             max(shared / SHARED_FLUSHES, busy / BUSY), 1, True)
 
 
@@ -164,7 +164,7 @@ def bench_connections(b, one):
             stalled.append(count)
             continue
         told[count] = [statistics.median(r[name] for r in runs) for name in ("rate", "p50_ms", "p99_ms", "max_ms")]
-    b.claim(f"Connections that are busy at once, 1 to {CONNECTIONS[-1]}: numbers of them that stalled", "0",
+    b.claim(f"1 to {CONNECTIONS[-1]} busy connections: number of connections without an answer", "0",
             len(stalled), 0, False, "{:.0f}")
     if stalled:
         b.say(f"- Of {', '.join(map(str, stalled))} connections some had no answer.")
@@ -174,7 +174,7 @@ def bench_connections(b, one):
                             for count, (rate, p50, p99, longest) in told.items()))
     print(b.tables[-1], flush=True)
     if told:
-        b.claim(f"- 99th percentile with 1 to {CONNECTIONS[-1]} of them, the longest, ms", "at most 250",
+        b.claim(f"- largest 99th percentile with 1 to {CONNECTIONS[-1]} connections, ms", "at most 250",
                 max(p99 for _, _, p99, _ in told.values()), 250, False, "{:.1f}")
 
 
@@ -213,10 +213,10 @@ def bench_reads(b, one):
         bare.wait()
     rates = [statistics.median(r for r, _ in x) for x in (ours, theirs)]
     costs = [statistics.median(c for _, c in x) for x in (ours, theirs)]
-    b.say(f"- Status of 1 000 jobs in turn, {size} bytes each, over {CLIENTS} connections that are kept: "
-          f"{rates[0]:.0f} a second, and {rates[1]:.0f} of a bare libmicrohttpd; {costs[0]:.1f} and {costs[1]:.1f} us of the server's "
-          "processor time each.")
-    b.claim("Status reads by replies of a bare libmicrohttpd", "at least 0.40",
+    b.say(f"- Status of 1 000 jobs in turn, {size} bytes each, over {CLIENTS} persistent connections: "
+          f"{rates[0]:.0f} a second, and {rates[1]:.0f} of a bare libmicrohttpd; {costs[0]:.1f} and {costs[1]:.1f} us of "
+          "CPU time of the server each.")
+    b.claim("Status reads over replies of a bare libmicrohttpd", "at least 0.40",
             statistics.median(o[0] / t[0] for o, t in zip(ours, theirs)), 0.4, True)
 
 
@@ -234,7 +234,7 @@ def bench_looks(b, small, full):
                              lambda: b.load("get", full.socket, full_paths, 1, o.looks)["p99_ms"], times=4)
         b.say(f"- 99th percentile of {what} with {o.waiting} waiting jobs: {statistics.median(many):.3f} ms, with "
               f"{PAGE + 10} {statistics.median(few):.3f} ms.")
-        b.claim(f"{what} with 100 000 waiting jobs by one with {PAGE + 10}, 99th percentile", "at most 3",
+        b.claim(f"{what} with 100 000 waiting jobs over {PAGE + 10}, 99th percentile", "at most 3",
                 statistics.median(m / f for m, f in zip(many, few)), 3, False, judged=judged)
 
 
@@ -244,7 +244,7 @@ def bench_claims(b):
         return
     done = subprocess.run([b.options.built / "bench" / "queue", b.where], stdout=subprocess.PIPE, text=True)
     ratio = float(re.search(r"^claim +([\d.]+)", done.stdout, re.MULTILINE).group(1))
-    b.claim("claim with 100 000 waiting jobs by one with an empty queue, 99th percentile (`make bench-queue`)",
+    b.claim("claim with 100 000 waiting jobs over an empty queue, 99th percentile (`make bench-queue`)",
             "at most 3", ratio, 3, False)
 
 
@@ -269,9 +269,9 @@ def bench_streams(b):
         latest = max([latest, *(ms - at_ms(e["at"]) for ms, e in zip(stream["received_ms"], told)
                                 if e["type"] != "state" or e["state"] not in ("blocked", "queued"))])
     b.stop(one)
-    b.say(f"- {count} event streams, open at once, of {len(jobs)} jobs that ran: {whole} had every event to the job's "
-          f"end; the latest came {latest:.0f} ms after what it tells.")
-    b.claim("1 000 event streams, open at once: share that had every event to its job's end", "1",
+    b.say(f"- {count} open event streams of {len(jobs)} jobs that ran: {whole} had every event until the job's "
+          f"end; the largest delay of an event was {latest:.0f} ms.")
+    b.claim("1 000 open event streams: share with every event until the job's end", "1",
             whole / count, 1, True, "{:.4g}", count >= CLAIMED["streams"])
 
 
@@ -315,18 +315,18 @@ def bench_small_jobs(b):
         alone = run_alone(b, kind, count, cores)
         daemon, worker, busy = run_served(b, one, kind, count)
         own = 1000 * (daemon + worker - alone)
-        b.say(f"- {count} jobs of 1 000 points on a formula, {kind}: {1000 * daemon:.1f} ms of the daemon and "
-              f"{1000 * worker:.1f} ms of the worker each, which takes {1000 * alone:.1f} ms alone.")
-        b.claim(f"A job of 1 000 points, {kind}: the service's own processor time, ms", "at most 100", own, 100, False,
+        b.say(f"- {count} jobs of 1 000 points on a formula, {kind}: {1000 * daemon:.1f} ms of CPU time of the daemon and "
+              f"{1000 * worker:.1f} ms of the worker each. The worker alone takes {1000 * alone:.1f} ms.")
+        b.claim(f"A job of 1 000 points, {kind}: CPU time of the service, ms", "at most 100", own, 100, False,
                 "{:.1f}", judged)
-        b.claim(f"- processors busy while jobs wait, of what others leave, {kind}", "at least 0.90", busy, 0.9, True,
+        b.claim(f"- busy share of the processors while jobs wait, without other processes, {kind}", "at least 0.90", busy, 0.9, True,
                 "{:.3f}", judged)
     b.stop(one)
 
 
 def table(claims):
     verdict = {True: "met", False: "**missed**", None: "not in this run"}
-    lines = ["| claim | wanted | found | |", "| --- | --- | --- | --- |"]
+    lines = ["| claim | bound | measured | |", "| --- | --- | --- | --- |"]
     return "\n".join(lines + [f"| {c.text} | {c.wanted} | {c.found} | {verdict[c.met]} |" for c in claims]) + "\n"
 
 

@@ -33,10 +33,11 @@ printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes"
 WEIGHTS = {"alice": 4, "bob": 2, "carol": 1, "dave": 1, "erin": 0.5}
 MOST_OFF = 0.02  # of a share; a turn is a whole job
 PAGE = 500
-HEAD = """# How users share, measured
+HEAD = """# Fair sharing between users
 
-Written by `make bench-sharing` ([bench/sharing.py](../../bench/sharing.py)); do not edit. One worker, whose jobs
-take {job_ms} ms and what a process costs; {when}.
+`make bench-sharing` ([bench/sharing.py](../../bench/sharing.py)) writes this page; do not edit it. One worker runs jobs of {job_ms} ms
+plus the start of a process; {when}. Shares must be near the weights, and a user with one job must not wait behind a long queue of
+another user.
 
 """
 
@@ -148,8 +149,8 @@ def measure(options, where):
         farm.service.clean_up()
     met = between <= 1
     missed |= not met
-    lines.append(f"A user had {options.many} waiting jobs when another submitted one: it waited {waited} ms, and {between} of the"
-                 f" others began meanwhile (wanted: at most 1; {'met' if met else '**missed**'}).\n")
+    lines.append(f"A user had {options.many} waiting jobs when another user submitted one. This job waited {waited} ms, and {between} of the"
+                 f" other jobs began meanwhile (bound: at most 1; {'met' if met else '**missed**'}).\n")
     kinds = {"turns": lambda user: user, "age": lambda user: "many"}
     found = {}
     for kind, owner_of in kinds.items():
@@ -158,10 +159,10 @@ def measure(options, where):
             found[kind] = share(farm, options.each, owner_of)
         finally:
             farm.service.clean_up()
-    lines.append(f"Five users submitted {options.each} jobs each, one user after the other, while the queue was held. *Share* is of"
-                 " the jobs that began until the first user had none left. By age: the same jobs of one user, which go in the"
-                 " order of their submission. Waiting times in seconds.\n")
-    lines += ["| user | weight | share wanted | share | median wait | longest wait | median wait by age | longest by age |",
+    lines.append(f"Five users submitted {options.each} jobs each, one user after the other, while the queue was held. *Share* is the"
+                 " share of the jobs that began until the first user had no job left. *By age*: the same jobs of one user, which run in"
+                 " the order of their submission. Waiting times are in seconds.\n")
+    lines += ["| user | weight | share by weight | share | median wait | longest wait | median wait by age | longest by age |",
               "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"]
     for user, weight in WEIGHTS.items():
         wanted = weight / sum(WEIGHTS.values())

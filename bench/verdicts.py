@@ -26,7 +26,7 @@ FEWEST_PARTS = 3
 COLUMNS = (("jobs", "jobs ended", "{:d}"), ("held", "in the queue", "{:d}"), ("events", "events", "{:d}"),
            ("followers", "followers", "{:d}"), ("cpu_s", "CPU s", "{:.2f}"), ("cpu_ms_a_job", "CPU ms a job", "{:.2f}"),
            ("yardstick_ms", "yardstick ms", "{:.2f}"), ("cost", "cost of a job", "{:.3f}"),
-           ("rss_mb", "RSS MiB", "{:.1f}"), ("anonymous_mb", "its own MiB", "{:.1f}"),
+           ("rss_mb", "RSS MiB", "{:.1f}"), ("anonymous_mb", "private MiB", "{:.1f}"),
            ("descriptors", "descriptors", "{:d}"), ("threads", "threads", "{:d}"), ("database_mb", "database MiB", "{:.1f}"),
            *((f"{what}_{which}", f"{what} {name} ms", "{:.2f}") for what in ("submit", "status", "list")
              for which, name in (("p50_ms", "median"), ("p99_ms", "99 %"))))
@@ -49,8 +49,8 @@ def judge(parts, answers, faults, timed, more, sanitized=False):
     enough = len(parts) >= FEWEST_PARTS
     server_errors = sum(n for status, n in answers.items() if int(status) >= 500)
     verdicts = [
-        Verdict("Answers that are the server's failures (5xx)", "0", str(server_errors), server_errors == 0),
-        Verdict("Jobs with another end than theirs, results that are not whole, streams out of order", "0",
+        Verdict("Answers with a status 5xx", "0", str(server_errors), server_errors == 0),
+        Verdict("Jobs with an unexpected end, incomplete results, streams out of order", "0",
                 str(len(faults)), not faults)]
     if not enough:
         return verdicts + [Verdict("Everything else", f"{FEWEST_PARTS} tenths of a run", str(len(parts)), None)]
@@ -58,22 +58,22 @@ def judge(parts, answers, faults, timed, more, sanitized=False):
     for key, text in (("descriptors", "Open descriptors"), ("threads", "Threads")):
         verdicts.append(Verdict(f"{text} at the end, as after the first tenth", str(first[key]), str(last[key]),
                                 last[key] == first[key]))
-    verdicts.append(growth("Growth of the daemon's own memory after the first tenth", first, last, MEMORY_BASE, MEMORY_OF_JOB,
+    verdicts.append(growth("Growth of the daemon's private memory after the first tenth", first, last, MEMORY_BASE, MEMORY_OF_JOB,
                            not sanitized))
     middle = parts[len(parts) // 2 - 1]
-    verdicts.append(growth("Growth of the daemon's own memory in the second half", middle, last, HALF_BASE, HALF_OF_JOB,
+    verdicts.append(growth("Growth of the daemon's private memory in the second half", middle, last, HALF_BASE, HALF_OF_JOB,
                            not sanitized and last["stored"] - middle["stored"] >= HALF_JOBS))
     cost = last["cost"] / parts[1]["cost"]
-    verdicts.append(Verdict("Processor time of the daemon for a job, in yardsticks, by that of the second tenth",
+    verdicts.append(Verdict("CPU time of the daemon for a job, in yardsticks, last tenth over second tenth",
                             f"at most {COST_MOST}", f"{cost:.2f}", cost <= COST_MOST if timed else None))
     for what in ("submit", "status", "list"):
         for which, name in (("p50_ms", "median"), ("p99_ms", "99th percentile")):
             ratio = latency(parts, f"{what}_{which}")
-            verdicts.append(Verdict(f"Time of an answer to {what}, {name}, by that of the second tenth",
+            verdicts.append(Verdict(f"Time of an answer to {what}, {name}, last tenth over second tenth",
                                     f"at most {LATENCY_MOST[which]:g}", f"{ratio:.2f}",
                                     ratio <= LATENCY_MOST[which] if timed else None))
     if more is not None:
-        verdicts.append(Verdict("Jobs in the queue that wait, at the end", f"{more}", f"{last['held']}", last["held"] >= more))
+        verdicts.append(Verdict("Waiting jobs at the end", f"{more}", f"{last['held']}", last["held"] >= more))
     return verdicts
 
 
@@ -97,25 +97,23 @@ def table_of_parts(parts):
 
 def table_of_verdicts(verdicts):
     words = {True: "met", False: "**missed**", None: "not in this run"}
-    return markdown(["", "wanted", "found", ""], [[v.text, v.wanted, v.found, words[v.met]] for v in verdicts])
+    return markdown(["", "bound", "measured", ""], [[v.text, v.wanted, v.found, words[v.met]] for v in verdicts])
 
 
-HEAD = """# The service under mixed load for long
+HEAD = """# The service under a mixed load
 
-Written by `make soak` ([bench/soak.py](../../bench/soak.py)); do not edit. One run on one machine: {cpu}, {cores} cores, {when},
-load average {load:.1f} at its start; {minutes:g} minutes of load. A daemon on its defaults (but for the cache of documents, \
-which
-is small enough to be full after the first tenth) is given {rate:g} jobs a second: small ones, sequences of three frames, ones
-with a damaged input, ones with too little memory, ones that are cancelled, ones that had been run before, and jobs that wait for
-ever. Every fourth that ended is fetched and compared, every fourth deleted. Beside them a client looks at ten jobs a second and lists
-some, and {followers:g} followers a minute come, stay for seconds, and go.
+`make soak` ([bench/soak.py](../../bench/soak.py)) writes this page; do not edit it. One run on one machine: {cpu}, {cores} cores, {when},
+load average {load:.1f} at its start; {minutes:g} minutes of load. A daemon with defaults, except for a smaller cache of documents, which is full
+after the first tenth, gets {rate:g} jobs a second: small jobs, sequences of three frames, jobs with a damaged input or too
+little memory, jobs that are cancelled, jobs whose result is in the cache, and jobs that never start. Every fourth job that ended is fetched and
+compared, and every fourth is deleted. A client reads ten jobs a second and lists jobs, and {followers:g} clients a minute
+follow events for some seconds.
 
-- `CPU` is the daemon's own processor time, without its workers'. The yardstick is the processor time of a fixed piece of work that
-  the client does all the while; the cost of a job is CPU by jobs by yardstick, so that what neighbours do to the processor counts
-  twice and falls out.
-- Memory, descriptors, threads and the database are looked at when a tenth has ended, nothing runs and nobody else is connected.
-- Latencies are those of a client in Python on the same machine: they tell of a change, not of the service alone. A 99th percentile
-  is the median of those of ten slices of the tenth.
+- `CPU` is the CPU time of the daemon without its workers. The yardstick is the CPU time of a fixed computation that
+  the client repeats. The cost of a job is CPU over jobs over yardstick, which cancels the effect of other load on the processor.
+- Memory, descriptors, threads and the database are read at the end of a tenth, while nothing runs and no other client is connected.
+- Latencies are those of a client in Python on the same machine. They show changes, not the speed of the service alone. A 99th
+  percentile is the median of the percentiles of ten slices of the tenth.
 
 """
 

@@ -29,12 +29,12 @@ from service import Service, cpu_seconds, gated_worker, processes, sphere, wait_
 
 MOST_BYTES, MOST_VIEW_MS, MOST_FRAME_MS, MOST_MEMORY = 1_000_000, 300, 100, 200_000_000
 EVENTS = 50  # a second
-HEAD = """# The web page, measured
+HEAD = """# Load of the web page
 
-Written by [bench/web_page.py](../../bench/web_page.py) (`make bench-web-page`); do not edit. Headless Chromium, whose
-pictures the processor draws; {when}.
+`make bench-web-page` ([bench/web_page.py](../../bench/web_page.py)) writes this page; do not edit it. Headless Chromium, which renders on
+the processor; {when}.
 
-| what | measured | wanted | |
+| what | measured | bound | |
 |---|---:|---:|---|
 """
 # the time between frames while something happens

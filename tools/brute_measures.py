@@ -521,17 +521,17 @@ def main():
     return 1 if apart else 0
 
 
-PAGE = """# Measures of reports and of a program without shortcuts
+PAGE = """# Measures of reports, checked by brute force
 
     tools/brute_measures.py --worker build/hexad-worker --data FOLDER --output doc/measured/measures.md
 
-Each cell has the report's measure and that of tools/brute_measures.py, which compares dense places of its own triangles with
-all points near them. `area` is the area of these triangles over the report's. FOLDER holds the volumes. Of a volume's spline,
-pieces between the samples are left out, as no cell of the data shows them.
+Each cell has the report's measure, then that of tools/brute_measures.py, which compares dense samples of its own triangles with
+all points near them. `area` is the area of these triangles over the report's. FOLDER has the volumes. Parts of a volume's spline
+between the voxels are ignored, because no grid cell has a sign change there.
 
-Cells are marked that differ by more than .05 (coverage), .003 (missing_share), .002 (close_share), .01 (min_spacing_ratio) or
-.04 (hex_fraction; .1 below 300 points). Coverage of a volume may also differ by a quarter of a voxel: the size of a speck of one
-voxel is known to that.
+A cell is marked if the measures differ by more than .05 (coverage), .003 (missing_share), .002 (close_share), .01
+(min_spacing_ratio) or .04 (hex_fraction; .1 below 300 points). Coverage of a volume may also differ by a quarter of a voxel, which
+is the error of the size of a speck of one voxel.
 
 """
 

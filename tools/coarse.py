@@ -127,9 +127,10 @@ def main():
         bad += not good
         print("\n".join(found), file=sys.stderr)
     head = ["# Walls thinner than the spacing", "",
-            f"Made by `tools/coarse.py`: {COUNT} points on clouds and smoke, beside Yuksel's sample elimination (2015) from {FACTOR} times "
-            f"as many random ones. Lengths are in spacings of the ideal packing. Coverage is of places of a job with {DENSE} points; where it is "
-            f"large, specks are too small for a point of their own. Missed bounds: {bad}.", "",
+            f"`tools/coarse.py` samples clouds and smoke with {COUNT} points, which are too few to separate opposite walls. For comparison, "
+            f"Yuksel's sample elimination (2015) selects {COUNT} of {FACTOR * COUNT} random points. Lengths are in spacings of the ideal packing. "
+            f"Coverage is computed at the {DENSE} points of another job; it is large at specks that are too small for a point of their own. "
+            f"Missed bounds: {bad}.", "",
             "| file | points of | least distance | min_spacing_ratio | CV of nearest | edge_cv | area_cv | coverage but for .1 % | coverage | facing pairs below .6 / by chance | outcome | CPU s |",
             "|---|---|---|---|---|---|---|---|---|---|---|---|"]
     pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")

@@ -123,21 +123,21 @@ def page(options, found, missing):
     verdicts = {name: worse(*([r[k] for r in results] for k in (1, 2))) for name, results in again.items()}
     bad = [name for name, words in verdicts.items() if words]
     lines = ["# Two builds by the same measures", "",
-             f"Made by `tools/compare_builds.py`: {options.name} before the stroke, the present build after it. {len(found)} meshes, "
-             f"{options.count} points, defaults, one thread. The measures are computed from the triangles of the file and the points "
-             "(`tools/mesh_measures.py`), and the outcome from these measures, for both builds alike. `not converged` is also the outcome "
+             f"`tools/compare_builds.py`: {options.name} before the stroke, the present build after it. {len(found)} meshes, "
+             f"{options.count} points, defaults, one thread. For both builds, the measures are computed from the triangles of the file and the "
+             "points (`tools/mesh_measures.py`), and the outcome from these measures. `not converged` is also the outcome "
              "if the build's own report has it.", "",
-             "A row is worse if its outcome is, if hex_fraction is more than 0.005 lower, min_spacing_ratio more than 0.02 lower, coverage "
-             "more than 0.02 higher, or the largest distance from the triangles more than 1e-4 higher. Where points of the reference are off the "
-             "surface, as it took the file for another one, only the outcome is compared. "
-             f"{len(again)} files are worse with the first seed. By the means of {len(options.seeds)} seeds, where the bounds are increased by "
-             f"the standard error, {len(bad)} are: "
+             "A row is worse if its outcome is worse, if hex_fraction is more than 0.005 lower, min_spacing_ratio more than 0.02 lower, coverage "
+             "more than 0.02 higher, or the largest distance from the triangles more than 1e-4 higher. If the points of the reference are off "
+             "the surface, because it read the file differently, only the outcome is compared. "
+             f"{len(again)} files are worse with the first seed. For these, the means of {len(options.seeds)} seeds are compared, and the "
+             f"bounds are increased by the standard error. {len(bad)} files are worse then: "
              + (", ".join(f"{name} ({', '.join(verdicts[name])})" for name in bad) or "none") + "."]
     if missing:
         lines += ["", f"Not compared yet: {', '.join(missing)}."]
     lines += ["", "## First seed", "", *table(first)]
     if again:
-        lines += ["", "## All seeds of the files that are worse with the first", ""]
+        lines += ["", "## All seeds of the files that are worse with the first seed", ""]
         lines += table([row(name, *result, verdicts[name]) for name, results in again.items() for result in results])
     return "\n".join(lines) + "\n"
 

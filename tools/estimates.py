@@ -94,8 +94,8 @@ def summary(count, pairs):
     near = sum(1 / TIME_FACTOR <= told / used <= TIME_FACTOR for told, used in pairs)
     apart = [(a, b) for a, b in itertools.combinations(pairs, 2) if not 1 / TIME_FACTOR < a[1] / b[1] < TIME_FACTOR]
     ordered = sum((a[0] < b[0]) == (a[1] < b[1]) for a, b in apart)
-    return (f"{count} points: {near} of {len(pairs)} estimates are within a factor of {TIME_FACTOR}. Of {len(apart)} "
-            f"pairs of jobs whose CPU times differ by that factor or more, the estimates order {ordered} rightly.",
+    return (f"{count} points: {near} of {len(pairs)} estimates are within a factor of {TIME_FACTOR}. {len(apart)} "
+            f"pairs of jobs have CPU times that differ by that factor or more; the estimates order {ordered} of them correctly.",
             near >= TIME_SHARE * len(pairs))
 
 
@@ -125,12 +125,12 @@ def main():
     timed, pairs = times(words.worker, meshes, words.time_counts)
     found = [summary(count, pairs[count]) for count in words.time_counts if pairs[count]]
     sound = sound and all(near for _, near in found)
-    words.output.write_text("# What estimates say of memory and CPU time, and what jobs take\n\n"
-                            "Made by `tools/estimates.py`. Memory in MiB, of the worker and of its reader.\n\n"
+    words.output.write_text("# Estimates of memory and CPU time\n\n"
+                            "`tools/estimates.py`. Memory is in MiB, of the worker and its reader.\n\n"
                             "| surface | points | estimate | peak | ratio |\n|---|---|---|---|---|\n" +
                             "\n".join(lines) + "\n\n"
-                            "## CPU time of meshes\n\nSeconds, one thread, seed 1; the last column is the CPU time of "
-                            "the estimate itself.\n\n" + "\n\n".join(line for line, _ in found) + "\n\n"
+                            "## CPU time of meshes\n\nSeconds, one thread, seed 1. `cost` is the CPU time of the estimate "
+                            "itself.\n\n" + "\n\n".join(line for line, _ in found) + "\n\n"
                             "| mesh | points | estimate | job | ratio | cost |\n|---|---|---|---|---|---|\n" +
                             "\n".join(timed) + "\n")
     return 0 if sound else 1

@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
-"""Resolves meshes with thin parts and close sheets, holds each mesh.ply against its input, and writes a table
+"""Resolves meshes with thin parts and close opposite walls, compares each mesh.ply with its input, and writes a table
 (doc/measured/features.md).
 
     tools/features.py --worker build/hexad-worker --output doc/measured/features.md [--data DIRECTORY] [--only WORD ...]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. All are resolved by one setting: `resolve` with what `feature` is by default.
-The page is written after each mesh, and what stands below its table is kept. Ends with 1 when a bound is missed:
+The page is written after each mesh, and the text below its table is kept. Ends with 1 when a bound is missed:
 the outcome converged; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
 the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
 sampler.
 """
+import itertools
 import json
 import os
 import pathlib
@@ -176,10 +177,10 @@ def page(data, worker, only, show):
 
 
 def notes_of(path):
-    """What stands below the table of a page, by hand."""
+    """The text below the first table of a page, which is written by hand."""
     lines = path.read_text().splitlines() if path.exists() else []
-    rows = [k for k, line in enumerate(lines) if line.startswith("|")]
-    return lines[rows[-1] + 1:] if rows else []
+    before = next((k for k, line in enumerate(lines) if line.startswith("|")), len(lines))
+    return list(itertools.dropwhile(lambda line: line.startswith("|"), lines[before:]))
 
 
 def main():
@@ -189,9 +190,9 @@ def main():
 
     def show(rows, bad):
         """The page so far: a run that is cut short leaves the rows that it has."""
-        head = ["# Thin parts and close sheets", "",
-                "Made by `make features`: meshes sampled with `sampling.resolve`, and their `mesh.ply` held against the input "
-                f"(`tools/features.py` says how). {bad} bounds are missed; they are set in bold.", ""]
+        head = ["# Thin parts and close opposite walls", "",
+                "`make features` samples meshes with `sampling.resolve` and compares their `mesh.ply` with the input "
+                f"([tools/features.py](../../tools/features.py)). {bad} bounds are missed; they are set in bold.", ""]
         output.write_text("\n".join(head + rows + notes) + "\n")
         print(rows[-1], file=sys.stderr)
     return 1 if page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only, show) else 0

@@ -102,10 +102,10 @@ def write(output, lines, missed, options):
             f"- curvature: `sampling.curvature` with a ratio of {RATIO}",
             f"- map: `sampling.grid`, a spacing that is {RATIO} times as wide at one end of the mesh as at the other",
             "- amplitudes: `sampling.alpha` with the method `paper`", "",
-            "Exponent and CV are those of achieved against requested spacing ([report.md](../report.md#quality)), "
-            "computed from points.ply. Amplitudes request no spacing: there they are those of a power law of the "
-            "amplitude. hex_fraction and coverage are the report's.", "",
-            f"Bounds: the exponent within {EXPONENT} of 1, with amplitudes of the reference's; the CV at most {CV} "
+            "Exponent and CV compare the achieved spacing with the requested one ([report.md](../report.md#quality)) and are "
+            "computed from points.ply. Amplitudes request no spacing, so the achieved spacing is compared with a power law "
+            "of the amplitude. hex_fraction and coverage are the report's.", "",
+            f"Bounds: the exponent is within {EXPONENT} of 1, or of the reference's with amplitudes; the CV is at most {CV} "
             f"above the reference's. Missed: {missed}.", "",
             "| mesh | grading | build | exponent | CV | hex_fraction | coverage | outcome | CPU s |",
             "|---|---|---|---|---|---|---|---|---|"]

@@ -246,11 +246,11 @@ def write(output, mark, rows, places):
     bad = sum("| **" in line for line in lines)
     errors = sum("| error |" in line for line in lines)
     text = ["# Every file of the collection", "",
-            "Made by `make inputs`: what the worker makes of each file (`tools/inputs.py` says how a surface is chosen). "
+            "`make inputs` writes this page: the outcome of each file (`tools/inputs.py` states how a surface is chosen). "
             f"{len(lines) - errors} results, {errors} errors, {bad} of them not sound. {mark}", "",
-            "Measures are the report's ([definitions](../report.md#quality)); those after a stroke are computed by "
+            "Measures are the report's ([definitions](../report.md#quality)); figures after a stroke are computed by "
             "`tools/mesh_measures.py` from the mesh and the points. "
-            "One thread; processor time is of the worker with its reader."]
+            "One thread; CPU time is that of the worker with its reader."]
     for folder in FOLDERS:
         text += ["", f"## {folder}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
         text += [line for place in places if place[0] == folder for line in rows.get(place, [])]

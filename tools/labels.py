@@ -214,18 +214,19 @@ def main():
         others = []
         if options.data:
             others = list(real(options.worker, folder, pathlib.Path(options.data), options.real, options.files.split(",")))
-    lines = ["# The interfaces of labels", "",
+    lines = ["# Interfaces of labels", "",
              f"Printed by `tools/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
-             f"makes the page anew, of five seeds. Cubes of {options.size} voxels.",
-             "Distances are in voxels, but `between interfaces` (the least",
-             "distance of points on two of them) and `farthest place` in spacings; areas are the largest error of a share.", "",
+             f"writes the page with five seeds. Cubes of {options.size} voxels.",
+             "Distances are in voxels, except `between interfaces`, the least distance of points on two interfaces, and `farthest place`,",
+             "the coverage, which are in spacings. Areas are the largest errors of the share that an interface has of the whole area.", "",
              *table(rows), "",
-             *([f"Real ones, {options.real} points, one run each; `tooth`, `closed`, is made of a volume by thresholds.", "", *table(others),
+             *([f"Segmentations, {options.real} points, one run each. `tooth`, `closed`, is a volume with labels by thresholds.", "", *table(others),
                 ""] if others else []),
-             f"Other ways, of width {WIDTH}, at the crossings between voxels; of hexad the points. Near: within {NEAR} voxels of a line.",
+             f"Other methods with a filter of {WIDTH} voxels, measured where the interface crosses the lines between voxels; hexad at its points. "
+             f"`near lines` is within {NEAR} voxels of a line.",
              "", *table(other), "",
-             "Voxels of a slanted sheet of one voxel whose own label is not the largest, which are lost: indicators "
-             f"{lost(indicators):.0%}, distances {lost(distances):.0%}; of hexad none, since each voxel keeps its centre.", "",
+             "Voxels of a slanted wall of one voxel that are lost, of those whose own label is not the largest: indicators "
+             f"{lost(indicators):.0%}, distances {lost(distances):.0%}, hexad none, since each voxel keeps its label at its centre.", "",
              f"A ball of two labels: radius {radius[0].mean() - 0.3 * options.size:+.3f} voxel, rms {radius[0].std():.3f}; its level set "
              f"{radius[1].mean() - 0.3 * options.size:+.4f}. {times[0]:.1f} s of CPU against {times[1]:.1f} s.", ""]
     pathlib.Path(options.output).write_text("\n".join(lines))

@@ -89,7 +89,7 @@ def measure(worker, jobs, runs):
 
 
 def write(output, rows):
-    lines = ["# What measuring costs", "",
+    lines = ["# Cost of measuring", "",
              "    tools/measure_costs.py --worker build/hexad-worker --data FOLDER --output doc/measured/measure-costs.md", "",
              "CPU seconds of jobs with one thread: of the whole job with its readers, and of its phase `measure`.", ""]
     for count in sorted({row[1] for row in rows}):

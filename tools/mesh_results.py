@@ -89,10 +89,10 @@ def main():
             print(rows[-1], flush=True)
     text = ["# Meshes at several counts", "",
             f"    tools/mesh_results.py --worker WORKER --reference REFERENCE --data FOLDER --seed {args.seed}", "",
-            "What reports say of real meshes with defaults and one thread; CPU seconds and MB, after the slash those of the reference, "
-            "commit d10413d0.", ""]
+            "Measures of the reports on real meshes with defaults and one thread. In CPU seconds and MB, the figure after the slash is that "
+            "of the reference, commit d10413d0.", ""]
     if args.reference:
-        text += ["Over the reference's:", "", *summary(results, args.counts), ""]
+        text += ["Ratios to the reference:", "", *summary(results, args.counts), ""]
     text += ["| mesh | points | outcome | coverage | missing_share | close_share | coincident | min_spacing_ratio | hex_fraction | CPU s | MB |",
              "|" + "---|" * 11, *rows]
     args.output.write_text("\n".join(text) + "\n")

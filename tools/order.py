@@ -195,7 +195,7 @@ def main():
 
 PAGE = """# Progressive order
 
-Made by `tools/order.py`: six surfaces with `output.order` `"progressive"`. Prefixes of n points, 32 <= n <= N / 2, are measured in units
+`tools/order.py` samples six surfaces with `output.order` `"progressive"`. Prefixes of n points, 32 <= n <= N / 2, are measured in units
 of h_n = h sqrt(N / n): the coverage (largest, and mean over the prefixes) and the least distance (smallest, and mean) beside two
 farthest-point orders of the same points that begin with the same point. One measures distances in space alone; the other counts only
 points of one piece that are not of opposite walls. CPU times are of the whole job on one thread, without previews, without and with the

@@ -25,7 +25,7 @@ OTHERWISE = 8001
 # The share of the points that may be unresolved at a count that resolves a surface.
 RESOLVED = 0.02
 RESULTS = {0: "converged", 11: "unresolved", 10: "not_converged"}
-# Of each group: surfaces of which all seeds must be at rest, or single runs.
+# Of each group: surfaces whose seeds must all converge, or single runs.
 BOUNDS = {"meshes": ("surfaces", 22), "others": ("runs", 58)}
 
 
@@ -122,8 +122,8 @@ def page(cases, options, pool):
     for group, (unit, least) in BOUNDS.items():
         if not any(case["group"] == group for case in cases):
             continue
-        head = ["surface", "points", "on thin walls %", "at rest", "hex_fraction", "CPU s"]
-        head += ["reference at rest", "reference CPU s", "ratio"] if options.reference else []
+        head = ["surface", "points", "on thin walls %", "converged", "hex_fraction", "CPU s"]
+        head += ["reference converged", "reference CPU s", "ratio"] if options.reference else []
         lines += ["", f"## {group}", "", "| " + " | ".join([*head, "reasons"]) + " |", "|---" * (len(head) + 1) + "|"]
         whole, runs, ended = 0, 0, 0
         for case, job in zip(cases, jobs):
@@ -136,11 +136,11 @@ def page(cases, options, pool):
                 spent[k] += sum(seconds for _, seconds, _ in results)
             lines.append(line)
             print(line, file=sys.stderr, flush=True)
-        lines += ["", f"All seeds at rest: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs."]
+        lines += ["", f"All seeds converged: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs."]
         if not options.only and (whole if unit == "surfaces" else runs) < least:
-            faults.append(f"{group}: fewer {unit} at rest than {least}")
+            faults.append(f"{group}: fewer {unit} converged than {least}")
     if options.reference:
-        lines += ["", f"Processor time of the runs that the reference made too: {spent[0]:.0f} s, of the reference {spent[1]:.0f} s."]
+        lines += ["", f"CPU time of the runs that both builds made: {spent[0]:.0f} s; of the reference {spent[1]:.0f} s."]
     return lines, faults
 
 
@@ -161,11 +161,10 @@ def main():
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         lines, faults = page(cases, options, pool)
     head = ["# The paper's method on many surfaces", "",
-            "Made by `make paper-method` ([tools/paper_method.py](../../tools/paper_method.py)): method `paper` with `alpha`, d = 2, "
-            f"{options.seeds} seeds, each surface at the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % of the "
-            "points lie on walls thinner than 1.2 spacings, for all seeds. Where none does, it gets "
-            f"{OTHERWISE}, and the outcome `unresolved`",
-            "counts as at rest. Times are medians of processor seconds, one thread."]
+            "`make paper-method` ([tools/paper_method.py](../../tools/paper_method.py)) runs the method `paper` with `alpha`, d = 2, on one "
+            f"thread with {options.seeds} seeds. Each surface has the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % "
+            "of the points lie on walls thinner than 1.2 spacings with every seed. A surface without such a count",
+            f"has {OTHERWISE} points, and the outcome `unresolved` counts as converged. Times are medians of CPU seconds."]
     options.output.write_text("\n".join(head + lines) + "\n")
     for fault in faults:
         print(fault, file=sys.stderr)

@@ -191,9 +191,9 @@ def cases(data, work, count):
     blade = prism(SQUARE, lambda x, y: -1, lambda x, y: 1)
     blade = meshes.Mesh(blade.vertices * [0.5, 0.05, 0.00005], blade.triangles)
     for name, mesh in (("Moebius strip", joined(grid(moebius, 160, 16))), ("Klein bottle", joined(grid(klein, 160, 80))),
-                       ("three sheets at an edge", joined(*(sheet([0, 0, 0], [0, 0, 1], [numpy.cos(a), numpy.sin(a), 0])
+                       ("three half-planes at an edge", joined(*(sheet([0, 0, 0], [0, 0, 1], [numpy.cos(a), numpy.sin(a), 0])
                                                             for a in (0, 2, 4)))),
-                       ("two sheets .3 spacings apart", joined(*(sheet([0, 0, z], [1, 0, 0], [0, 1, 0])
+                       ("two squares .3 spacings apart", joined(*(sheet([0, 0, z], [1, 0, 0], [0, 1, 0])
                                                                  for z in (0, 0.3 * spacing))))):
         yield name, lambda: of_shape(name, mesh, work, ON)
     bottle = joined(grid(klein, 160, 80))
@@ -365,12 +365,14 @@ def main():
     options = inputs.arguments(parser)
     rows, missed = page(options, lambda text: print(text, file=sys.stderr, flush=True))
     head = ["# Open and sharp-edged surfaces", "",
-            f"Made by `make patches`: {options.count} points, medians of {options.seeds} seeds. {missed} bounds are missed; they are "
-            "set in bold (`tools/patches.py` has them).", "",
-            "Distances but the first are in spacings. Farthest place: of the surface from the nearest point; along open edges: of an "
-            "edge of one triangle; from rows: of a sharp edge from the nearest point on a curve. hex is `hex_fraction`, of all "
-            "points; edge CV that of the worst curve. On thin walls: points within 1.2 spacings of an opposite wall. Wrong edges of mesh.ply have one triangle, or three and more, where the "
-            "input has none such. Amplitudes: the method `paper` with `alpha.d` 2. Graded: 5:1 by a painted map. One thread.", ""]
+            f"`make patches` ([tools/patches.py](../../tools/patches.py)) samples open and sharp-edged surfaces with {options.count} points, one "
+            f"thread. Figures are medians of {options.seeds} seeds. {missed} bounds are missed; they are set in bold.", "",
+            "- All distances are in spacings, except `off the mesh`, which is relative to the diagonal.",
+            "- `farthest place` is the coverage of the surface, `along open edges` of edges of one triangle, `from rows` of sharp edges by "
+            "the points on curves. `hex` is the hex_fraction; `edge CV of curves` is that of the worst curve.",
+            "- `on thin walls` is the share of points within 1.2 spacings of an opposite wall.",
+            "- `wrong edges` counts the edges of `mesh.ply` that have one triangle, or three and more, where the input has no such edge.",
+            "- Amplitudes: the method `paper` with `alpha.d` 2. Graded: 5:1 by a painted map.", ""]
     pathlib.Path(options.output).write_text("\n".join(head + rows) + "\n")
     return 1 if missed else 0
 

@@ -203,8 +203,8 @@ def main():
     assert math.isfinite(worst)
     titles = {"distance": "distance of the doubles from the triangles"}
     lines = ["# Precision of outputs", "",
-             "Made by `make precision`: a sphere of triangles, radius 4, sampled with a spacing of 1 at four distances from the origin. Each row is the",
-             "largest error of a position over the spacing, read by readers that are not hexad's (`tools/precision.py` says how). The bound is 1e-3.",
+             "`make precision` samples a sphere of triangles, radius 4, with a spacing of 1 at four distances from the origin. Each row has the",
+             "largest error of a position over the spacing, as read by readers of other projects (`tools/precision.py`). The bound is 1e-3.",
              "", "| output | " + " | ".join(f"{offset:g}" for offset in OFFSETS) + " |", "|---" * (1 + len(OFFSETS)) + "|"]
     lines += [f"| {titles.get(name, name)} | " + " | ".join(f"{value:.1e}" for value in row) + " |" for name, row in rows.items()]
     options.output.write_text("\n".join(lines) + "\n")

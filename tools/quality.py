@@ -271,7 +271,7 @@ def judge(case, rows, bounds):
         fine = {">=": lambda: value >= limit[0], "<=": lambda: value <= limit[0],
                 "within": lambda: limit[0] <= value <= limit[-1]}[kind]()
         if not fine:
-            wrong.append(f"{name} {value:.4g}, wanted {kind} {' '.join(map(str, limit))}")
+            wrong.append(f"{name} {value:.4g}, bound {kind} {' '.join(map(str, limit))}")
     for row in rows:
         if row["told_count"] != row["count"]:
             wrong.append(f"the report tells {row['told_count']} points, the file has {row['count']}")
@@ -279,9 +279,9 @@ def judge(case, rows, bounds):
 
 
 def verdict_faults(rows):
-    """Verdicts that what was measured does not bear out."""
+    """Outcomes that the measures do not confirm."""
     expected = ["unresolved" if row["close_share"] > CLOSE or row["coincident"] else "converged" for row in rows]
-    return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), wanted {wanted}"
+    return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), expected {wanted}"
             for row, wanted in zip(rows, expected) if row["verdict"][0] != wanted]
 
 
@@ -315,14 +315,14 @@ def compare(case, middle, others):
 
 HEAD = """# Quality, measured
 
-Written by `make quality`; do not edit. Each row is one case of [tools/quality.json](../../tools/quality.json): medians over
-the seeds, and after ± half of the range over them. The measures are those of [report.md](../report.md#quality), but
-computed here by [tools/measure.py](../../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
-job's spec and an area that is a closed form or an integral of its own. Of the last columns, `area` is how far the report's
-area is from that one, `differences` the largest ones of edge_cv, area_cv and energy_excess from the report's over all seeds: relative
-to it for edge_cv and energy_excess (2 % is allowed), as they are for area_cv (.01, 1 %: cells are flat here, and lie on the surface in the
-report); counts agree exactly or the row says so. `outcome` must be `converged` wherever at
-most 1 % of the points are close to another, as counted here, and `unresolved` elsewhere.
+`make quality` writes this page; do not edit it. Each row is one case of [tools/quality.json](../../tools/quality.json). A figure is
+the median over the seeds; the figure after ± is half of the range. [tools/measure.py](../../tools/measure.py), which shares no code with the
+sampler, computes the measures of [report.md](../report.md#quality) from `points.ply`, the spec and an area that is a closed form or an integral.
+
+- `area` is the relative difference of the report's area. `differences` has the largest differences of edge_cv, area_cv and
+  energy_excess from the report over all seeds. They are relative to the report for edge_cv and energy_excess (bound 2 %) and absolute for
+  area_cv (bound .01, 1 %: cells are flat here, and lie on the surface in the report). Counts agree exactly unless the row has a difference.
+- `outcome` must be `converged` if at most 1 % of the points are close to another point, and `unresolved` otherwise.
 
 """
 COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{:.4f}"),

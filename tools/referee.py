@@ -315,7 +315,7 @@ def difference(ours, theirs):
 
 
 def compare(surface, report, points):
-    """What is told, and what is found: by name (told, found) of numbers, or the largest difference of columns."""
+    """Reported and computed figures: by name (reported, computed) of numbers, or the largest difference of columns."""
     x, columns, h = points.position, points.columns, report["spacing"]
     size = points.spacing / h if "grading" in report else numpy.ones(points.count)
     own = Particles(surface, x, points.alpha, size, report["sigma"], h)
@@ -349,7 +349,7 @@ def amplitude(kappa, members):
 def disagreements(found):
     """What differs by more than AGREE, in words."""
     far = [f"{name} differs by {value:.2g}" for name, value in found["columns"].items() if not value <= AGREE]
-    return far + [f"{name}: told {told:.3g}, found {own:.3g}" for name, (told, own) in found["numbers"].items()
+    return far + [f"{name}: reported {told:.3g}, computed {own:.3g}" for name, (told, own) in found["numbers"].items()
                   if not abs(told - own) <= AGREE * own]
 
 
@@ -366,26 +366,26 @@ def row(case, way, results):
             f"| {max(r['rms_step'] for r in results):.1e} |")
 
 
-PAGE = """# The referee's table
+PAGE = """# Reports on formulas, checked by a second program
 
-Written by `make referee` (`tools/referee.py`); do not edit. A second program computes from `points.ply`, `report.json` and
-the surfaces' own formulas what the worker reports. It shares no code with the sampler. A row is a surface and a way to
-sample it, over seeds 1 to {seeds}; the worst of the seeds counts.
+`make referee` (`tools/referee.py`) writes this page; do not edit it. A second program computes the worker's figures from `points.ply`, `report.json` and
+the formulas of the surfaces. It shares no code with the sampler. Each row is one surface and one sampling method; its figures are the worst of the seeds 1
+to {seeds}.
 
-- **at rest**: outcomes that are `converged`. The others are `unresolved` or, with curvature at points, `not_converged`: facets
-  and jumps of the curvature leave no rest. What is told of them has to hold all the same.
-- **normal**, **kappa**, **alpha**, **E_i**: the largest difference between a column of `points.ply` and the same recomputed,
-  over the column's largest value. kappa is both principal curvatures; alpha is (14) of `kappa_scale`, or of the
-  curvature at the point. Places are left out within reach of a sharp edge or of a jump of the curvature, and within
-  two spacings of a boundary.
+- **converged**: number of outcomes that are `converged`. The others are `unresolved` or, with curvature at points, `not_converged`: the
+  curvature of facets jumps, so the solve does not converge. Their figures are checked all the same.
+- **normal**, **kappa**, **alpha**, **E_i**: the largest difference between a column of `points.ply` and the recomputed column,
+  relative to the column's largest value. kappa is both principal curvatures; alpha is (14) of `kappa_scale`, or of the
+  curvature at the point. Points near a sharp edge or a jump of the curvature, and within two spacings of a boundary, are not compared.
 - **mean E**: the difference of `energy.mean`.
-- **step left**: `step_left` of the report, the largest of the seeds, and told over found, of all seeds.
-- **last sweep**: `rms_step` of the last sweep, for comparison: steps of a sweep are over-relaxed by up to 2.6, and
-  particles that gain too little stay.
+- **step left**: `step_left` of the report, the largest of the seeds.
+- **reported / computed**: `step_left` of the report over the recomputed one, over all seeds.
+- **last sweep**: `rms_step` of the last sweep, for comparison. Its steps are over-relaxed by up to 2.6, and
+  particles that gain less than the tolerance do not move.
 
 {verdict}
 
-| surface | sampled by | at rest | normal | kappa | alpha | E_i | mean E | step left | told / found | last sweep |
+| surface | method | converged | normal | kappa | alpha | E_i | mean E | step left | reported / computed | last sweep |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
 

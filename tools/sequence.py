@@ -85,25 +85,25 @@ def at_density(isovalue):
 CASES = {
     "torus": {"what": "4000 points on a torus that moves, turns about a tilted axis and grows by 1 % a frame",
               "torus": TORUS, "frames": range(1, 21), "sampling": {"count": 4000}, "voxel": 0.04},
-    "torus, thicker": {"what": "the same, but only the tube grows: the outer half of the surface stretches",
+    "torus, thicker": {"what": "the same torus, except that only the tube grows, which stretches the outer half of the surface",
                        "torus": {**TORUS, "growth": [1.0, 1.01]}, "frames": range(1, 21),
                        "sampling": {"count": 4000}, "voxel": 0.04},
     "torus, spacing": {"what": "the torus of the first case at a spacing of 0.067: 2 % more points in each frame",
                        "torus": TORUS, "frames": range(1, 21), "sampling": {"spacing": 0.067}, "voxel": 0.04},
-    "torus, wide spacing": {"what": "the same at 0.084, a fifth of the tube's radius",
+    "torus, wide spacing": {"what": "the same at a spacing of 0.084, a fifth of the tube's radius",
                             "torus": TORUS, "frames": range(1, 21), "sampling": {"spacing": 0.084}, "voxel": 0.04},
-    "torus, shrinking": {"what": "the torus of the first case at a spacing of 0.067, but 1 % smaller in each frame",
+    "torus, shrinking": {"what": "the torus of the first case at a spacing of 0.067, 1 % smaller in each frame",
                          "torus": {**TORUS, "growth": [0.99, 0.99]}, "frames": range(1, 21),
                          "sampling": {"spacing": 0.067}, "voxel": 0.04},
     "smoke": {"what": "40 000 points on blender_smoke at density 0.8, from frame 2 towards 3 by 1/400 a frame",
               "blend": SMOKE, "steps": 400, "frames": range(1, 6), "sampling": {"count": 40000},
               "vdb": at_density(0.8)},
-    "smoke, cut": {"what": "the same with frames 2 and 3 as they are: less than half of the points come to a surface"
-                           " that faces their way, so that frame 3 begins anew",
+    "smoke, cut": {"what": "the same with the unchanged frames 2 and 3: less than half of the points find a surface"
+                           " with a similar normal, so frame 3 is sampled anew",
                    "blend": SMOKE, "steps": 1, "frames": range(1, 3), "sampling": {"count": 40000},
                    "vdb": at_density(0.8)},
-    "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: at 1.2 voxels, among folds finer"
-                              " than that, where a frame alone has no better order",
+    "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: the spacing of 1.2 voxels is larger"
+                              " than the folds, and a frame alone has no higher hex",
                       "blend": SMOKE, "steps": 40, "frames": range(1, 6), "sampling": {"count": 15000},
                       "vdb": at_density(0.3), "hex_least": 0.85},
 }
@@ -223,22 +223,20 @@ def run_alone(worker, shared, where):
 
 HEAD = """# Sequences
 
-Written by `make sequences` (tools/sequence.py). Points of coherent sequences (`queue.coherent`), frame after frame.
+`make sequences` (tools/sequence.py) writes this page. It has the points of coherent sequences (`queue.coherent`), frame by frame.
 
-- way: how far the points that are in both frames went beside the surface's own motion, over h, median and 95 %.
-  The torus' own motion is a formula; of smoke it is the way along the normal. The bound is a median of {drift}.
-- hex: share of points with the ideal number of neighbours (tools/measure.py). The bound is {hex} where none is said.
-- alone: hex of the same frame without the one before.
-- born, died: points that came and went with the frame.
+- way: distance that the points in both frames moved relative to the motion of the surface, over h, median and 95 %.
+  The motion of the torus is a formula; for smoke, the way is along the normal. The bound is a median of {drift}.
+- hex: share of points with the ideal number of neighbours (tools/measure.py). The bound is {hex} unless the section has another bound.
+- alone: hex of the same frame, sampled without the frame before.
+- born, died: points that were added and removed with the frame.
 """
 HEAD_ALONE = """## smoke, frames alone
 
-The files' frames sampled by themselves. The surface has features of a voxel's size everywhere: at a spacing of a voxel
-and more a third of the points and more lie on walls thinner than 1.2 spacings, and the others have no better order than
-this. At 0.4 voxels the bound can be met, by frames alone as by those that are
-carried. Not so where there are droplets of a few points: each part is to have 30 on the coarsest level, so that there
-is but one level (file 3 at density 0.3, and the frames above that have 0.90 alone), and its order is that of a start
-from scattered points.
+The frames of the files, sampled by themselves. The surface has features of one voxel everywhere. At a spacing of one voxel and more, a third of the
+points and more lie on walls thinner than 1.2 spacings, and hex does not reach the bound. At 0.4 voxels the bound can be met, by frames alone
+and by coherent frames. Droplets of a few points are an exception: each part needs 30 points on the coarsest level, so there is only one
+level, and hex is that of random initial points (file 3 at density 0.3, and the frames above with 0.90 alone).
 
 | file | density | points | spacing, voxels | on thin walls | hex |
 |---|---|---|---|---|---|"""

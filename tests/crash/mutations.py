@@ -187,16 +187,16 @@ def table(build, seed):
          killed(lambda where: with_worker(where, FLIPPING, real))),
         ("a result is not renamed into place", "faults",
          lambda where, say: faults.try_one(build, where, LostRename(), True, tolerant=False)),
-        ("a start deletes results that the database does not know", "restores",
+        ("a start deletes results that are not in the database", "restores",
          lambda where, say: restores.run(build, where, HARMS, seed, say, wrapped(SWEEPING))),
         ("a backup is a copy of the database without its log", "restores",
          lambda where, say: restores.run(build, where, HARMS, seed, say, CopyingDaemon)),
         ("a damaged database is taken away and another one begun", "damage",
          lambda where, say: damage.run(build, where, HARMS, seed, say, wrapped(FORGETTING))),
-        ("every boot is taken for the same", "reboots",
+        ("every boot has the same id", "reboots",
          lambda where, say: reboots.run(build, where, HARMS, seed, say, wrapped(TIMELESS))),
         *([] if volume.why_not() else [
-            ("the free space is not looked at", "space",
+            ("the free space is not checked", "space",
              lambda where, say: space.run(build, where, HARMS, seed, say, floorless))]),
     ]
 

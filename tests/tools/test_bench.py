@@ -170,6 +170,15 @@ def test_a_case_without_figures_is_told_in_words():
     assert claims.against_relaxations(rows) is None
 
 
+def test_a_page_keeps_the_part_below_the_mark(tmp_path):
+    path = tmp_path / "page.md"
+    assert page.kept(path) == ""
+    path.write_text("tables of an earlier run\n")
+    assert page.kept(path) == ""
+    path.write_text(f"tables of an earlier run\n\n{page.KEPT}\n\n## Loading\n")
+    assert page.kept(path) == f"{page.KEPT}\n\n## Loading\n"
+
+
 class Slow:
     """A sampler that says how long it takes, and cannot do a thousand."""
     name, threads = "slow", 1

@@ -118,7 +118,7 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
 def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
     """A run that is cut short leaves its rows, and what stands below the table stays."""
     page = tmp_path / "page.md"
-    page.write_text("# Title\n\n| old |\n|---|\n| row |\n\nNotes.\n")
+    page.write_text("# Title\n\n| old |\n|---|\n| row |\n\nNotes.\n\n| note |\n\nEnd.\n")
     report = {"timing_s": {"total": 1.0}}
     given = meshes.Mesh(numpy.eye(3), numpy.array([[0, 1, 2]]))
 
@@ -135,5 +135,5 @@ def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
     except KeyboardInterrupt:
         pass
     lines = page.read_text().splitlines()
-    assert lines[-1] == "Notes." and "1 bounds are missed" in lines[2] and "| row |" not in lines
-    assert [line for line in lines if line.startswith("|")][-1] == f"| {features.CASES[0]} | 500.00 | 7 | **8** | 1 |"
+    assert lines[-5:] == ["Notes.", "", "| note |", "", "End."] and "1 bounds are missed" in lines[2] and "| row |" not in lines
+    assert [line for line in lines if line.startswith("|")][-2] == f"| {features.CASES[0]} | 500.00 | 7 | **8** | 1 |"

@@ -339,7 +339,7 @@ def test_a_case_from_start_to_end(build, tmp_path):
 def test_a_missed_bound_is_told(build, tmp_path):
     done, page = run_quality(build, tmp_path, "perfect ball")
     assert done.returncode == 1
-    assert "perfect ball: hex_fraction" in done.stderr and "wanted >= 1.0" in page
+    assert "perfect ball: hex_fraction" in done.stderr and "bound >= 1.0" in page
 
 
 def test_the_table_of_cases(source):

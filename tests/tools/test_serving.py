@@ -29,8 +29,8 @@ def test_a_short_run_has_all_its_parts(source, build, tmp_path):
     assert done.returncode in (0, 1), done.stderr  # 1: a ratio of so short a run is none
     text = page.read_text()
     rows = re.findall(r"^\| (.+?) \| (?:at|1|0)\b.*\| (?:met|\*\*missed\*\*|not in this run) \|$", text, re.MULTILINE)
-    assert [r.split(" ")[0] for r in rows] == ["list", "status", "Status", "Connections", "-", "Submissions", "1", "A", "-", "A", "-"]
-    assert "- 40 event streams, open at once, of 2 jobs that ran: 40 had every event to the job's end" in text
+    assert [r.split(" ")[0] for r in rows] == ["list", "status", "Status", "1", "-", "Submissions", "1", "A", "-", "A", "-"]
+    assert "- 40 open event streams of 2 jobs that ran: 40 had every event until the job's end" in text
     assert re.search(r"^\| 1024 \| \d+ \| [\d.]+ \| [\d.]+ \| [\d.]+ \|$", text, re.MULTILINE)
     assert not re.search(r"\b(nan|inf)\b", text) and str(tmp_path) not in text
 

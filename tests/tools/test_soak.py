@@ -32,7 +32,7 @@ def test_a_short_load_leaves_nothing_behind(source, build, tmp_path):
     assert all(v["met"] is not False for v in told["verdicts"])
     judged = {v["text"].split(",")[0] for v in told["verdicts"] if v["met"]}
     wanted = {"Open descriptors at the end", "Threads at the end",
-              "Growth of the daemon's own memory after the first tenth"}
+              "Growth of the daemon's private memory after the first tenth"}
     assert wanted <= judged
     assert told["parts"][-1]["held"] >= round(10000 * MINUTES / 60)
     assert sum(p["jobs"] for p in told["parts"]) > 200 * MINUTES
@@ -73,8 +73,8 @@ def with_growth(key, per_job):
 
 @pytest.mark.parametrize("key, per_job, text", [
     ("descriptors", 1 / 100, "Open descriptors"), ("threads", 1 / 100, "Threads"),
-    ("anonymous_mb", 1024 / 2**20, "Growth of the daemon's own memory"),
-    ("cost", 2.4 / 20000, "Processor time"), ("list_p50_ms", 1 / 2000, "Time of an answer to list, median"),
+    ("anonymous_mb", 1024 / 2**20, "Growth of the daemon's private memory"),
+    ("cost", 2.4 / 20000, "CPU time"), ("list_p50_ms", 1 / 2000, "Time of an answer to list, median"),
     ("status_p99_ms", 8 / 1000, "Time of an answer to status, 99th"), ("submit_p99_ms", 8 / 1000, "Time of an answer to submit, 99th")])
 def test_the_judges_see_what_grows_with_the_jobs(key, per_job, text):
     found = missed(with_growth(key, per_job))
@@ -84,9 +84,9 @@ def test_the_judges_see_what_grows_with_the_jobs(key, per_job, text):
 def test_the_judges_see_failures():
     assert missed(parts()) == []
     assert missed(parts(), {200: 5, 503: 1})[0].startswith("Answers")
-    assert missed(parts(), faults=["lost"])[0].startswith("Jobs with another end")
+    assert missed(parts(), faults=["lost"])[0].startswith("Jobs with an unexpected end")
     short = parts()
     short[-1]["held"] = 9000
-    assert missed(short)[0].startswith("Jobs in the queue")
+    assert missed(short)[0].startswith("Waiting jobs")
     assert missed(with_growth("cost", 1), timed=False) == []
     assert missed(parts()[:2], {500: 1})[0].startswith("Answers")
