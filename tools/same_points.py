@@ -82,10 +82,10 @@ def jobs(data, work):
     yield "tooth.nhdr", with_count(volume("tooth.nhdr", 600))
     yield "example4d.nii.gz", with_count(volume("example4d.nii.gz", 400, index=0))
     yield "HeadMRVolume.mhd, smoothing", with_count(volume("HeadMRVolume.mhd", 60, reconstruction="smoothing"), 3000)
-    yield "offset0.nii", with_count(volume("offset0.nii", 0.5, "cases"))
+    yield "offset0.nii", with_count(volume("offset0.nii", 0.5, "cases"), 500)
     yield "fmob-c4h.nrrd", with_count(volume("fmob-c4h.nrrd", 0.5))
     yield "frogtissue.mhd, labels", with_count({"labels": {"path": str(data / "volumes" / "frogtissue.mhd")}}, 5000)
-    yield "EXR slices", with_count({"exr": {"path": str(data / "exr" / "displaywindow"), "slices": "t##.exr", "isovalue": 0.3}}, 500)
+    yield "EXR slices", with_count({"exr": {"path": str(data / "exr" / "displaywindow" / "t##.exr"), "slices": "1-8", "channel": "R", "isovalue": 0.3}}, 500)
 
 
 def run(worker, spec, out):
