@@ -199,7 +199,7 @@ static void start(service *s)
         .header_limit_bytes = 8192,
         .proxies = &s->proxies,
         .pages = s->pages};
-    expect((s->http = server_start(&limits, &s->socket, s->access, &e)));
+    expect((s->http = server_start(&limits, &s->socket, 1, s->access, &e)));
     free(where);
     free(file);
     free(uploads);
