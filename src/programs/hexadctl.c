@@ -29,7 +29,7 @@ static const char usage[] =
     "                    submit a job and print its ID. --priority replaces the priority in the spec;\n"
     "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
     "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
-    "                    the job will fail, submit prints the reason\n"
+    "                    the inputs have a fault, submit prints a warning; the exit code stays 0\n"
     "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--priority N]\n"
     "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"

@@ -429,14 +429,18 @@ def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
 
 
 def faulty(footage, **parts):
-    surface = {"vdb": {"path": str(footage / "a.0008.vdb"), **parts.pop("vdb", {})}}
+    surface = parts.pop("surface", {"vdb": {"path": str(footage / "a.0008.vdb"), **parts.pop("vdb", {})}})
     return {"version": 1, "surface": surface, "sampling": {"count": 100}, **parts}
 
 
 @pytest.mark.extended  # waits for a moment in which the service answers in 0.2 s
 @pytest.mark.parametrize("part, told", [({"vdb": {"grid": "nonsense"}}, "nonsense"), ({"vdb": {"isovalue": 1000}}, "1000"),
-                                        ({"attributes": [{"name": "nonsense"}]}, "nonsense")])
-def test_a_job_that_will_fail_is_warned_of_when_it_is_submitted(run, service, footage, tmp_path, part, told):
+                                        ({"attributes": [{"name": "nonsense"}]}, "nonsense"), ("text.obj", "text.obj")])
+def test_a_fault_of_the_inputs_is_warned_of_when_a_job_is_submitted(run, service, footage, tmp_path, part, told):
+    """The last input is a text in the place of a mesh."""
+    if isinstance(part, str):
+        (footage / part).write_text("hello world\n")
+        part = {"surface": {"mesh": {"path": str(footage / part)}}}
     (tmp_path / "spec.json").write_text(json.dumps(faulty(footage, **part)))
 
     def warned():
@@ -447,7 +451,8 @@ def test_a_job_that_will_fail_is_warned_of_when_it_is_submitted(run, service, fo
 
     done = wait_until(warned, "a warning")
     fault = service.wait_state(done.stdout.strip(), "failed")["error"]["message"]
-    assert done.stderr == f"warning: this job will fail: {fault}\n" and told in fault
+    assert done.stderr == (f"warning: {tmp_path}/spec.json: {fault} "
+                           "The job is accepted, and fails if this is still so when it runs.\n") and told in fault
 
 
 def test_a_submission_waits_for_no_long_look_at_its_inputs(build, tmp_path):

@@ -473,7 +473,7 @@ def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):
     spec = {"surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 100}}
     fault = hexad.Problem(422, {"code": "grid_missing", "detail": "there is no grid x"})
     monkeypatch.setattr(client, "fault_of", lambda asked: fault if asked is spec else None)
-    with pytest.warns(hexad.FaultWarning, match="will fail: grid_missing: there is no grid x"):
+    with pytest.warns(hexad.FaultWarning, match="when it runs: grid_missing: there is no grid x"):
         client.submit(spec)
     monkeypatch.undo()
     assert client.fault_of(spec) is None

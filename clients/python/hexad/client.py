@@ -147,12 +147,12 @@ class Client(Service):
         self.transport = Transport(server, token, timeout, patience, context)
 
     def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> RemoteJob:
-        """Submits a job. If the service finds within 0.2 s that it will fail, as of a wrong grid, there is a FaultWarning."""
+        """Submits a job. If the service finds a fault of its inputs within 0.2 s, such as a wrong grid, there is a FaultWarning."""
         fault = self.fault_of(spec)
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
         job = RemoteJob(self.transport, self.transport.send("POST", "/v1/jobs", with_version(spec), headers))
         if fault:
-            warnings.warn(f"job {job.id} will fail: {fault}", FaultWarning, stacklevel=2)
+            warnings.warn(f"job {job.id} is accepted, and fails if this is still so when it runs: {fault}", FaultWarning, stacklevel=2)
         wait_as_asked(job, wait)
         return job
 
