@@ -386,9 +386,29 @@ def test_show_and_wait_say_which_frames_are_unresolved(run, service):
     job = service.submit(PARTLY_UNRESOLVED)
     waited = run("wait", job)
     assert waited.returncode == 11 and "unresolved: frames 2, 4-5\n" in waited.stderr, waited.stderr
-    assert "unresolved: frames 2, 4-5\n" in run("show", job).stdout
+    shown = run("show", job).stdout
+    assert "unresolved: frames 2, 4-5\n" in shown
+    notes = {t["frame"]: t["notes"] for t in service.get(f"/v1/jobs/{job}/tasks").json["tasks"]}
+    for text in (shown, waited.stderr):
+        lines = {int(line.split()[1].rstrip(":")): line for line in text.splitlines() if line.startswith("frame ")}
+        assert list(lines) == sorted(lines) and {2, 4, 5} <= set(lines)
+        for frame, line in lines.items():
+            assert line.startswith(f"frame {frame}: {'unresolved' if frame in (2, 4, 5) else 'converged'}")
+            for name, rating in notes[frame]["ratings"].items():
+                assert (f", {name} {rating['value'] or 0:.3g} {rating['rating']}" in line) == (rating["rating"] not in ("good", None)), line
+            for told in (*(r["message"] for r in notes[frame]["outcome_reasons"]), *notes[frame]["warnings"]):
+                assert f"; {told}" in line
     good = service.submit(sphere(100, output={"preview": False}, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
-    assert "converged" not in run("wait", good).stderr
+    assert not re.search("unresolved|not converged", run("wait", good).stderr)
+
+
+def test_ten_frames_with_notes_are_printed(run, service):
+    """The same few points in each: the ratings of so few are not good."""
+    job = service.submit(sphere(40, output={"preview": False},
+                                queue={"frames": "1-13", "by_frame": {"/solver/seed": [1] * 13}}, solver={"seed": 1}))
+    lines = [line for line in run("wait", job).stderr.splitlines() if "packing" not in line]
+    assert [line.split(":")[0] for line in lines[-11:-1]] == [f"frame {k}" for k in range(1, 11)], lines
+    assert ", hex_fraction" in lines[-2] and lines[-1] == "and 3 more frames with notes"
 
 
 def test_wait_ends_with_zero_for_accepted_outcomes(run, service):
