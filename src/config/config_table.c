@@ -118,7 +118,8 @@ const config_row config_table[] = {
     {SETTING(output_roots), .type = CONFIG_LIST,
      .help =
          "Directories below which a job may have its results copied (output.directory); written as "
-         "input_roots. Under systemd a drop-in of hexad.service names them in ReadWritePaths=, too. Empty: no "
+         "input_roots. With DIRECTORY/%u a user may use only what is below the directory of the user's name: with "
+         "/srv/out/%u, jobs of alice may use /srv/out/alice/test. Missing directories are made. Under systemd a drop-in of hexad.service names them in ReadWritePaths=, too. Empty: no "
          "results are copied."},
     {SETTING(path_mappings), .type = CONFIG_WORDS,
      .help =

@@ -75,6 +75,8 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs output_roots;
+    char **output_root; /* the setting, without %u */
+    bool *output_root_of_user;
     output_place *outputs;
     path_map *mappings;
     user_numbers *weights, *priorities; /* of users */
@@ -332,6 +334,39 @@ static void fini_access(service *s)
     access_close(s->access);
 }
 
+static void free_output_roots(service *s)
+{
+    for (size_t i = 0; i < s->output_roots.root_count; i++) free(s->output_root[i]);
+    free(s->output_root);
+    free(s->output_root_of_user);
+}
+
+/* Splits the roots of users, DIRECTORY/%u. */
+static bool read_output_roots(service *s, error *e)
+{
+    static const char of_user[] = "/%u";
+    const config_list *given = &s->settings.output_roots;
+    for (size_t i = 0; i < given->count; i++) {
+        const char *mark = strstr(given->item[i], "%u");
+        if (given->item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: must be absolute paths (given %s)",
+                             given->item[i]);
+        if (mark && (mark[-1] != '/' || mark[2]))
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "output_roots: %%u must be the last name of a path (given %s)", given->item[i]);
+    }
+    s->output_root = mem_alloc((given->count + 1) * sizeof *s->output_root);
+    s->output_root_of_user = mem_alloc((given->count + 1) * sizeof *s->output_root_of_user);
+    for (size_t i = 0; i < given->count; i++) {
+        const char *mark = strstr(given->item[i], of_user);
+        s->output_root_of_user[i] = mark != NULL;
+        s->output_root[i] = mark == given->item[i] ? mem_strdup("/")
+                            : mark ? mem_strndup(given->item[i], (size_t)(mark - given->item[i]))
+                                   : mem_strdup(given->item[i]);
+    }
+    return true;
+}
+
 static bool init_outputs(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -347,13 +382,11 @@ static bool init_outputs(service *s, error *e)
         return error_set(e, ERROR_SPEC_INVALID,
                          "output_group: the group %s does not exist: run `getent group` for the groups",
                          c->output_group);
-    for (size_t i = 0; i < c->output_roots.count; i++)
-        if (c->output_roots.item[i][0] != '/')
-            return error_set(e, ERROR_SPEC_INVALID, "output_roots: must be absolute paths (given %s)",
-                             c->output_roots.item[i]);
+    if (!read_output_roots(s, e)) return false;
     s->output_roots = (store_outputs){
-        .roots = (const char *const *)c->output_roots.item,
+        .roots = (const char *const *)s->output_root,
         .root_count = c->output_roots.count,
+        .of_user = s->output_root_of_user,
         .mode = (mode_t)mode,
         .group = group ? group->gr_gid : (gid_t)-1,
     };
@@ -365,6 +398,7 @@ static bool init_outputs(service *s, error *e)
 static void fini_outputs(service *s)
 {
     output_place_free(s->outputs);
+    free_output_roots(s);
 }
 
 static bool init_mappings(service *s, error *e)
