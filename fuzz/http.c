@@ -188,7 +188,8 @@ static void start(service *s)
                                 .wait_s = PATIENCE_MS / 2e3,
                                 .outputs = s->outputs};
     static const char *const origin = "https://gui.example";
-    expect((s->pages = pages_new(where, s->socket.address, &origin, 1, &e)));
+    expect((s->pages = pages_new(&origin, 1, &e)));
+    pages_add(s->pages, where, s->socket.address);
     server_settings limits = {
         .routes = &api_routes,
         .context = &s->context,
@@ -199,7 +200,7 @@ static void start(service *s)
         .header_limit_bytes = 8192,
         .proxies = &s->proxies,
         .pages = s->pages};
-    expect((s->http = server_start(&limits, &s->socket, s->access, &e)));
+    expect((s->http = server_start(&limits, &s->socket, 1, s->access, &e)));
     free(where);
     free(file);
     free(uploads);

@@ -65,13 +65,19 @@ def blocks_of(text):
 
 
 def items_of(lines):
-    """(term, text) of an indented list; texts begin at one column, or on the next line."""
+    """(term, text) of an indented list; texts begin at one column, or on the next line. Lines indented by less continue a
+    term."""
     gaps = [m.end() for m in (re.match(r"  \S.*?\s{2,}(?=\S)", line) for line in lines) if m]
     column = collections.Counter(gaps).most_common(1)[0][0] if gaps else None
     items = []
     for line in lines:
-        if not re.match(r"  \S", line):
-            items[-1][1].append(line.strip())
+        indent = len(line) - len(line.lstrip())
+        if indent > 2:
+            term, text = items[-1]
+            if column and indent < column:
+                items[-1] = (f"{term} {line.strip()}", text)
+            else:
+                text.append(line.strip())
             continue
         split = column and len(line) > column and line[column - 2:column] == "  "
         term, text = (line[:column], line[column:]) if split else (line, "")
@@ -83,15 +89,17 @@ def listed(items):
     return "".join(f".TP\n.B {escaped(term)}\n{escaped(text)}\n".replace("\n\n", "\n") for term, text in items)
 
 
-def paragraphs(lines):
-    """Lines that begin with a word and a colon begin a paragraph of their own."""
-    text = "\n".join(lines)
-    return ".PP\n".join(escaped(" ".join(part.split())) + "\n" for part in re.split(r"\n(?=[a-z][a-z-]*: )", text))
+def paragraph(lines):
+    """Lines that begin with a word and a colon are the items of a list."""
+    parts = [" ".join(part.split()) for part in re.split(r"\n(?=[a-z][a-z-]*: )", "\n".join(lines))]
+    if re.match(r"[a-z][a-z-]*: ", parts[0]):
+        return listed([part.split(": ", 1) for part in parts])
+    return ".PP\n".join(escaped(part) + "\n" for part in parts)
 
 
 def header(name, section, about, version):
     return (f'.\\" Written by tools/man.py from what the programs say; `make man` writes it anew.\n'
-            f'.TH {name.upper()} {section} {DATE} "{version}"\n.SH NAME\n{escaped(name)} \\- {about}\n')
+            f'.TH {name.upper()} {section} {DATE} "{version}"\n.ad l\n.nh\n.SH NAME\n{escaped(name)} \\- {about}\n')
 
 
 def page_of(name, program):
@@ -108,7 +116,8 @@ def page_of(name, program):
         elif block[0].startswith("  "):
             out += listed(items_of(block))
         else:
-            out += ("" if out.endswith("DESCRIPTION\n") else ".PP\n") + paragraphs(block)
+            text = paragraph(block)
+            out += ("" if out.endswith("DESCRIPTION\n") or text.startswith(".TP") else ".PP\n") + text
     out += status
     for title, items in facts["more"]:
         out += f".SH {title}\n" + listed(items)

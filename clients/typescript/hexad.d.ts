@@ -172,6 +172,8 @@ export class Job {
     get state(): import("./api.js").State;
     /** The outcome of a succeeded job: `converged`, `unresolved` or `not_converged`; else null. */
     get outcome(): import("./api.js").Outcome;
+    /** Whether `queue.accept` of its spec contains the outcomes of all frames; null: it has not succeeded. */
+    get accepted(): boolean | null;
     get hasEnded(): boolean;
     /** Looks again. */
     refresh(): Promise<Job>;

@@ -450,6 +450,11 @@ export class Job {
     return this.document.outcome;
   }
 
+  /** Whether `queue.accept` of its spec contains the outcomes of all frames; null: it has not succeeded. */
+  get accepted() {
+    return this.document.accepted;
+  }
+
   get hasEnded() {
     return ENDED.includes(this.state);
   }

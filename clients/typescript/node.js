@@ -72,7 +72,8 @@ export class Client extends WebClient {
 export class Job extends WebJob {
   /**
    * Brings all files of a result here, each verified by its hash, report.json last; returns their paths. Frames go into
-   * directories of their own below; files that are here already are not brought again.
+   * directories of their own below, and the USD stage of all frames into the directory itself; files that are here already are
+   * not brought again.
    * @param {string} directory
    * @param {number} [frame] only this one
    */
@@ -84,7 +85,7 @@ export class Job extends WebJob {
       for (const result of await this.results(each)) {
         if (result.name.startsWith(".") || /[/\\]/.test(result.name))
           throw new HexadError(`job ${this.id} has a result whose name contains a path, ${JSON.stringify(result.name)}: report this as a fault`);
-        const path = join(place, result.name);
+        const path = join(result.name.endsWith("_stage.usda") ? directory : place, result.name);
         await this.fetchFile(result, path, each);
         paths.push(path);
       }

@@ -790,35 +790,37 @@ static unsigned read_states(const char *words)
     return states;
 }
 
-/* Reads the cursor: the number of the last job of the previous page and, behind a colon, its sort key. False if it
- * is not a cursor of a list with this order. */
-static bool read_cursor(const http_request *request, queue_filter *filter)
+/* A cursor is the number of the last job of the previous page, the order of the list and the sort key of the job. `mark` is
+ * ":name:", ":-created:" and so on; "" in the default order, whose cursors have the number only. */
+
+/* False if the cursor of the request is not one of a list with this mark. */
+static bool read_cursor(const http_request *request, const char *mark, queue_filter *filter)
 {
     const char *text = parameter_text(request, "cursor", NULL);
     if (!text) return true;
-    size_t digits = strspn(text, "0123456789");
-    if (digits == 0 || digits > 18 || (text[digits] != ':' && text[digits])) return false;
+    const size_t digits = strspn(text, "0123456789"), length = strlen(mark);
+    if (digits == 0 || digits > 18 || strncmp(text + digits, mark, length) != 0) return false;
+    const char *key = text + digits + length;
     filter->after_seq = strtoll(text, NULL, 10);
-    filter->after_key = text[digits] ? text + digits + 1 : NULL;
-    return filter->after_seq > 0 && (filter->order == QUEUE_BY_AGE) == !filter->after_key;
+    filter->after_key = filter->order == QUEUE_BY_AGE ? NULL : key;
+    return filter->after_seq > 0 && (filter->after_key || !*key);
 }
 
-static char *print_cursor(int64_t seq, const char *key, queue_order sorted_by)
+static char *print_cursor(int64_t seq, const char *mark, const char *key, queue_order sorted_by)
 {
-    return sorted_by == QUEUE_BY_AGE ? mem_printf("%lld", (long long)seq)
-                                     : mem_printf("%lld:%s", (long long)seq, key);
+    return mem_printf("%lld%s%s", (long long)seq, mark, sorted_by == QUEUE_BY_AGE ? "" : key);
 }
 
 /* The cursor of the next page, to be freed: behind job number `limit`, or where the search stopped. NULL: this is
  * the last page. */
-static char *next_cursor(const queue_page *page, size_t limit, queue_order sorted_by)
+static char *next_cursor(const queue_page *page, size_t limit, const char *mark, queue_order sorted_by)
 {
     char key[QUEUE_SORT_KEY_SIZE];
     if (page->count > limit) {
         const queue_job *last = &page->jobs[limit - 1];
-        return print_cursor(last->seq, queue_sort_key(last, sorted_by, key), sorted_by);
+        return print_cursor(last->seq, mark, queue_sort_key(last, sorted_by, key), sorted_by);
     }
-    return page->stop.seq ? print_cursor(page->stop.seq, page->stop.key, sorted_by) : NULL;
+    return page->stop.seq ? print_cursor(page->stop.seq, mark, page->stop.key, sorted_by) : NULL;
 }
 
 /* Restricts a list by dependency to jobs of the caller, unless the caller is an administrator: dependencies are part of
@@ -833,6 +835,25 @@ static bool restrict_to_own(const http_request *request, queue_filter *filter, r
     }
     filter->owner = request->caller->user;
     return true;
+}
+
+/* Sets the answer of a list: at most `limit` jobs of the page, and the cursor of the next page. */
+static void answer_page(const http_context *c, const http_request *request, const queue_page *page,
+                        size_t limit, const char *mark, queue_order sorted_by, reply *r)
+{
+    char *cursor = next_cursor(page, limit, mark, sorted_by);
+    json *document = json_new_object();
+    json *list = json_put_array(document, "jobs");
+    for (size_t i = 0; i < page->count && i < limit; i++) {
+        const job_json_viewer viewer = job_json_viewer_of(request->caller, page->jobs[i].owner);
+        char *progress = progress_of(c, &page->jobs[i], viewer);
+        json_append(list, job_json_new(&page->jobs[i], viewer, progress));
+        free(progress);
+    }
+    json_put_string(document, "next", cursor);
+    reply_set_json(r, 200, document);
+    if (cursor) add_next(request, cursor, r);
+    free(cursor);
 }
 
 void jobs_list(const http_context *c, const http_request *request, reply *r)
@@ -852,32 +873,20 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     error e = {0};
     queue_page page = {0};
     size_t limit = (size_t)filter.limit;
-    parameters_read_order(request, &filter.order, &filter.rising);
-    if (!read_cursor(request, &filter)) {
+    const char *sort = parameters_read_order(request, &filter.order, &filter.rising);
+    char *mark = filter.order == QUEUE_BY_AGE && !filter.rising ? mem_strdup("") : mem_printf(":%s:", sort);
+    filter.limit++; /* a further job means that there is a next page */
+    if (!read_cursor(request, mark, &filter)) {
         reply_set_problem(r, "request_invalid", NULL,
                           "cursor must be `next` of a page of a list with the same `sort`");
-        return;
+    } else if (!filter.needs || restrict_to_own(request, &filter, r)) {
+        if (queue_list_page(c->q, &filter, QUEUE_VISITS, &page, &e))
+            answer_page(c, request, &page, limit, mark, filter.order, r);
+        else
+            reply_set_error(r, &e, NULL);
     }
-    if (filter.needs && !restrict_to_own(request, &filter, r)) return;
-    filter.limit++; /* a further job means that there is a next page */
-    if (!queue_list_page(c->q, &filter, QUEUE_VISITS, &page, &e)) {
-        reply_set_error(r, &e, NULL);
-        return;
-    }
-    char *cursor = next_cursor(&page, limit, filter.order);
-    json *document = json_new_object();
-    json *list = json_put_array(document, "jobs");
-    for (size_t i = 0; i < page.count && i < limit; i++) {
-        const job_json_viewer viewer = job_json_viewer_of(request->caller, page.jobs[i].owner);
-        char *progress = progress_of(c, &page.jobs[i], viewer);
-        json_append(list, job_json_new(&page.jobs[i], viewer, progress));
-        free(progress);
-    }
-    json_put_string(document, "next", cursor);
     queue_page_clear(&page);
-    reply_set_json(r, 200, document);
-    if (cursor) add_next(request, cursor, r);
-    free(cursor);
+    free(mark);
 }
 
 /* Whether an ETag of If-None-Match has this revision, with any progress. */

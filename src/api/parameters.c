@@ -21,13 +21,14 @@ static const char *order_at(size_t index)
     return index < 2 * QUEUE_ORDER_COUNT ? order_words[index] : NULL;
 }
 
-void parameters_read_order(const http_request *request, queue_order *order, bool *rising)
+const char *parameters_read_order(const http_request *request, queue_order *order, bool *rising)
 {
     const char *word = parameter_text(request, "sort", order_words[0]);
     size_t i = 0;
     while (strcmp(order_words[i], word) != 0) i++;
     *order = (queue_order)(i / 2);
     *rising = i % 2;
+    return order_words[i];
 }
 
 static const parameter parameters[] = {

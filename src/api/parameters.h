@@ -9,7 +9,7 @@
 extern const parameter_table api_parameters;
 
 /* Reads the parameter `sort`, which must have been checked, into the order of a list and its direction. Without the
- * parameter: QUEUE_BY_AGE, with the newest job first. */
-void parameters_read_order(const http_request *request, queue_order *order, bool *rising);
+ * parameter: QUEUE_BY_AGE, with the newest job first. Returns its word. */
+const char *parameters_read_order(const http_request *request, queue_order *order, bool *rising);
 
 #endif

@@ -58,15 +58,11 @@ int64_t manager_watchdog_ms(void)
     return sd_watchdog_enabled(0, &microseconds) > 0 ? (int64_t)(microseconds / 1000) : 0;
 }
 
-bool manager_socket(int *fd, error *e)
+size_t manager_sockets(int *first)
 {
     int count = sd_listen_fds(0); /* keeps the environment, which other threads may read */
-    *fd = count == 1 ? SD_LISTEN_FDS_START : -1;
-    return count <= 1 ||
-           error_set(
-               e, ERROR_SPEC_INVALID,
-               "systemd passed %d sockets, but hexad serves one: give the socket unit one ListenStream=",
-               count);
+    *first = SD_LISTEN_FDS_START;
+    return count > 0 ? (size_t)count : 0;
 }
 
 bool manager_has_journal(void)

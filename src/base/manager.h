@@ -1,8 +1,8 @@
 /* manager: communicates with the service manager (systemd) that started this process. Without one, functions do
  * nothing.
  *
- * Reports readiness, status and keep-alives, takes over a listening socket, and writes to the journal. The only user of
- * libsystemd. Any thread, except manager_socket.
+ * Reports readiness, status and keep-alives, takes over listening sockets, and writes to the journal. The only user of
+ * libsystemd. Any thread, except manager_sockets.
  */
 #ifndef HEXAD_BASE_MANAGER_H
 #define HEXAD_BASE_MANAGER_H
@@ -28,8 +28,8 @@ void manager_report_alive(void);
 /* Maximum time between two calls of manager_report_alive before the manager kills the service; 0: no watchdog. */
 int64_t manager_watchdog_ms(void);
 
-/* The socket passed by the manager, or -1 if there is none. Error: spec_invalid (more than one). */
-bool manager_socket(int *fd, error *e);
+/* The number of sockets passed by the manager, with consecutive descriptors from *first. */
+size_t manager_sockets(int *first);
 
 /* Whether standard error is connected to the journal, so that records should have fields. */
 bool manager_has_journal(void);

@@ -78,7 +78,8 @@ int command_ask(client *c, const char *method, const char *path, const char *bod
 #define TASKS_FROM_THE_FIRST (-1.0)
 json *command_next_tasks(client *c, const char *id, double *after, int *code);
 
-/* Prints the frames of an array that has ended whose outcomes are unresolved or not_converged, a line for each outcome. */
+/* Prints frames of an array that has ended: those whose outcomes are unresolved or not_converged, a line for each outcome;
+ * then a line for each frame with another outcome than converged, a rating other than good, or a warning, at most ten. */
 int command_print_frame_outcomes(client *c, json_at job, FILE *file);
 
 /* Prints why jobs wait although there is room, where the service says so: the queue is held, the service drains. */

@@ -1,4 +1,4 @@
-/* The frames of an array whose results are unresolved or not converged. */
+/* The frames of an array whose results are not good: lists of frames by outcome, and the notes of the first ones. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,15 +39,66 @@ static void print_frame_list(frame_list *l, FILE *file)
     free(l->text);
 }
 
+/* The maximum number of frames whose notes are printed. */
+enum { FRAMES_SHOWN = 10 };
+
+/* Appends a text behind a separator. */
+static void add_note(FILE *line, const char *text)
+{
+    fputs("; ", line);
+    print_text(line, text);
+}
+
+/* Writes the outcome of a frame, the ratings that are not good, why it is unresolved or not converged, and its warnings.
+ * Returns whether there is more than the outcome converged. */
+static bool write_frame(json_at task, FILE *line)
+{
+    json_at notes = json_member(&task, "notes"), ratings = json_member(&notes, "ratings"),
+            reasons = json_member(&notes, "outcome_reasons"), warnings = json_member(&notes, "warnings");
+    const char *outcome = json_string(json_member(&task, "outcome"), NULL);
+    if (!outcome) return false; /* it failed, or was cancelled */
+    fprintf(line, "frame %.0f: ", json_number(json_member(&task, "frame"), 0));
+    print_text(line, outcome);
+    const long before = ftell(line);
+    for (size_t i = 0; i < json_size(ratings); i++) {
+        json_at item = json_element(&ratings, i);
+        const char *rating = json_string(json_member(&item, "rating"), "good");
+        if (strcmp(rating, "good") == 0) continue;
+        fprintf(line, ", %s %.3g ", item.key, json_number(json_member(&item, "value"), 0));
+        print_text(line, rating);
+    }
+    for (size_t i = 0; i < json_size(reasons); i++) {
+        json_at reason = json_element(&reasons, i);
+        add_note(line, json_string(json_member(&reason, "message"), "?"));
+    }
+    for (size_t i = 0; i < json_size(warnings); i++)
+        add_note(line, json_string(json_element(&warnings, i), "?"));
+    return ftell(line) > before || strcmp(outcome, "converged") != 0;
+}
+
+/* Adds the line of a frame that is not good to the text. */
+static void add_frame_line(json_at task, size_t *noted, FILE *text)
+{
+    char *line = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&line, &size);
+    const bool worth = write_frame(task, out);
+    fclose(out);
+    if (worth && (*noted)++ < FRAMES_SHOWN) fprintf(text, "%s\n", line);
+    free(line);
+}
+
 int command_print_frame_outcomes(client *c, json_at job, FILE *file)
 {
     frame_list lists[] = {{.outcome = "unresolved", .word = "unresolved", .first = 1},
                           {.outcome = "not_converged", .word = "not converged", .first = 1}};
     enum { LISTS = sizeof lists / sizeof *lists };
-    const bool good = strcmp(json_string(json_member(&job, "outcome"), ""), "converged") == 0;
+    char *lines = NULL;
+    size_t size = 0, noted = 0;
     double after = TASKS_FROM_THE_FIRST;
     int code = COMMAND_OK;
-    if (!json_bool(json_member(&job, "array"), false) || !command_has_ended(job) || good) return COMMAND_OK;
+    if (!json_bool(json_member(&job, "array"), false) || !command_has_ended(job)) return COMMAND_OK;
+    FILE *text = open_memstream(&lines, &size);
     for (int k = 0; k < LISTS; k++) lists[k].out = open_memstream(&lists[k].text, &lists[k].size);
     for (json *page; (page = command_next_tasks(c, json_string(json_member(&job, "id"), ""), &after, &code));
          json_free(page)) {
@@ -58,8 +109,13 @@ int command_print_frame_outcomes(client *c, json_at job, FILE *file)
             for (int k = 0; k < LISTS; k++)
                 if (strcmp(outcome, lists[k].outcome) == 0)
                     add_frame(&lists[k], (long)json_number(json_member(&task, "frame"), 0));
+            add_frame_line(task, &noted, text);
         }
     }
     for (int k = 0; k < LISTS; k++) print_frame_list(&lists[k], file);
+    fclose(text);
+    fputs(lines, file);
+    if (noted > FRAMES_SHOWN) fprintf(file, "and %zu more frames with notes\n", noted - FRAMES_SHOWN);
+    free(lines);
     return code;
 }

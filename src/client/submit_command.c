@@ -126,15 +126,17 @@ static void look_for_faults(client *c, const char *body, size_t length, client_r
     free(to);
 }
 
-/* Prints why a job that was accepted would fail. */
-static void warn_of_faults(const client_reply *found)
+/* Prints the fault in the inputs of a job that was accepted. */
+static void warn_of_faults(const client_reply *found, const char *spec)
 {
     json_at root = json_root(found->document);
     if (found->status != 422)
         return; /* the spec and its inputs are good as far as known, or nothing is known of them */
-    fputs("warning: this job will fail: ", stderr);
+    fputs("warning: ", stderr);
+    print_text(stderr, spec);
+    fputs(": ", stderr);
     print_text(stderr, json_string(json_member(&root, "detail"), "?"));
-    fputc('\n', stderr);
+    fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
 /* Posts the spec at the path, or the given text. On success *document is the caller's. */
@@ -156,7 +158,7 @@ static int post_spec(client *c, const char *to, const char *path, const char *gi
     } else {
         *document = reply.document;
         reply.document = NULL;
-        warn_of_faults(&found);
+        warn_of_faults(&found, name_of(path));
     }
     client_reply_clear(&found);
     client_reply_clear(&reply);

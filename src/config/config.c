@@ -440,6 +440,13 @@ void config_clear(config *c)
     *c = (config){0};
 }
 
+const char *config_unix_address(const config *c)
+{
+    for (size_t i = 0; i < c->listen.count; i++)
+        if (strncmp(c->listen.item[i], "unix:", 5) == 0) return c->listen.item[i];
+    return c->listen.count ? NULL : "unix:";
+}
+
 bool config_shares_socket(const config *c)
 {
     return c->unix_users.count || c->unix_groups.count || c->unix_admins.count;

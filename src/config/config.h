@@ -28,7 +28,8 @@ typedef struct config_list {
 } config_list;
 
 typedef struct config {
-    char *listen;    /* HOST:PORT or unix:/path; "": a socket in the runtime or state directory */
+    config_list
+        listen; /* each HOST:PORT, unix:/path or unix: (a socket in the runtime or state directory); none: unix: */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *work_dir;  /* "": state_dir */
@@ -106,6 +107,8 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
 /* Takes the values of settings that reload from `fresh`, which receives the former ones. Logs the changed settings and
  * those that need a restart. */
 void config_take_over(config *c, config *fresh);
+/* The first Unix socket of `listen`: unix:/path, or unix: for the default one. NULL: there are TCP ports only. */
+const char *config_unix_address(const config *c);
 bool config_lists_differ(const config_list *a, const config_list *b);
 void config_clear(config *c); /* accepts a zeroed object */
 

@@ -7,10 +7,12 @@
 #define SETTING(member) .key = #member, .offset = offsetof(config, member)
 
 const config_row config_table[] = {
-    {SETTING(listen), .type = CONFIG_TEXT,
+    {SETTING(listen), .type = CONFIG_WORDS,
      .help =
-         "The address to serve: unix:/path or HOST:PORT. Empty: the socket hexad.sock in "
-         "$RUNTIME_DIRECTORY (set by systemd), otherwise in state_dir. On a Unix socket the caller is the "
+         "The addresses to serve, separated by commas: unix:/path, HOST:PORT or unix: (the socket hexad.sock in "
+         "$RUNTIME_DIRECTORY, which systemd sets, otherwise in state_dir). Empty: unix:. Example: "
+         "unix:, 127.0.0.1:8642 serves the Unix socket, which hexadctl and hexad --allow use, and a port. "
+         "Under systemd, hexad.socket determines the addresses instead. On a Unix socket the caller is the "
          "user whose process connects. A TCP port needs tokens (see token_file and tcp_without_tokens) "
          "and is not encrypted. Port 0: any free port; port_file then receives its number."},
     {SETTING(unix_users), .type = CONFIG_LIST, .reloads = true,
@@ -52,7 +54,7 @@ const config_row config_table[] = {
          "used for the limits of connections and in the log. The header is ignored if it comes from "
          "another address; X-Forwarded-For is always ignored."},
     {SETTING(port_file), .type = CONFIG_TEXT,
-     .help = "A file that receives the served address, in one line, once the service listens. Empty: none."},
+     .help = "A file that receives the served addresses, one a line, once the service listens. Empty: none."},
     {SETTING(state_dir), .type = CONFIG_TEXT,
      .help = "The directory of the queue, the attempts and the results. It is created if missing. It must be "
              "on a local file system, and only one daemon may use it. Empty: $STATE_DIRECTORY (set by "
@@ -116,7 +118,8 @@ const config_row config_table[] = {
     {SETTING(output_roots), .type = CONFIG_LIST,
      .help =
          "Directories below which a job may have its results copied (output.directory); written as "
-         "input_roots. Under systemd a drop-in of hexad.service names them in ReadWritePaths=, too. Empty: no "
+         "input_roots. With DIRECTORY/%u a user may use only what is below the directory of the user's name: with "
+         "/srv/out/%u, jobs of alice may use /srv/out/alice/test. Missing directories are made. Under systemd a drop-in of hexad.service names them in ReadWritePaths=, too. Empty: no "
          "results are copied."},
     {SETTING(path_mappings), .type = CONFIG_WORDS,
      .help =

@@ -103,7 +103,7 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
         goto done;
     }
     ok = bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
-    if (ok) *s = (listen_socket){fd, describe(fd), reach, NULL};
+    if (ok) *s = (listen_socket){fd, mem_strdup(where), describe(fd), reach, NULL};
 done:
     if (!ok && fd >= 0) close(fd);
     if (found) freeaddrinfo(found);
@@ -150,7 +150,7 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
         close(fd);
         return false;
     }
-    *s = (listen_socket){fd, mem_strdup(where), LISTEN_UNIX, mem_strdup(path)};
+    *s = (listen_socket){fd, mem_strdup(where), mem_strdup(where), LISTEN_UNIX, mem_strdup(path)};
     return true;
 }
 
@@ -181,11 +181,14 @@ bool listen_adopt(int fd, listen_socket *s, error *e)
         error_set(e, ERROR_SPEC_INVALID,
                   "the socket that systemd passed is not a listening stream socket: correct "
                   "ListenStream= of hexad.socket");
-    } else if (a.any.sa_family == AF_UNIX) {
-        *s = (listen_socket){fd, mem_printf("unix:%s", a.local.sun_path), LISTEN_UNIX, NULL};
-        return true;
     } else {
-        *s = (listen_socket){fd, describe(fd), is_loopback(&a.any) ? LISTEN_LOOPBACK : LISTEN_NETWORK, NULL};
+        const bool local = a.any.sa_family == AF_UNIX;
+        char *address = local ? mem_printf("unix:%s", a.local.sun_path) : describe(fd);
+        *s = (listen_socket){fd, mem_strdup(address), address,
+                             local                 ? LISTEN_UNIX
+                             : is_loopback(&a.any) ? LISTEN_LOOPBACK
+                                                   : LISTEN_NETWORK,
+                             NULL};
         return true;
     }
     close(fd);
@@ -197,6 +200,7 @@ void listen_close(listen_socket *s)
     if (!s->address) return;
     if (s->fd >= 0) close(s->fd);
     if (s->unix_path) unlink(s->unix_path);
+    free(s->where);
     free(s->address);
     free(s->unix_path);
     *s = (listen_socket){.fd = -1};

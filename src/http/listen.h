@@ -1,4 +1,4 @@
-/* listen: the socket that the server listens on.
+/* listen: sockets that the server listens on.
  *
  * `reach`: which clients can connect to it; access depends on that.
  */
@@ -11,6 +11,7 @@ typedef enum listen_reach { LISTEN_UNIX, LISTEN_LOOPBACK, LISTEN_NETWORK } liste
 
 typedef struct listen_socket {
     int fd;
+    char *where;   /* the given address, or that of a socket that was taken over */
     char *address; /* the address that is served:  "127.0.0.1:43121", "[::1]:1", "unix:/path" */
     listen_reach reach;
     char *unix_path; /* NULL for TCP; removed by listen_close */

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <microhttpd.h>
@@ -20,12 +21,19 @@
 struct loop {
     struct MHD_Daemon *daemon;
     pthread_t thread;
-    int ready;            /* the library's set of descriptors; readable when one of them is ready */
     int signal;           /* an eventfd */
     atomic_bool signaled; /* and the loop has not read it yet */
     atomic_bool quiescing, stopping;
-    int listening; /* the listening socket, after the library has given it up; -1: before */
+    int listening;     /* the listening socket, after the library has given it up; -1: before */
+    struct pollfd *on; /* the library's set, the signal, then the `more` other listening sockets */
+    size_t more;
+    bool exhausted; /* the process or the system has no more descriptors */
 };
+
+/* Indices in loop.on. */
+enum { ON_READY, ON_SIGNAL, ON_MORE };
+/* Milliseconds until connections are accepted again after descriptors have run out. */
+enum { EXHAUSTED_MS = 100 };
 
 static void wake(loop *l)
 {
@@ -49,26 +57,66 @@ static int wait_ms(const loop *l)
     return ms < INT_MAX ? (int)ms : INT_MAX;
 }
 
+/* Accepts a connection at each of the other sockets that is ready. */
+static void accept_more(loop *l)
+{
+    for (size_t k = 0; k < l->more; k++) {
+        struct sockaddr_storage from;
+        socklen_t size = sizeof from;
+        if (!l->on[ON_MORE + k].revents) continue;
+        int fd =
+            accept4(l->on[ON_MORE + k].fd, (struct sockaddr *)&from, &size, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        if (fd >= 0) /* also closes it on failure */
+            MHD_add_connection(l->daemon, fd, (struct sockaddr *)&from, size);
+        else if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM)
+            l->exhausted = true;
+    }
+}
+
+/* Waits until a descriptor is ready. */
+static void wait_ready(loop *l)
+{
+    const int ms = wait_ms(l);
+    for (size_t k = 0; k < l->more; k++) l->on[ON_MORE + k].revents = 0;
+    if (l->exhausted)
+        descriptor_wait(l->on, ON_MORE, ms >= 0 && ms < EXHAUSTED_MS ? ms : EXHAUSTED_MS);
+    else
+        descriptor_wait(l->on, ON_MORE + l->more, ms);
+    l->exhausted = false;
+}
+
+static void quiesce(loop *l)
+{
+    l->listening = MHD_quiesce_daemon(l->daemon);
+    for (size_t k = 0; k < l->more; k++) close(l->on[ON_MORE + k].fd);
+    l->more = 0;
+}
+
 static void *serve(void *argument)
 {
     loop *l = argument;
-    struct pollfd on[] = {{.fd = l->ready, .events = POLLIN}, {.fd = l->signal, .events = POLLIN}};
     while (!atomic_load(&l->stopping)) {
-        descriptor_wait(on, 2, wait_ms(l));
-        if (on[1].revents) take_signal(l);
-        if (l->listening < 0 && atomic_load(&l->quiescing)) l->listening = MHD_quiesce_daemon(l->daemon);
+        wait_ready(l);
+        if (l->on[ON_SIGNAL].revents) take_signal(l);
+        accept_more(l);
+        if (l->listening < 0 && atomic_load(&l->quiescing)) quiesce(l);
         MHD_run_wait(l->daemon, 0);
     }
     return NULL;
 }
 
-bool loop_start(struct MHD_Daemon *daemon, loop **made, error *e)
+bool loop_start(struct MHD_Daemon *daemon, const int *more, size_t count, loop **made, error *e)
 {
     loop *l = mem_alloc(sizeof *l);
     l->daemon = daemon;
-    l->ready = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
     l->listening = -1;
     l->signal = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    l->on = mem_alloc((ON_MORE + count) * sizeof *l->on);
+    l->on[ON_READY].fd = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
+    l->on[ON_SIGNAL].fd = l->signal;
+    for (size_t k = 0; k < count; k++) l->on[ON_MORE + k].fd = more[k];
+    for (size_t k = 0; k < ON_MORE + count; k++) l->on[k].events = POLLIN;
+    l->more = count;
     *made = l;
     if (l->signal < 0)
         error_set(e, ERROR_INTERNAL, "the server cannot make an eventfd: %s", strerror(errno));
@@ -76,6 +124,7 @@ bool loop_start(struct MHD_Daemon *daemon, loop **made, error *e)
         return true;
     *made = NULL;
     if (l->signal >= 0) close(l->signal);
+    free(l->on);
     free(l);
     return false;
 }
@@ -105,6 +154,8 @@ void loop_stop(loop *l)
     loop_end(l);
     MHD_stop_daemon(l->daemon);
     if (l->listening >= 0) close(l->listening);
+    for (size_t k = 0; k < l->more; k++) close(l->on[ON_MORE + k].fd);
     close(l->signal);
+    free(l->on);
     free(l);
 }

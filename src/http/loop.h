@@ -11,6 +11,7 @@
 #define HEXAD_HTTP_LOOP_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "base/error.h"
 
@@ -18,10 +19,10 @@ struct MHD_Connection;
 struct MHD_Daemon;
 typedef struct loop loop;
 
-/* Serves a daemon that was started with MHD_USE_EPOLL and without an internal thread. *l is set before the
- * thread starts, since handlers in that thread use it. On failure *l is NULL, and the caller keeps the
- * daemon. */
-bool loop_start(struct MHD_Daemon *daemon, loop **l, error *e);
+/* Serves a daemon that was started with MHD_USE_EPOLL and without an internal thread, on its own listening socket and
+ * on `count` more, which do not block and which the loop closes. *l is set before the thread starts, since handlers in
+ * that thread use it. On failure *l is NULL, and the caller keeps the daemon and the sockets. */
+bool loop_start(struct MHD_Daemon *daemon, const int *more, size_t count, loop **l, error *e);
 
 /* Resumes a suspended connection. Any thread, also the loop's own. */
 void loop_resume(loop *l, struct MHD_Connection *connection);

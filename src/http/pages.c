@@ -6,11 +6,8 @@
 
 #include "base/memory.h"
 
-/* The setting and the address, and three names of the loopback interface. */
-#define MOST_HOSTS 5
-
 struct pages {
-    char *host[MOST_HOSTS]; /* "localhost:8080" */
+    char **host; /* "localhost:8080" */
     size_t host_count;
     char **origin;
     size_t origin_count;
@@ -21,6 +18,7 @@ static const char own_scheme[] = "http://";
 static void add_host(pages *p, const char *host, size_t length, const char *port)
 {
     bool default_port = strcmp(port, "80") == 0; /* browsers leave it out */
+    p->host = mem_resize(p->host, (p->host_count + 1) * sizeof *p->host);
     p->host[p->host_count++] =
         default_port ? mem_strndup(host, length) : mem_printf("%.*s:%s", (int)length, host, port);
 }
@@ -34,16 +32,19 @@ static bool is_origin(const char *text)
     return *host && !host[strcspn(host, "/?#@ \t\"\\ABCDEFGHIJKLMNOPQRSTUVWXYZ")];
 }
 
-pages *pages_new(const char *listen, const char *served, const char *const *origins, size_t count, error *e)
+void pages_add(pages *p, const char *listen, const char *served)
 {
     static const char *const loopback[] = {"localhost", "127.0.0.1", "[::1]"};
-    pages *p = mem_alloc(sizeof *p);
     const char *port = strrchr(served, ':'), *colon = strrchr(listen, ':');
-    if (port && strncmp(served, "unix:", 5) != 0) {
-        add_host(p, served, (size_t)(port - served), port + 1);
-        for (size_t i = 0; i < 3; i++) add_host(p, loopback[i], strlen(loopback[i]), port + 1);
-        if (colon && colon > listen) add_host(p, listen, (size_t)(colon - listen), port + 1);
-    }
+    if (!port || strncmp(served, "unix:", 5) == 0) return;
+    add_host(p, served, (size_t)(port - served), port + 1);
+    for (size_t i = 0; i < 3; i++) add_host(p, loopback[i], strlen(loopback[i]), port + 1);
+    if (colon && colon > listen) add_host(p, listen, (size_t)(colon - listen), port + 1);
+}
+
+pages *pages_new(const char *const *origins, size_t count, error *e)
+{
+    pages *p = mem_alloc(sizeof *p);
     p->origin = mem_alloc(count * sizeof *p->origin);
     for (size_t i = 0; i < count; i++) {
         if (!is_origin(origins[i])) {
@@ -63,6 +64,7 @@ void pages_free(pages *p)
     if (!p) return;
     for (size_t i = 0; i < p->host_count; i++) free(p->host[i]);
     for (size_t i = 0; i < p->origin_count; i++) free(p->origin[i]);
+    free(p->host);
     free(p->origin);
     free(p);
 }

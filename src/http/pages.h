@@ -15,9 +15,11 @@
 
 typedef struct pages pages;
 
-/* `listen` is the setting, `served` the resulting address; pages of `origins` may send requests, too. Error
- * spec_invalid names a text that is not an origin (scheme://host or scheme://host:port). */
-pages *pages_new(const char *listen, const char *served, const char *const *origins, size_t count, error *e);
+/* Pages of `origins` may send requests. Error spec_invalid names a text that is not an origin (scheme://host or
+ * scheme://host:port). */
+pages *pages_new(const char *const *origins, size_t count, error *e);
+/* Adds an address of the service: `listen` as the setting names it, `served` the resulting address. */
+void pages_add(pages *p, const char *listen, const char *served);
 void pages_free(pages *p); /* accepts NULL */
 
 /* Whether the value of Host means this service: the served address, localhost or a loopback address with its

@@ -904,8 +904,28 @@ static bool start_pools(server *s, error *e)
            (s->picture_pool = thread_pool_start(&pictures, e));
 }
 
-server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
-                     error *e)
+/* Serves copies of the descriptors, since the library and the loop close theirs. */
+static bool serve_sockets(server *s, const listen_socket *sockets, size_t count, error *e)
+{
+    int *fd = mem_alloc(count * sizeof *fd);
+    size_t copied = 0;
+    struct MHD_Daemon *daemon = NULL;
+    while (copied < count && (fd[copied] = fcntl(sockets[copied].fd, F_DUPFD_CLOEXEC, 0)) >= 0 &&
+           fcntl(fd[copied], F_SETFL, fcntl(fd[copied], F_GETFL) | O_NONBLOCK) == 0)
+        copied++;
+    bool ok = copied == count && (daemon = start_daemon(s, fd[0])) != NULL;
+    if (!ok)
+        error_set(e, ERROR_INTERNAL, "the HTTP server cannot start on %s: %s",
+                  sockets[copied < count ? copied : 0].address, strerror(errno));
+    ok = ok && loop_start(daemon, fd + 1, count - 1, &s->loop, e);
+    if (!ok && daemon) MHD_stop_daemon(daemon); /* closes the first one */
+    for (size_t k = daemon ? 1 : 0; !ok && k < copied; k++) close(fd[k]);
+    free(fd);
+    return ok;
+}
+
+server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
+                     access_control *access, error *e)
 {
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
@@ -916,19 +936,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes, BODY_BYTES_OF_EACH);
     s->answers =
         body_bytes_new(settings->answer_total_bytes, settings->user_answer_bytes, ANSWER_BYTES_OF_EACH);
-    if (!s->connections || !start_pools(s, e)) goto failed;
-    /* the library closes this descriptor */
-    int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
-    struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
-    if (!daemon) {
-        error_set(e, ERROR_INTERNAL, "the HTTP server cannot start on %s: %s", socket->address,
-                  strerror(errno));
-        if (fd >= 0) close(fd);
-        goto failed;
-    }
-    if (loop_start(daemon, &s->loop, e)) return s;
-    MHD_stop_daemon(daemon);
-failed:
+    if (s->connections && start_pools(s, e) && serve_sockets(s, sockets, count, e)) return s;
     server_stop(s);
     return NULL;
 }

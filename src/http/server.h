@@ -37,10 +37,10 @@ typedef struct server_settings {
         *settings_file; /* of the service, which the answer to an unknown local user names; NULL: none */
 } server_settings;
 
-/* Serves until server_stop. The socket stays the caller's; access and all that the settings point to outlive
+/* Serves `count` >= 1 sockets until server_stop. They stay the caller's; access and all that the settings point to outlive
  * the server. */
-server *server_start(const server_settings *settings, const listen_socket *s, access_control *access,
-                     error *e);
+server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
+                     access_control *access, error *e);
 
 /* Accepts no more connections, waits for the answers under way (not forever), and stops. Accepts NULL. */
 void server_stop(server *s);

@@ -9,6 +9,7 @@
 #include "source/plan.h"
 #include "source/source_report.h"
 #include "run/report.h"
+#include "measures/measures.h"
 #include "sizing/clearance.h"
 
 /* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
@@ -65,7 +66,9 @@ static bool describe(job *j, const json *shape, json *item, error *e)
     clearance room;
     if (!job_survey(j, e)) return false;
     double area = j->scan->area;
-    if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, &room, e)) return false;
+    if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, MEASURES_THIN_SHARE, &room,
+                           e))
+        return false;
     advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
     if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
     json_put_integer(item, "cells", (int64_t)j->scan->cells);

@@ -39,7 +39,7 @@ typedef struct change {
     char *file;             /* the settings, at the end of symbolic links */
     bool units;             /* systemd runs the service with these settings */
     char *drop_in_directory, *drop_in;
-    char *socket; /* NULL: the service has a TCP port in its place */
+    char *socket; /* NULL: the service has TCP ports only */
     char *tokens; /* the token file; NULL: the default of hexadctl */
 } change;
 
@@ -304,13 +304,13 @@ static char *find_file_of_unit(void)
     return path;
 }
 
-/* Whether the unit has a TCP port in the place of the Unix socket. */
-static bool has_unit_port(void)
+/* Whether the unit has TCP ports only, and no Unix socket. systemctl prints an address a line. */
+static bool has_only_ports(void)
 {
     char *listens = show_property("show --value --property Listen hexad.socket");
-    bool port = *listens && *listens != '\n' && *listens != '/';
+    bool only = *listens && *listens != '\n' && *listens != '/' && !strstr(listens, "\n/");
     free(listens);
-    return port;
+    return only;
 }
 
 /* Prints the command, and what systemctl prints, as lines of their own. A command that fails is added to the text *failed,
@@ -362,13 +362,14 @@ static char *unit_directory(void)
     return length ? mem_strndup(path, length) : mem_strdup(UNITS);
 }
 
-/* The Unix socket of the service, to be freed; NULL: it has a TCP port. */
+/* The Unix socket of the service, to be freed; NULL: it has TCP ports only. */
 static char *find_socket(const change *w, const config *settings)
 {
-    const char *runtime = getenv("RUNTIME_DIRECTORY"), *listen = settings->listen;
-    if (w->units) return has_unit_port() ? NULL : mem_printf("%s/hexad.sock", runtime ? runtime : RUNTIME);
-    if (!*listen) return mem_printf("%s/hexad.sock", settings->state_dir);
-    return strncmp(listen, "unix:", 5) == 0 ? mem_strdup(listen + 5) : NULL;
+    const char *runtime = getenv("RUNTIME_DIRECTORY");
+    if (w->units) return has_only_ports() ? NULL : mem_printf("%s/hexad.sock", runtime ? runtime : RUNTIME);
+    const char *listen = config_unix_address(settings);
+    if (!listen) return NULL;
+    return listen[5] ? mem_strdup(listen + 5) : mem_printf("%s/hexad.sock", settings->state_dir);
 }
 
 /* Sets w->file to the file of --config, or else of the unit, or else the default. */

@@ -75,6 +75,8 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs output_roots;
+    char **output_root; /* the setting, without %u */
+    bool *output_root_of_user;
     output_place *outputs;
     path_map *mappings;
     user_numbers *weights, *priorities; /* of users */
@@ -85,7 +87,8 @@ typedef struct service {
     control_groups *groups; /* NULL: none */
     struct slurm *farm;     /* NULL: attempts are processes of this host */
     executor *x;
-    listen_socket socket;
+    listen_socket *sockets;
+    size_t socket_count;
     access_control *access;
     http_counters counters;
     atomic_bool copying; /* a backup */
@@ -216,43 +219,69 @@ static void fini_roots(service *s)
     store_roots_close(s->roots);
 }
 
-static bool init_socket(service *s, error *e)
+/* Opens an address of the setting `listen`; "unix:" is the default socket. */
+static bool open_socket(service *s, const char *given, error *e)
 {
-    const config *c = &s->settings;
-    int fd;
-    if (!manager_socket(&fd, e)) return false;
-    if (fd >= 0) {
-        bool adopted = listen_adopt(fd, &s->socket, e);
-        if (adopted && *c->listen)
-            log_write(
-                LOG_LEVEL_WARNING,
-                "listen = %s is ignored: systemd passed the socket %s; the drop-in tcp.conf of hexad.socket opens a "
-                "TCP port instead (see doc/systemd.md)",
-                c->listen, s->socket.address);
-        return adopted;
-    }
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
-    char *where = *c->listen ? mem_strdup(c->listen)
-                             : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
-    bool ok = listen_open(where, config_shares_socket(c), &s->socket, e);
+    char *where = strcmp(given, "unix:") != 0
+                      ? mem_strdup(given)
+                      : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
+    bool ok = listen_open(where, config_shares_socket(&s->settings), &s->sockets[s->socket_count], e);
+    s->socket_count += ok;
     free(where);
     return ok;
 }
 
-static void fini_socket(service *s)
+static void fini_sockets(service *s)
 {
-    listen_close(&s->socket);
+    for (size_t k = 0; k < s->socket_count; k++) listen_close(&s->sockets[k]);
+    free(s->sockets);
 }
 
-/* Refuses a socket whose callers could not be identified. */
+static bool init_sockets(service *s, error *e)
+{
+    const config_list *given = &s->settings.listen;
+    int first;
+    const size_t passed = manager_sockets(&first), count = passed ? passed : given->count;
+    bool ok = true;
+    s->sockets = mem_alloc((count + 1) * sizeof *s->sockets);
+    for (size_t k = 0; ok && k < passed; k++) {
+        ok = listen_adopt(first + (int)k, &s->sockets[k], e);
+        s->socket_count += ok;
+    }
+    if (ok && passed && given->count)
+        log_write(
+            LOG_LEVEL_WARNING,
+            "listen = %s is ignored: systemd passed the socket %s; the drop-in tcp.conf of hexad.socket opens a "
+            "TCP port (see doc/systemd.md)",
+            given->item[0], s->sockets[0].address);
+    if (!passed && !given->count) ok = open_socket(s, "unix:", e);
+    for (size_t k = 0; ok && !passed && k < given->count; k++) ok = open_socket(s, given->item[k], e);
+    if (!ok) fini_sockets(s);
+    return ok;
+}
+
+/* The widest of all sockets. */
+static listen_reach reach_of(const service *s)
+{
+    listen_reach widest = LISTEN_UNIX;
+    for (size_t k = 0; k < s->socket_count; k++)
+        if (s->sockets[k].reach > widest) widest = s->sockets[k].reach;
+    return widest;
+}
+
+/* Refuses sockets whose callers could not be identified. */
 static bool check_reach(const service *s, const char *token_file, error *e)
 {
-    const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
+    const listen_reach reach = reach_of(s);
     bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
     if (!open && *s->settings.tcp_without_tokens)
         return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: must be empty or " OPEN_TCP);
-    if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
-    if (s->socket.reach == LISTEN_NETWORK)
+    if (reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
+    size_t k = 0;
+    while (s->sockets[k].reach != reach) k++;
+    const char *where = s->sockets[k].where;
+    if (reach == LISTEN_NETWORK)
         return error_set(e, ERROR_SPEC_INVALID,
                          "listen %s: other machines can reach this address and the token file %s has no "
                          "tokens (setting token_file): run `hexadctl token add USER --file %s`, or listen on "
@@ -290,7 +319,7 @@ static bool init_access(service *s, error *e)
         .session_key_file = key_file,
         .session_s = c->session_s,
         .running = queue_running(s->q),
-        .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
+        .open_tcp = reach_of(s) == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
     s->access = access_open(&settings, e);
     bool ok = s->access && check_reach(s, file, e);
@@ -303,6 +332,39 @@ static bool init_access(service *s, error *e)
 static void fini_access(service *s)
 {
     access_close(s->access);
+}
+
+static void free_output_roots(service *s)
+{
+    for (size_t i = 0; i < s->output_roots.root_count; i++) free(s->output_root[i]);
+    free(s->output_root);
+    free(s->output_root_of_user);
+}
+
+/* Splits the roots of users, DIRECTORY/%u. */
+static bool read_output_roots(service *s, error *e)
+{
+    static const char of_user[] = "/%u";
+    const config_list *given = &s->settings.output_roots;
+    for (size_t i = 0; i < given->count; i++) {
+        const char *mark = strstr(given->item[i], "%u");
+        if (given->item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: must be absolute paths (given %s)",
+                             given->item[i]);
+        if (mark && (mark[-1] != '/' || mark[2]))
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "output_roots: %%u must be the last name of a path (given %s)", given->item[i]);
+    }
+    s->output_root = mem_alloc((given->count + 1) * sizeof *s->output_root);
+    s->output_root_of_user = mem_alloc((given->count + 1) * sizeof *s->output_root_of_user);
+    for (size_t i = 0; i < given->count; i++) {
+        const char *mark = strstr(given->item[i], of_user);
+        s->output_root_of_user[i] = mark != NULL;
+        s->output_root[i] = mark == given->item[i] ? mem_strdup("/")
+                            : mark ? mem_strndup(given->item[i], (size_t)(mark - given->item[i]))
+                                   : mem_strdup(given->item[i]);
+    }
+    return true;
 }
 
 static bool init_outputs(service *s, error *e)
@@ -320,13 +382,11 @@ static bool init_outputs(service *s, error *e)
         return error_set(e, ERROR_SPEC_INVALID,
                          "output_group: the group %s does not exist: run `getent group` for the groups",
                          c->output_group);
-    for (size_t i = 0; i < c->output_roots.count; i++)
-        if (c->output_roots.item[i][0] != '/')
-            return error_set(e, ERROR_SPEC_INVALID, "output_roots: must be absolute paths (given %s)",
-                             c->output_roots.item[i]);
+    if (!read_output_roots(s, e)) return false;
     s->output_roots = (store_outputs){
-        .roots = (const char *const *)c->output_roots.item,
+        .roots = (const char *const *)s->output_root,
         .root_count = c->output_roots.count,
+        .of_user = s->output_root_of_user,
         .mode = (mode_t)mode,
         .group = group ? group->gr_gid : (gid_t)-1,
     };
@@ -338,6 +398,7 @@ static bool init_outputs(service *s, error *e)
 static void fini_outputs(service *s)
 {
     output_place_free(s->outputs);
+    free_output_roots(s);
 }
 
 static bool init_mappings(service *s, error *e)
@@ -511,8 +572,9 @@ static bool init_network(service *s, error *e)
         address_ranges_clear(&s->proxies);
         return error_prefix(e, "trusted_proxies");
     }
-    s->pages = pages_new(c->listen, s->socket.address, (const char *const *)c->page_origins.item,
-                         c->page_origins.count, e);
+    s->pages = pages_new((const char *const *)c->page_origins.item, c->page_origins.count, e);
+    for (size_t k = 0; s->pages && k < s->socket_count; k++)
+        pages_add(s->pages, s->sockets[k].where, s->sockets[k].address);
     if (s->pages) return true;
     address_ranges_clear(&s->proxies);
     return false;
@@ -619,7 +681,7 @@ static bool init_http(service *s, error *e)
         .page = s->page,
         .session_s = c->session_s,
     };
-    s->http = server_start(&settings, &s->socket, s->access, e);
+    s->http = server_start(&settings, s->sockets, s->socket_count, s->access, e);
     if (s->http) return true;
     estimator_close(m);
     free_context(s);
@@ -638,11 +700,15 @@ static void fini_http(service *s)
 
 static bool init_port_file(service *s, error *e)
 {
-    log_write(LOG_LEVEL_INFO, "hexad: listening on %s", s->socket.address);
-    if (!*s->settings.port_file) return true;
-    char *line = mem_printf("%s\n", s->socket.address);
-    bool ok = store_file_write(s->settings.port_file, line, strlen(line), e);
-    free(line);
+    char *lines = mem_strdup("");
+    for (size_t k = 0; k < s->socket_count; k++) {
+        log_write(LOG_LEVEL_INFO, "hexad: listening on %s", s->sockets[k].address);
+        char *all = mem_printf("%s%s\n", lines, s->sockets[k].address);
+        free(lines);
+        lines = all;
+    }
+    bool ok = !*s->settings.port_file || store_file_write(s->settings.port_file, lines, strlen(lines), e);
+    free(lines);
     return ok;
 }
 
@@ -664,7 +730,7 @@ static const struct step {
     {"outputs", init_outputs, fini_outputs},
     {"mappings", init_mappings, fini_mappings},
     {"users", init_users, fini_users},
-    {"socket", init_socket, fini_socket},
+    {"socket", init_sockets, fini_sockets},
     {"access", init_access, fini_access},
     {"groups", init_groups, fini_groups},
     {"executor", init_executor, fini_executor},
@@ -737,7 +803,8 @@ static void reload(service *s)
         store_roots_note_change(s->roots, config_lists_differ(&s->settings.input_roots, &fresh.input_roots));
         output_place_note_change(s->outputs,
                                  config_lists_differ(&s->settings.output_roots, &fresh.output_roots));
-        if (config_shares_socket(&s->settings) != shared) listen_share(&s->socket, !shared);
+        for (size_t k = 0; config_shares_socket(&s->settings) != shared && k < s->socket_count; k++)
+            listen_share(&s->sockets[k], !shared);
         log_set_level(s->settings.log_level);
         bound_results(s);
         executor_settings settings = executor_settings_of(s);
@@ -814,7 +881,7 @@ int main(int argc, char **argv)
 {
     descriptors_prepare();
     mem_begin_threads();
-    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
+    service s = {.argc = argc, .argv = argv, .signals = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};
     const bool journal = manager_has_journal();

@@ -46,9 +46,11 @@ static char *find_server(const config *c)
     if (named && *named) return mem_strdup(named);
     size_t length = 0;
     char *served = *c->port_file ? store_file_read(c->port_file, ADDRESS_LIMIT, &length, NULL) : NULL;
-    char *address = served ? mem_strndup(served, strcspn(served, "\n")) : mem_strdup(c->listen);
+    const char *local = config_unix_address(c);
+    char *address =
+        served ? mem_strndup(served, strcspn(served, "\n")) : mem_strdup(local ? local : c->listen.item[0]);
     free(served);
-    if (!*address) {
+    if (!*address || strcmp(address, "unix:") == 0) {
         free(address);
         address = mem_printf("unix:%s/hexad.sock", c->state_dir);
         if (access(address + strlen("unix:"), F_OK) != 0) {

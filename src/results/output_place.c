@@ -146,7 +146,7 @@ static bool copy_stages(output_place *p, const char *user, const result *r, cons
     store_turn turn;
     size_t stages = 0;
     for (size_t i = 0; i < r->output_count; i++) stages += frames_is_stage(r->output[i].name);
-    if (!stages || !above || !store_output_check(p->outputs, above, NULL)) return true;
+    if (!stages || !above || !store_output_check_user(p->outputs, user, above, NULL)) return true;
     int to = store_output_open(p->outputs, above, e);
     bool taken = to >= 0 && store_turns_take(p->turns, to, &turn, e), ok = taken;
     for (size_t i = 0; ok && i < r->output_count; i++)
@@ -179,7 +179,7 @@ bool output_place_copy(output_place *p, const char *user, const char *from, cons
 {
     result r = {0};
     store_turn turn;
-    if (!result_read(from, &r, e)) return false;
+    if (!store_output_check_user(p->outputs, user, directory, e) || !result_read(from, &r, e)) return false;
     int to = store_output_open(p->outputs, directory, e);
     bool taken = to >= 0 && store_turns_take(p->turns, to, &turn, e);
     bool ok = taken && copy_in_turn(p, user, &r, from, to, directory, temporary, e);
@@ -289,7 +289,7 @@ bool output_place_check(output_place *p, const char *user, const char *directory
 {
     char *name = NULL;
     error outside = {0};
-    if (!store_output_check(p->outputs, directory, &outside))
+    if (!store_output_check_user(p->outputs, user, directory, &outside))
         return error_set(e, outside.code, "%s%s", outside.message,
                          atomic_load(&p->changed)
                              ? "; or restart hexad, which applies the changed setting output_roots"

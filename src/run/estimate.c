@@ -111,7 +111,8 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
     clearance c;
     bool even = !spec_is_graded(j->spec);
     double h = packing_spacing(j->scan->area, (double)j->count);
-    if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
+    if (j->count == 0 || !even ||
+        !clearance_measure(j->scan, NULL, h, j->pool, MEASURES_THIN_SHARE, &c, NULL) ||
         c.unresolved_share <= MEASURES_THIN_SHARE)
         return;
     const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);

@@ -54,8 +54,7 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* Below this number of points, their neighbourhoods do not measure the walls thinner than the spacing. Unless the
- * result is unresolved, rays between the walls are used, as before the job. */
+/* Up to this number of points, their neighbourhoods do not show whether there are walls thinner than the spacing. */
 static const size_t FEW_POINTS = 100;
 /* Minimum ratio of the advised count to the present one: smaller increases are not worth advice. */
 static const double WORTH_ADVICE = 1.1;
@@ -66,15 +65,21 @@ typedef struct thin_walls {
     bool of_surface;
 } thin_walls;
 
+/* On curved walls the distance of two points from their tangent planes is far from the thickness, so rays between the
+ * walls measure it, as before the job. They can take longer than the job, so they are traced only where the points show
+ * thin walls, or are too few. The walls of an unresolved result are thinner than the smallest distance that rays
+ * measure. */
 static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
     const size_t count = solver_result_points(facts->solver)->count;
+    const double share = (double)facts->measures->thin_count / (double)count;
+    const bool unresolved = facts->verdict->outcome == VERDICT_UNRESOLVED;
     clearance c;
-    if (count > FEW_POINTS || facts->verdict->outcome == VERDICT_UNRESOLVED)
-        *out = (thin_walls){(double)facts->measures->thin_count / (double)count, facts->measures->thin_factor,
-                            false};
+    if (share <= MEASURES_THIN_SHARE && (unresolved || count > FEW_POINTS)) return false;
+    if (unresolved)
+        *out = (thin_walls){share, facts->measures->thin_factor, false};
     else if (clearance_measure(facts->scan, facts->sizing, packing_spacing(facts->scan->area, (double)count),
-                               facts->pool, &c, NULL))
+                               facts->pool, MEASURES_THIN_SHARE, &c, NULL))
         *out = (thin_walls){c.unresolved_share, c.factor, true};
     else
         return false;

@@ -10,9 +10,8 @@
 
 /* Number of sampled places: fractions are accurate to a few tenths of a percent. */
 enum { SAMPLES = 4096, GRAIN = 32 };
-/* LEFT_OVER: fraction that may remain unresolved, a fifth of the limit of the outcome, since points next to unresolved
- * ones have no Voronoi cell either. UNEVEN: the smallest spacing of a packing over the requested one. */
-static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
+/* The smallest spacing of a packing over the requested one. */
+static const double UNEVEN = 0.9;
 /* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the tube of
  * smallest diameter is seen with the smallest gap. */
 enum { TILTED = 6 };
@@ -126,7 +125,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
-                       clearance *out, error *e)
+                       double allowed, clearance *out, error *e)
 {
     clearance_job job = {scan, sizing, h, mem_array(SAMPLES, sizeof(double), "the clearance", e)};
     if (!job.ratio) return false;
@@ -136,8 +135,7 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
     qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_doubles);
     while (near < SAMPLES && job.ratio[near] < 1) near++;
     if (ok)
-        *out =
-            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(LEFT_OVER * SAMPLES)], 1)};
+        *out = (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(allowed * SAMPLES)], 1)};
     free(job.ratio);
     return ok;
 }

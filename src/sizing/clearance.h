@@ -16,14 +16,14 @@
 typedef struct clearance {
     /* fraction of the surface at which walls are not separated at the given spacing */
     double unresolved_share;
-    /* Factor of the spacing at which nearly all of the surface is resolved; 1: it is resolved at the given spacing. If
-     * the spacing varies, the factor applies everywhere. */
+    /* Factor of the spacing at which all of the surface except the fraction `allowed` is resolved; 1: it is resolved at
+     * the given spacing. If the spacing varies, the factor applies everywhere. */
     double factor;
 } clearance;
 
-/* Measures the requested spacing: `sizing`, or if that is NULL the uniform spacing h, world units. Errors:
- * limit_memory, cancelled. Deterministic for any number of threads. */
+/* Measures the requested spacing: `sizing`, or if that is NULL the uniform spacing h, world units.
+ * `allowed`: see clearance.factor. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
-                       clearance *out, error *e);
+                       double allowed, clearance *out, error *e);
 
 #endif

@@ -83,6 +83,29 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
     return set_outside(outputs, path, e);
 }
 
+/* Whether the path begins with a name that is the user's, and goes on. "." would be the root itself. */
+static bool is_of_user(const char *path, const char *user)
+{
+    char name[NAME_MAX + 1];
+    bool ok;
+    return next_part(&path, name, &ok) && strcmp(name, ".") != 0 && strcmp(name, user) == 0 &&
+           next_part(&path, name, &ok);
+}
+
+bool store_output_check_user(const store_outputs *outputs, const char *user, const char *path, error *e)
+{
+    if (!store_output_check(outputs, path, e)) return false;
+    const char *root = NULL;
+    for (size_t i = 0; i < outputs->root_count; i++) {
+        const char *rest = below(path, outputs->roots[i]);
+        if (rest && (!outputs->of_user || !outputs->of_user[i] || is_of_user(rest, user))) return true;
+        if (rest) root = outputs->roots[i];
+    }
+    return error_set(e, ERROR_PATH_FORBIDDEN,
+                     "%s is outside the output root of the user %s: name a directory below %s/%s", path, user,
+                     root, user);
+}
+
 static error_code code_of(int why)
 {
     if (why == ELOOP || why == ENOTDIR) return ERROR_PATH_FORBIDDEN;

@@ -18,11 +18,16 @@ typedef struct store_outputs {
     size_t root_count;
     mode_t mode; /* of files; created directories have execute permission wherever there is read permission */
     gid_t group; /* (gid_t)-1: stays */
+    /* For each root, whether a user may use only the directory below it that has the user's name. NULL: no root is such. */
+    const bool *of_user;
 } store_outputs;
 
 /* Whether a copy may go there: an error (path_forbidden) unless the path is absolute, below a root, and
  * without "..". Looks at the words only. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
+
+/* The same for a user. Below a root of users, the path must be below the directory of this user. */
+bool store_output_check_user(const store_outputs *outputs, const char *user, const char *path, error *e);
 
 /* The number of the root that a path lies below which store_output_check has accepted. */
 size_t store_output_root_of(const store_outputs *outputs, const char *path);

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import pathlib
+import pwd
 import socket
 import subprocess
 import sys
@@ -253,6 +254,26 @@ def test_deleted_users_and_groups_do_not_keep_the_service_from_starting(new_serv
     assert service.get("/v1/jobs").status == 200
     for line in ("setting unix_users: the user left-the-company does not exist", "setting unix_groups: the group disbanded does not exist"):
         assert line in service.log.read_text()
+
+
+@pytest.mark.sanitized
+def test_a_unix_socket_and_ports_are_served_together(new_service):
+    """Users of the socket are known; callers of the ports are not, and a port of other machines demands tokens of all."""
+    service = new_service("--listen", "unix:,127.0.0.1:0, 127.0.0.1:0")
+    service.start()
+    addresses = service.address.splitlines()
+    assert addresses[0] == f"unix:{service.state}/hexad.sock" and len(set(addresses)) == 3
+    for address, user in zip(addresses, (pwd.getpwuid(os.getuid()).pw_name, "anyone", "anyone")):
+        service.address = address
+        for _ in range(3):
+            assert service.get("/v1/session").json["user"] == user
+    command = [service.build / "hexadctl", "--server", addresses[0], "list"]
+    assert subprocess.run(command, timeout=PATIENCE_S).returncode == 0
+    assert service.end() == 0
+    assert not (service.state / "hexad.sock").exists()
+    done = subprocess.run([service.build / "hexad", "--state_dir", service.state, "--listen", "127.0.0.1:0,0.0.0.0:0",
+                           "--tcp_without_tokens", OPEN_TCP], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 2 and "listen 0.0.0.0:0: other machines can reach this address" in done.stderr
 
 
 def test_a_socket_of_ones_own(new_service, tmp_path):

@@ -315,6 +315,9 @@ def test_settings_that_the_unit_does_not_read_change_alone(other):
 
 
 def test_a_port_of_the_socket_unit_is_warned_of(host):
+    """Unless the unit has the Unix socket as well."""
+    (host.root / "bin/Listen").write_text(f"127.0.0.1:8642 (Stream)\n{host.root}/hexad.sock (Stream)\n")
+    assert "may use" in host.expect("--allow", HERE)
     (host.root / "bin/Listen").write_text("127.0.0.1:8642 (Stream)\n")
     done = host.hexad("--allow", HERE)
     assert done.returncode == 0 and "TCP port, where unix_users has no effect" in done.stderr and "may use" not in done.stdout

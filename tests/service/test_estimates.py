@@ -132,7 +132,10 @@ def test_it_takes_a_time_and_no_more(new_service, tmp_path):
     service = new_service("--worker", gated_worker(tmp_path, deaf=True), "--estimate_timeout_s", "0.2").start()
     reply = service.post("/v1/jobs:validate", sphere())
     assert reply.status == 200 and reply.json["estimate"] is None
-    assert "estimate_timeout_s" in reply.json["estimate_missing"]
+    missing = reply.json["estimate_missing"]
+    assert missing.startswith("the estimate took longer than 0.2 s: run `hexad-worker estimate") and "estimate_timeout_s" in missing
+    reply = service.post("/v1/jobs:validate?within_ms=1", sphere())
+    assert reply.json["estimate_missing"] == "the estimate took longer than 0.001 s: raise within_ms of the request"
     wait_until(lambda: not service.children(), "its worker to go")
     assert not list((service.state / "estimates").iterdir())
     assert service.end() == 0

@@ -386,9 +386,29 @@ def test_show_and_wait_say_which_frames_are_unresolved(run, service):
     job = service.submit(PARTLY_UNRESOLVED)
     waited = run("wait", job)
     assert waited.returncode == 11 and "unresolved: frames 2, 4-5\n" in waited.stderr, waited.stderr
-    assert "unresolved: frames 2, 4-5\n" in run("show", job).stdout
+    shown = run("show", job).stdout
+    assert "unresolved: frames 2, 4-5\n" in shown
+    notes = {t["frame"]: t["notes"] for t in service.get(f"/v1/jobs/{job}/tasks").json["tasks"]}
+    for text in (shown, waited.stderr):
+        lines = {int(line.split()[1].rstrip(":")): line for line in text.splitlines() if line.startswith("frame ")}
+        assert list(lines) == sorted(lines) and {2, 4, 5} <= set(lines)
+        for frame, line in lines.items():
+            assert line.startswith(f"frame {frame}: {'unresolved' if frame in (2, 4, 5) else 'converged'}")
+            for name, rating in notes[frame]["ratings"].items():
+                assert (f", {name} {rating['value'] or 0:.3g} {rating['rating']}" in line) == (rating["rating"] not in ("good", None)), line
+            for told in (*(r["message"] for r in notes[frame]["outcome_reasons"]), *notes[frame]["warnings"]):
+                assert f"; {told}" in line
     good = service.submit(sphere(100, output={"preview": False}, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
-    assert "converged" not in run("wait", good).stderr
+    assert not re.search("unresolved|not converged", run("wait", good).stderr)
+
+
+def test_ten_frames_with_notes_are_printed(run, service):
+    """The same few points in each: the ratings of so few are not good."""
+    job = service.submit(sphere(40, output={"preview": False},
+                                queue={"frames": "1-13", "by_frame": {"/solver/seed": [1] * 13}}, solver={"seed": 1}))
+    lines = [line for line in run("wait", job).stderr.splitlines() if "packing" not in line]
+    assert [line.split(":")[0] for line in lines[-11:-1]] == [f"frame {k}" for k in range(1, 11)], lines
+    assert ", hex_fraction" in lines[-2] and lines[-1] == "and 3 more frames with notes"
 
 
 def test_wait_ends_with_zero_for_accepted_outcomes(run, service):
@@ -429,14 +449,18 @@ def test_a_pattern_without_frames_is_reported(run, footage, build, tmp_path):
 
 
 def faulty(footage, **parts):
-    surface = {"vdb": {"path": str(footage / "a.0008.vdb"), **parts.pop("vdb", {})}}
+    surface = parts.pop("surface", {"vdb": {"path": str(footage / "a.0008.vdb"), **parts.pop("vdb", {})}})
     return {"version": 1, "surface": surface, "sampling": {"count": 100}, **parts}
 
 
 @pytest.mark.extended  # waits for a moment in which the service answers in 0.2 s
 @pytest.mark.parametrize("part, told", [({"vdb": {"grid": "nonsense"}}, "nonsense"), ({"vdb": {"isovalue": 1000}}, "1000"),
-                                        ({"attributes": [{"name": "nonsense"}]}, "nonsense")])
-def test_a_job_that_will_fail_is_warned_of_when_it_is_submitted(run, service, footage, tmp_path, part, told):
+                                        ({"attributes": [{"name": "nonsense"}]}, "nonsense"), ("text.obj", "text.obj")])
+def test_a_fault_of_the_inputs_is_warned_of_when_a_job_is_submitted(run, service, footage, tmp_path, part, told):
+    """The last input is a text in the place of a mesh."""
+    if isinstance(part, str):
+        (footage / part).write_text("hello world\n")
+        part = {"surface": {"mesh": {"path": str(footage / part)}}}
     (tmp_path / "spec.json").write_text(json.dumps(faulty(footage, **part)))
 
     def warned():
@@ -447,7 +471,8 @@ def test_a_job_that_will_fail_is_warned_of_when_it_is_submitted(run, service, fo
 
     done = wait_until(warned, "a warning")
     fault = service.wait_state(done.stdout.strip(), "failed")["error"]["message"]
-    assert done.stderr == f"warning: this job will fail: {fault}\n" and told in fault
+    assert done.stderr == (f"warning: {tmp_path}/spec.json: {fault} "
+                           "The job is accepted, and fails if this is still so when it runs.\n") and told in fault
 
 
 def test_a_submission_waits_for_no_long_look_at_its_inputs(build, tmp_path):

@@ -219,6 +219,30 @@ def refused(reply, status, code):
 
 
 @pytest.mark.sanitized
+def test_users_have_output_roots_of_their_own(users, tmp_path):
+    """%u in output_roots. The directory of a user is made; what it leads to by a link is not used."""
+    (tmp_path / "out").mkdir()
+    both = users("--output_roots", f"{tmp_path}/out/%u", "--workers", 1)
+    both.service.start()
+    mine, other = (f"{tmp_path}/out/{user}/show" for user in ("ann", "ben"))
+    assert both.run("ann", some(directory=mine))["delivery"]["state"] == "delivered"
+    assert delivered(tmp_path / "out/ann/show")["count"] == 60
+    for path in (other, f"{tmp_path}/out/ann", f"{tmp_path}/out/show", f"{tmp_path}/out/%u/show"):
+        told = refused(both.ask("ann", "POST", "/v1/jobs", some(directory=path)), 403, "path_forbidden")
+        assert f"name a directory below {tmp_path}/out/ann" in told
+    assert not (tmp_path / "out/ben").exists()
+    (tmp_path / "out/ben").symlink_to(tmp_path / "out/ann")
+    refused(both.ask("ben", "POST", "/v1/jobs", some(directory=other)), 403, "path_forbidden")
+
+
+def test_a_root_of_users_ends_in_the_name(build, tmp_path):
+    for root in (f"{tmp_path}/%u/out", f"{tmp_path}/u%u"):
+        done = subprocess.run([build / "hexad", "--state_dir", tmp_path / "state", "--output_roots", root],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 2 and "output_roots: %u must be the last name of a path" in done.stderr
+
+
+@pytest.mark.sanitized
 def test_a_directory_with_another_users_result_is_refused(users, tmp_path):
     show = tmp_path / "show"
     both = users("--output_roots", tmp_path, "--workers", 1)

@@ -249,42 +249,42 @@ def start_with_sockets(build, where, *sockets):
 
 
 @pytest.mark.sanitized
-@pytest.mark.parametrize("family", ["inet", "unix"])
-def test_a_socket_is_handed_over(build, tmp_path, family):
-    if family == "inet":
-        ours = socket.create_server(("127.0.0.1", 0))
-        address = "127.0.0.1:%d" % ours.getsockname()[1]
-    else:
-        ours = socket.socket(socket.AF_UNIX)
-        ours.bind(str(tmp_path / "socket"))
-        ours.listen()
-        address = f"unix:{tmp_path / 'socket'}"
-    process = start_with_sockets(build, tmp_path, ours)
+@pytest.mark.parametrize("families", [("inet",), ("unix",), ("unix", "inet", "inet")], ids="-".join)
+def test_sockets_are_handed_over(build, tmp_path, families):
+    ours, addresses = [], []
+    for family in families:
+        if family == "inet":
+            ours.append(socket.create_server(("127.0.0.1", 0)))
+            addresses.append("127.0.0.1:%d" % ours[-1].getsockname()[1])
+        else:
+            ours.append(socket.socket(socket.AF_UNIX))
+            ours[-1].bind(str(tmp_path / "socket"))
+            ours[-1].listen()
+            addresses.append(f"unix:{tmp_path / 'socket'}")
+    process = start_with_sockets(build, tmp_path, *ours)
     try:
         wait_until(lambda: (tmp_path / "port").exists() or process.poll() is not None, "the daemon")
         assert process.poll() is None, process.stderr.read()
-        assert (tmp_path / "port").read_text().strip() == address
-        with socket.socket(ours.family) as client:
-            client.settimeout(PATIENCE_S)
-            client.connect(ours.getsockname())
-            client.sendall(f"GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n".encode())
-            assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
+        assert (tmp_path / "port").read_text().splitlines() == addresses
+        for each, address in zip(ours, addresses):
+            with socket.socket(each.family) as client:
+                client.settimeout(PATIENCE_S)
+                client.connect(each.getsockname())
+                client.sendall(f"GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n".encode())
+                assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
         process.send_signal(signal.SIGTERM)
-        assert f"listen = 127.0.0.1:0 is ignored: systemd passed the socket {address}" in process.communicate(timeout=PATIENCE_S)[1]
+        assert f"listen = 127.0.0.1:0 is ignored: systemd passed the socket {addresses[0]}" in process.communicate(timeout=PATIENCE_S)[1]
         assert process.returncode == 0
-        assert family == "inet" or (tmp_path / "socket").exists()  # which is not the daemon's to remove
+        assert "unix" not in families or (tmp_path / "socket").exists()  # which is not the daemon's to remove
     finally:
         process.kill()
         process.communicate()
-        ours.close()
+        for each in ours:
+            each.close()
 
 
-def test_sockets_that_cannot_be_served(build, tmp_path):
-    listening = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
-    silent = socket.socket()
-    for given, word in ((listening, "but hexad serves one"), ([silent], "not a listening stream socket")):
-        process = start_with_sockets(build, tmp_path, *given)
-        assert word in process.communicate(timeout=PATIENCE_S)[1]
+def test_a_socket_that_cannot_be_served(build, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listening, socket.socket() as silent:
+        process = start_with_sockets(build, tmp_path, listening, silent)
+        assert "not a listening stream socket" in process.communicate(timeout=PATIENCE_S)[1]
         assert process.returncode == 2
-    for s in (*listening, silent):
-        s.close()

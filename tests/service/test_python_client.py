@@ -14,6 +14,7 @@ import threading
 
 import pytest
 
+from readers import read_png
 from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere, wait_until
 
 PACKAGE = pathlib.Path(__file__).parents[2] / "clients/python"
@@ -83,6 +84,20 @@ def test_submit_wait_and_fetch(client, tmp_path, monkeypatch, arrays):
     for position, normal in zip(points.positions, points.normals):
         assert max(abs(a - b) for a, b in zip(position, normal)) < 1e-5  # of a unit ball
     assert isinstance(points["x"], points_module.numpy.ndarray if arrays else points_module.array.array)
+
+
+def test_a_contact_sheet_is_read(client):
+    spec = {"surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 50}}
+    drawn = {**spec, "output": {"preview": {"size": 64}}}
+    single, array = client.submit(drawn, wait=True), client.submit(
+        {**drawn, "queue": {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}}, wait=True)
+    assert single.contact_sheet() == single.read("preview.png")
+    sheet = array.contact_sheet()
+    assert sheet == client.transport.ask("GET", array.document["links"]["contact_sheet"], read=lambda reply: reply.read())
+    assert read_png(sheet)[0] > 2 * 64
+    blank = client.submit({**spec, "output": {"preview": False}}, wait=True)
+    with pytest.raises(problems.NotFound):
+        blank.contact_sheet()
 
 
 def test_ascii_and_other_types_are_read(client, tmp_path, monkeypatch):
@@ -473,7 +488,7 @@ def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):
     spec = {"surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 100}}
     fault = hexad.Problem(422, {"code": "grid_missing", "detail": "there is no grid x"})
     monkeypatch.setattr(client, "fault_of", lambda asked: fault if asked is spec else None)
-    with pytest.warns(hexad.FaultWarning, match="will fail: grid_missing: there is no grid x"):
+    with pytest.warns(hexad.FaultWarning, match="when it runs: grid_missing: there is no grid x"):
         client.submit(spec)
     monkeypatch.undo()
     assert client.fault_of(spec) is None

@@ -123,7 +123,8 @@ def test_sorted_pages(new_service, tmp_path):
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("query", ["state=nonsense", "limit=0", "limit=x", "limit=501", "cursor=-1", "other=1", "state",
-                                   "sort=size", "sort=name,state", "sort=name&cursor=1", "cursor=1:x", "text=",
+                                   "sort=size", "sort=name,state", "sort=name&cursor=1", "cursor=1:x", "sort=name&cursor=1:-name:x",
+                                   "sort=owner&cursor=1:name:x", "sort=created&cursor=1", "cursor=1:created:", "sort=created&cursor=1:created:x", "text=",
                                    "limit=1&limit=2", "state=queued&state=queued", "state=queued%00x"])
 def test_bad_queries_are_refused(service, query):
     expect_problem(service.get(f"/v1/jobs?{query}"), 400, "request_invalid")

@@ -162,6 +162,20 @@ def test_files_are_fetched_once_and_frames_into_directories(service, node, tmp_p
 
 
 @needs_node
+def test_the_stage_of_all_frames_is_fetched_into_the_directory_above(service, node, tmp_path):
+    frames = sphere(200, output={"preview": False, "points_usda": True},
+                    queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": {"from": 1, "to": 2}}})
+    seen = node(f"""
+        import {{Client}} from "hexad";
+        const job = await new Client().submit({json.dumps(frames)}, {{wait: true}});
+        console.log(JSON.stringify({{paths: await job.fetch("out"), accepted: job.accepted, outcome: job.outcome}}));
+        """, HEXAD_SERVER=service.address)
+    assert seen["accepted"] == (seen["outcome"] == "converged")
+    assert "out/points_stage.usda" in seen["paths"] and (tmp_path / "out/points_stage.usda").is_file()
+    assert not list((tmp_path / "out").glob("*/points_stage.usda"))
+
+
+@needs_node
 def test_a_damaged_file_does_not_arrive(service, node, tmp_path):
     job = service.submit(sphere(210, output={"preview": False}))
     service.wait_state(job, "succeeded")
@@ -244,7 +258,7 @@ def test_waiting_and_following_end_when_the_caller_says(build, node, tmp_path):
             }})());
             const nowhere = new Client({{server: "unix:{tmp_path}/nowhere", patience: 0.1}});
             console.log(JSON.stringify([late, await aborted, await followed, await nameOf(nowhere.job(job.id)),
-              (await job.cancel()).id === job.id, (await job.cancel()).state]));
+              (await job.cancel()).id === job.id, (await (await job.cancel()).wait({{check: false}})).state]));
             """, HEXAD_SERVER=service.address)
         assert seen == ["WaitTimeout", "AbortError", "AbortError", "Unreachable", True, "cancelled"]
     finally:

@@ -299,7 +299,7 @@ def test_walls_thinner_than_the_spacing_are_a_warning(worker, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert done.returncode == 0 and report["outcome_reasons"] == [] == report["advice"]
     (warning,) = report["surface"]["warnings"]
-    assert " % of the points are on walls thinner than 1.2 spacings. " in warning and f"warning: {warning}\n" in done.stderr
+    assert " % of the surface are walls thinner than 1.2 spacings. " in warning and f"warning: {warning}\n" in done.stderr
 
 
 @pytest.mark.sanitized
@@ -363,8 +363,8 @@ def test_seven_neighbours_on_a_saddle_are_order(worker, tmp_path, sampling):
     assert quality["hex_fraction"] < 0.7 and abs(quality["disorder"]) < 0.05
 
 
-@pytest.mark.parametrize("count, thin", [(4, True), (30, True), (100, True), (20, False)])
-def test_few_points_on_thin_walls_get_the_warning_of_the_estimate(worker, tmp_path, example, count, thin):
+@pytest.mark.parametrize("count, thin", [(4, True), (30, True), (200, True), (20, False), (200, False)])
+def test_points_on_thin_walls_get_the_warning_of_the_estimate(worker, tmp_path, example, count, thin):
     """A tube that is thinner than the spacing, and a sphere."""
     spec = volume(example, count, grid="trefoil") if thin else sphere(count, output={"preview": False})
     before = json.loads(worker(spec, command="estimate", output="estimate").stdout)["warnings"]
@@ -372,6 +372,18 @@ def test_few_points_on_thin_walls_get_the_warning_of_the_estimate(worker, tmp_pa
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert [w for w in report["surface"]["warnings"] if "walls thinner than 1.2 spacings" in w] == before
     assert len(before) == thin
+
+
+def test_the_count_of_a_warning_of_thin_walls_ends_the_warning(worker, tmp_path, example):
+    """A spec with the count of the warning gets no such warning."""
+    def counts():
+        assert worker(spec).returncode == 0
+        warnings = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
+        return [int(re.search(r"ask for (\d+) points", w)[1]) for w in warnings if "walls thinner" in w]
+
+    spec = volume(example, 300, grid="trefoil")
+    (spec["sampling"]["count"],) = counts()
+    assert spec["sampling"]["count"] < 20000 and counts() == []
 
 
 def test_a_spec_from_standard_input(worker, tmp_path):
@@ -724,7 +736,7 @@ def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
     (warning,) = report["surface"]["warnings"]
-    assert warning.startswith("100 % of the points are on walls thinner than 1.2 spacings. ")
+    assert warning.startswith("About 100 % of the surface are walls thinner than 1.2 spacings. ")
     assert done.returncode == 0 and report["advice"] == []
     rating = report["ratings"]["hex_fraction"]["rating"]
     assert f"hex_fraction {quality['hex_fraction']:.4f} ({rating})" in done.stdout

@@ -52,6 +52,14 @@ def test_pages_are_well_formed(source, needs_mandoc, page):
         assert shown.returncode == 0 and not shown.stderr, shown.stderr
 
 
+def test_terms_are_apart_from_their_texts(source, needs_mandoc):
+    """Also terms of two lines in the help, and those as long as the column."""
+    lines = [line.strip() for line in rendered(source / "doc/man/hexadctl.1").splitlines()]
+    attach, = (line for line in lines if line.startswith("attach ID"))
+    assert attach.endswith(" [--priority N] [--label LABEL]... [--key KEY]")
+    assert "--state STATES" in lines and any(line.startswith("blocked, queued, ") for line in lines)
+
+
 @pytest.mark.parametrize("page", ["hexad-worker.1", "hexadctl.1"])
 def test_no_option_is_missing(build, source, needs_mandoc, page):
     text = rendered(source / "doc/man" / page)

@@ -19,7 +19,7 @@ static clearance measure(const analytic_params *shape, double h, int workers)
     threads *pool = threads_new(workers, NULL, &e);
     analytic *a = analytic_new(shape, pool, &e);
     surface *scan = surface_scan(&a->base, pool, &e);
-    assert_true(clearance_measure(scan, NULL, h, pool, &c, &e));
+    assert_true(clearance_measure(scan, NULL, h, pool, 0.02, &c, &e));
     surface_free(scan);
     analytic_free(a);
     threads_free(pool);

@@ -67,7 +67,7 @@ static void test_defaults(void **state)
     (void)state;
     char *argv[] = {"hexad"};
     config c = parse(COUNT(argv), argv);
-    assert_string_equal(c.listen, "");
+    assert_int_equal(c.listen.count, 0);
     assert_int_equal(c.max_attempts, 3);
     assert_int_equal(c.memory_mb, 4096);
     assert_int_equal(c.body_limit_bytes, 1048576);
@@ -85,7 +85,7 @@ static void test_options_win_over_the_file(void **state)
     char *argv[] = {"hexad", "--workers=5", "--config", path, "--state-dir", "/s", "--log_level", "debug"};
     config c = parse(COUNT(argv), argv);
     assert_int_equal(c.workers, 5);
-    assert_string_equal(c.listen, "127.0.0.1:1");
+    assert_string_equal(c.listen.item[0], "127.0.0.1:1");
     assert_int_equal(c.input_roots.count, 4);
     assert_string_equal(c.input_roots.item[0], "/a");
     assert_int_equal(c.path_mappings.count, 2); /* parted by commas only */
@@ -209,7 +209,7 @@ static void test_the_sample_does_not_drift(void **state)
     write_file(text);
     char *argv[] = {"hexad", "--config", path}, *none[] = {"hexad"};
     config c = parse(COUNT(argv), argv), defaults = parse(COUNT(none), none);
-    assert_string_equal(c.listen, defaults.listen);
+    assert_int_equal(c.listen.count, defaults.listen.count);
     assert_string_equal(c.state_dir, defaults.state_dir);
     assert_int_equal(c.connection_limit, defaults.connection_limit);
     assert_true(c.grace_s == defaults.grace_s);

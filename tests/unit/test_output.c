@@ -43,7 +43,7 @@ static int set_up(void **state)
     put(p->from, "points.ply", "points");
     put(p->from, "report.json", "report");
     put(p->from, "worker.log", "log");
-    p->outputs = (store_outputs){(const char *const *)&p->root, 1, 0640, getgid()};
+    p->outputs = (store_outputs){(const char *const *)&p->root, 1, 0640, getgid(), NULL};
     *state = p;
     return 0;
 }
@@ -140,6 +140,41 @@ static void test_a_copy_that_fails_is_not_whole(void **state)
     free(report);
 }
 
+static void test_a_root_of_users(void **state)
+{
+    (void)state;
+    static const char *const roots[] = {"/srv/out", "/srv/all", "/srv/out/shared"};
+    static const bool of_user[] = {true, false, false};
+    const store_outputs outputs = {roots, 3, 0640, getgid(), of_user};
+    static const struct {
+        const char *user, *path;
+        bool good;
+    } cases[] = {
+        {"ann", "/srv/out/ann/a", true},
+        {"ann", "/srv/out//ann/./a", true},
+        {"a b\\\xc3\xa4%u", "/srv/out/a b\\\xc3\xa4%u/x", true},
+        {"ann", "/srv/all/bob/x", true},
+        {"ann", "/srv/out/shared/x", true}, /* by the last root */
+        {"ann", "/srv/out/ann", false},
+        {"ann", "/srv/out/ann/", false},
+        {"ann", "/srv/out/bob/a", false},
+        {"ann", "/srv/out/anna/a", false},
+        {"ann", "/srv/out/%u/a", false},
+        {"ann", "/srv/out/./ann/a", false},
+        {"ann", "/srv/out/ann/../bob/a", false},
+        {".", "/srv/out/./bob", false},
+        {"..", "/srv/out/../x", false},
+        {"", "/srv/out//x", false},
+        {"ann/x", "/srv/out/ann/x/y", false},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        error e = {0};
+        if (store_output_check_user(&outputs, cases[i].user, cases[i].path, &e) != cases[i].good)
+            fail_msg("%s: %s", cases[i].user, cases[i].path);
+        if (!cases[i].good) assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    }
+}
+
 static void test_paths_that_are_refused(void **state)
 {
     place *p = *state;
@@ -219,7 +254,7 @@ static void test_the_message_on_a_path_outside_names_setting_and_roots(void **st
 {
     (void)state;
     const char *roots[] = {"/srv/a", "/srv/b/"};
-    const store_outputs outputs = {roots, 2, 0640, (gid_t)-1}, none = {roots, 0, 0640, (gid_t)-1};
+    const store_outputs outputs = {roots, 2, 0640, (gid_t)-1, NULL}, none = {roots, 0, 0640, (gid_t)-1, NULL};
     expect_outside(&outputs, "/srv/c/x",
                    "(setting output_roots: /srv/a, /srv/b/): name a directory below one of them");
     expect_outside(&outputs, "/srv/a", "/srv/a is an output root: name a directory below it");
@@ -234,7 +269,7 @@ static void test_a_directory_that_cannot_be_written(void **state)
     (void)state;
     error e = {0};
     const char *root = "/sys";
-    const store_outputs outputs = {&root, 1, 0640, getgid()};
+    const store_outputs outputs = {&root, 1, 0640, getgid(), NULL};
     assert_int_equal(store_output_open(&outputs, "/sys/kernel/hexad-test", &e), -1);
     assert_int_equal(e.code, ERROR_OUTPUT_UNWRITABLE);
     assert_non_null(strstr(e.message, "ReadWritePaths"));
@@ -279,6 +314,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_copy_with_mode_and_group, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
+        cmocka_unit_test(test_a_root_of_users),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),

@@ -50,7 +50,7 @@ static void begin(outputs *o, place *p, bool share)
 {
     *o = (outputs){.root = mem_printf("%s/show", p->base)};
     assert_true(store_directory_create(o->root, NULL));
-    o->roots = (store_outputs){(const char *const *)&o->root, 1, 0640, (gid_t)-1};
+    o->roots = (store_outputs){(const char *const *)&o->root, 1, 0640, (gid_t)-1, NULL};
     o->place = output_place_new(p->q, &o->roots, share);
 }
 

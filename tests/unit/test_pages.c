@@ -13,10 +13,13 @@ static void test_hosts(void **state)
 {
     (void)state;
     error e;
-    pages *p = pages_new("myself:8080", "127.0.1.1:8080", named, 2, &e);
+    pages *p = pages_new(named, 2, &e);
     assert_non_null(p);
-    static const char *const ours[] = {"127.0.1.1:8080", "localhost:8080", "LocalHost:8080",
-                                       "127.0.0.1:8080", "[::1]:8080",     "myself:8080",
+    pages_add(p, "unix:/run/hexad", "unix:/run/hexad");
+    pages_add(p, "10.0.0.1:0", "10.0.0.1:9090");
+    pages_add(p, "myself:8080", "127.0.1.1:8080");
+    static const char *const ours[] = {"127.0.1.1:8080", "localhost:8080", "LocalHost:8080", "127.0.0.1:8080",
+                                       "[::1]:8080",     "myself:8080",    "10.0.0.1:9090",  "localhost:9090",
                                        "gui.example",    "localhost:3000"};
     static const char *const others[] = {"",
                                          "localhost",
@@ -32,17 +35,20 @@ static void test_hosts(void **state)
                                          "xlocalhost:8080",
                                          "localhost.",
                                          "127.0.0.1:8080 ",
-                                         "127.1:8080"};
+                                         "127.1:8080",
+                                         "myself:9090"};
     for (size_t i = 0; i < sizeof ours / sizeof *ours; i++)
         if (!pages_is_host(p, ours[i])) fail_msg("%s", ours[i]);
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
         if (pages_is_host(p, others[i])) fail_msg("%s", others[i]);
     pages_free(p);
-    p = pages_new("", "[::1]:80", NULL, 0, &e);
+    p = pages_new(NULL, 0, &e);
+    pages_add(p, "", "[::1]:80");
     assert_true(pages_is_host(p, "localhost") && pages_is_host(p, "[::1]"));
     assert_false(pages_has_named(p) || pages_is_host(p, "localhost:8080"));
     pages_free(p);
-    p = pages_new("", "unix:/run/hexad:1", NULL, 0, &e);
+    p = pages_new(NULL, 0, &e);
+    pages_add(p, "", "unix:/run/hexad:1");
     assert_false(pages_is_host(p, "localhost:1") || pages_is_host(p, ""));
     pages_free(p);
 }
@@ -51,8 +57,9 @@ static void test_origins(void **state)
 {
     (void)state;
     error e;
-    pages *p = pages_new("127.0.0.1:0", "127.0.0.1:8080", named, 2, &e);
+    pages *p = pages_new(named, 2, &e);
     assert_non_null(p);
+    pages_add(p, "127.0.0.1:0", "127.0.0.1:8080");
     assert_true(pages_is_welcome(p, "http://localhost:8080") && pages_is_welcome(p, "http://[::1]:8080"));
     assert_true(pages_is_welcome(p, "https://gui.example") && pages_is_named(p, "https://gui.example"));
     assert_true(pages_is_named(p, "http://localhost:3000") && !pages_is_named(p, "http://localhost:8080"));
@@ -83,7 +90,7 @@ static void test_what_is_no_origin(void **state)
                                       "http://a b", "http://u@x", "http://x?", "http:/x"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         error e = {0};
-        if (pages_new("", "127.0.0.1:1", &bad[i], 1, &e)) fail_msg("%s", bad[i]);
+        if (pages_new(&bad[i], 1, &e)) fail_msg("%s", bad[i]);
         assert_int_equal(e.code, ERROR_SPEC_INVALID);
     }
 }

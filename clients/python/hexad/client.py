@@ -99,6 +99,10 @@ class RemoteJob(Job):
         path = f"{self.path}/log" + ("" if frame is None else f"?frame={frame}")
         return self.transport.ask("GET", path, read=lambda response: response.read().decode("utf-8", "replace"))
 
+    def contact_sheet(self) -> bytes:
+        """A PNG picture: the previews of all frames of an array that have succeeded, or the preview of another job."""
+        return self.transport.ask("GET", f"{self.path}/contact_sheet.png", read=lambda response: response.read())
+
     def tasks(self) -> Iterator[dict[str, Any]]:
         """How far each frame is."""
         after = None
@@ -147,12 +151,12 @@ class Client(Service):
         self.transport = Transport(server, token, timeout, patience, context)
 
     def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> RemoteJob:
-        """Submits a job. If the service finds within 0.2 s that it will fail, as of a wrong grid, there is a FaultWarning."""
+        """Submits a job. If the service finds a fault of its inputs within 0.2 s, such as a wrong grid, there is a FaultWarning."""
         fault = self.fault_of(spec)
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
         job = RemoteJob(self.transport, self.transport.send("POST", "/v1/jobs", with_version(spec), headers))
         if fault:
-            warnings.warn(f"job {job.id} will fail: {fault}", FaultWarning, stacklevel=2)
+            warnings.warn(f"job {job.id} is accepted, and fails if this is still so when it runs: {fault}", FaultWarning, stacklevel=2)
         wait_as_asked(job, wait)
         return job
 

@@ -15,7 +15,7 @@ class Unreachable(HexadError):
 
 
 class FaultWarning(UserWarning):
-    """A job that was submitted will fail, since its inputs are not as its spec says."""
+    """The inputs of a job that was accepted have a fault, with which it would fail."""
 
 
 class Damaged(HexadError):
