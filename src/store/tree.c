@@ -19,7 +19,7 @@ typedef struct entry {
 struct store_tree {
     int directory;
     bool hashes, has_changed;
-    entry *entries; /* sorted by path up to `sorted`; the rest in the order in which they came */
+    entry *entries; /* sorted by path up to `sorted`; the others in the order of opening */
     size_t count, room, sorted;
 };
 
@@ -44,7 +44,7 @@ static int by_path(const void *a, const void *b)
     return strcmp(((const entry *)a)->path, ((const entry *)b)->path);
 }
 
-/* Callers usually open all files, and then all of them again: entries are sorted by the second time. */
+/* Callers usually open all files and then open all of them again; by then most entries are sorted. */
 static entry *find_entry(store_tree *t, const char *path)
 {
     const entry key = {.path = (char *)path};
@@ -54,7 +54,7 @@ static entry *find_entry(store_tree *t, const char *path)
     return found;
 }
 
-/* Unsorted entries are few: searching them stays cheap. */
+/* Bounds the number of unsorted entries, which are searched linearly. */
 static void sort_if_many(store_tree *t)
 {
     enum { FEW = 256 };
