@@ -196,11 +196,11 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
         errno = why;
         return NULL;
     }
-    size_t used = 0, room = 0, got;
+    size_t used = 0, capacity = 0, got;
     char *text = NULL;
     do {
-        if (room - used < 65536) text = mem_resize(text, (room = used * 2 + 65537));
-        got = fread(text + used, 1, room - used - 1, stream);
+        if (capacity - used < 65536) text = mem_resize(text, (capacity = used * 2 + 65537));
+        got = fread(text + used, 1, capacity - used - 1, stream);
         used += got;
     } while (got > 0 && used <= limit);
     bool failed = ferror(stream) != 0;

@@ -40,7 +40,7 @@ struct store_upload {
     struct sha256_ctx hash;
     char wanted[STORE_INPUT_HEX + 1];
     int64_t bytes; /* arrived bytes; their space is reserved */
-    store_upload_verdict verdict;
+    store_upload_outcome outcome;
     bool committed;
 };
 
@@ -262,7 +262,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
 {
     DIR *directory = opendir(s->directory);
     gone_file *files = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     *gone = 0;
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
@@ -276,7 +276,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
             there ? (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000 : 0;
         if (there && may_go(context, d->d_name, used_ms) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
             s->used_bytes -= info.st_size;
-            if (*gone == room) files = mem_resize(files, (room = room * 2 + 16) * sizeof *files);
+            if (*gone == capacity) files = mem_resize(files, (capacity = capacity * 2 + 16) * sizeof *files);
             files[*gone].bytes = info.st_size;
             snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", d->d_name + strlen(STORE_INPUT_PREFIX));
         }
@@ -303,25 +303,25 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
 
 /* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. The caller holds the
  * mutex. */
-static store_upload_verdict find_room(const store_inputs *s, const sender *who, int64_t bytes)
+static store_upload_outcome find_space(const store_inputs *s, const sender *from, int64_t bytes)
 {
-    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_ROOM;
-    return s->user_bytes && bytes > s->user_bytes - who->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
+    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_SPACE;
+    return s->user_bytes && bytes > s->user_bytes - from->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
 }
 
 /* Reserves space for arrived bytes. */
-static store_upload_verdict reserve(store_upload *u, int64_t bytes)
+static store_upload_outcome reserve(store_upload *u, int64_t bytes)
 {
     store_inputs *s = u->owner;
     pthread_mutex_lock(&s->mutex);
-    store_upload_verdict verdict = find_room(s, u->sender, bytes);
-    if (verdict == STORE_UPLOAD_GOOD) {
+    store_upload_outcome outcome = find_space(s, u->sender, bytes);
+    if (outcome == STORE_UPLOAD_GOOD) {
         s->used_bytes += bytes;
         u->sender->bytes += bytes;
         u->bytes += bytes;
     }
     pthread_mutex_unlock(&s->mutex);
-    return verdict;
+    return outcome;
 }
 
 static void release(store_inputs *s, int64_t bytes)
@@ -350,72 +350,72 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
 }
 
 /* Begins an upload if the user may have one more and there is space for the announced bytes. */
-static store_upload_verdict enter(store_inputs *s, const char *user, int64_t announced, sender **who)
+static store_upload_outcome enter(store_inputs *s, const char *user, int64_t announced, sender **from)
 {
     char name[STORE_INPUT_HEX + 1];
     hash_name(user, name);
     pthread_mutex_lock(&s->mutex);
-    *who = find_sender(s, name);
-    store_upload_verdict verdict = find_room(s, *who, announced > 0 ? announced : 0);
-    if (s->user_uploads && (*who)->uploads >= s->user_uploads) verdict = STORE_UPLOAD_TOO_MANY;
-    if (verdict == STORE_UPLOAD_GOOD) (*who)->uploads++;
+    *from = find_sender(s, name);
+    store_upload_outcome outcome = find_space(s, *from, announced > 0 ? announced : 0);
+    if (s->user_uploads && (*from)->uploads >= s->user_uploads) outcome = STORE_UPLOAD_TOO_MANY;
+    if (outcome == STORE_UPLOAD_GOOD) (*from)->uploads++;
     pthread_mutex_unlock(&s->mutex);
-    return verdict;
+    return outcome;
 }
 
 /* Releases the space of an upload except `kept` bytes, which stay in place. */
-static void leave(store_inputs *s, sender *who, int64_t bytes, int64_t kept)
+static void leave(store_inputs *s, sender *from, int64_t bytes, int64_t kept)
 {
     pthread_mutex_lock(&s->mutex);
     s->used_bytes -= bytes - kept;
-    who->bytes -= bytes; /* store_inputs_note_sender counts a file that stays */
-    who->uploads--;
+    from->bytes -= bytes; /* store_inputs_note_sender counts a file that stays */
+    from->uploads--;
     pthread_mutex_unlock(&s->mutex);
 }
 
-store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
+store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e)
 {
     if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
-    sender *who;
-    store_upload_verdict verdict = enter(s, user, announced, &who);
-    if (verdict != STORE_UPLOAD_GOOD) return verdict;
+    sender *from;
+    store_upload_outcome outcome = enter(s, user, announced, &from);
+    if (outcome != STORE_UPLOAD_GOOD) return outcome;
     store_upload *u = mem_alloc(sizeof *u);
     char *path = path_of(s, hex);
     bool ok = store_file_begin(path, &u->file, e);
     free(path);
     if (!ok) {
         int fault = errno;
-        leave(s, who, 0, 0);
+        leave(s, from, 0, 0);
         free(u);
-        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
     }
     u->owner = s;
-    u->sender = who;
+    u->sender = from;
     sha256_init(&u->hash);
     strcpy(u->wanted, hex);
     *upload = u;
     return STORE_UPLOAD_GOOD;
 }
 
-store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
+store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
 {
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
-    if (u->bytes + (int64_t)count > u->owner->most_bytes) return u->verdict = STORE_UPLOAD_TOO_LARGE;
-    u->verdict = reserve(u, (int64_t)count);
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
+    if (u->bytes + (int64_t)count > u->owner->most_bytes) return u->outcome = STORE_UPLOAD_TOO_LARGE;
+    u->outcome = reserve(u, (int64_t)count);
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
     sha256_update(&u->hash, count, bytes);
     if (fwrite(bytes, 1, count, u->file.stream) == count) return STORE_UPLOAD_GOOD;
     error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", u->file.path, strerror(errno));
-    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
 }
 
-store_upload_verdict store_upload_commit(store_upload *u, error *e)
+store_upload_outcome store_upload_commit(store_upload *u, error *e)
 {
     char hex[STORE_INPUT_HEX + 1];
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
     print_digest(&u->hash, hex);
-    if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
+    if (strcmp(hex, u->wanted) != 0) return u->outcome = STORE_UPLOAD_MISMATCH;
     bool ok = store_file_flush(&u->file, e); /* outside the mutex, since it is slow */
     if (ok) {
         /* under the mutex, so that an existing file is not collected in between: its space would be released twice */
@@ -428,7 +428,7 @@ store_upload_verdict store_upload_commit(store_upload *u, error *e)
         pthread_mutex_unlock(&u->owner->mutex);
     }
     if (ok) return STORE_UPLOAD_GOOD;
-    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
 }
 
 void store_upload_end(store_upload *u)

@@ -59,28 +59,28 @@ bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user
  * of them. */
 void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads);
 
-typedef enum store_upload_verdict {
+typedef enum store_upload_outcome {
     STORE_UPLOAD_GOOD,
     STORE_UPLOAD_TOO_LARGE, /* over most_bytes */
-    STORE_UPLOAD_NO_ROOM,   /* over total_bytes, or the disk is full */
+    STORE_UPLOAD_NO_SPACE,  /* over total_bytes, or the disk is full */
     STORE_UPLOAD_USER_FULL, /* over the user's limit of bytes */
     STORE_UPLOAD_TOO_MANY,  /* over the user's limit of simultaneous uploads */
     STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */
     STORE_UPLOAD_FAILED     /* *e has the error */
-} store_upload_verdict;
+} store_upload_outcome;
 
 typedef struct store_upload store_upload;
 
 /* Begins an upload of `announced` bytes; -1: the length is not known. Space is reserved as bytes arrive. Announced
  * bytes reserve no space, but the upload is refused if there is no space for them now. On GOOD the caller ends
  * *upload. */
-store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
+store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
-store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
+store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
 /* Verifies the hash, flushes the file and renames it to its name. If the same file is already stored, the upload is
  * discarded. */
-store_upload_verdict store_upload_commit(store_upload *u, error *e);
+store_upload_outcome store_upload_commit(store_upload *u, error *e);
 void store_upload_end(store_upload *u); /* removes what was not committed; accepts NULL */
 
 #endif

@@ -439,7 +439,7 @@ static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void *
         assert_non_null(collected);
         assert_int_equal(access(path, F_OK), 0);
         store_upload *upload = NULL;
-        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_ROOM);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_SPACE);
         assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload, NULL), STORE_UPLOAD_GOOD);
         store_upload_end(upload);
     }
