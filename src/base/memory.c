@@ -48,9 +48,10 @@ char *mem_printf(const char *format, ...)
     return not_null(length < 0 ? NULL : text);
 }
 
-/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since arrays
- * are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once; from SEVERAL_PAGES
- * bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual machines fifty. */
+/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since
+ * arrays are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once. From
+ * SEVERAL_PAGES bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual
+ * machines fifty. */
 static const size_t LARGE = 5 << 18, SEVERAL_PAGES = 1 << 17;
 
 /* Arrays from this size use pages of 2 MB: the kernel needs a third of a second to end a process with gigabytes in
