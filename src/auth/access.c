@@ -49,18 +49,18 @@ struct access_control {
 
 static bool resolve_user(const char *name, unsigned *number)
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
-    if (getpwnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    if (getpwnam_r(name, &record, buffer, sizeof buffer, &found) != 0 || !found) return false;
     *number = found->pw_uid;
     return true;
 }
 
 static bool resolve_group(const char *name, unsigned *number)
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct group record, *found = NULL;
-    if (getgrnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    if (getgrnam_r(name, &record, buffer, sizeof buffer, &found) != 0 || !found) return false;
     *number = found->gr_gid;
     return true;
 }
@@ -188,16 +188,16 @@ bool access_check_name(const char *name, bool group, error *e)
 
 char *access_find_name(const char *number, bool group)
 {
-    char room[NAME_BYTES], *end = NULL;
+    char buffer[NAME_BYTES], *end = NULL;
     unsigned long read = strtoul(number, &end, 10);
     if (!isdigit((unsigned char)*number) || *end || read >= (unsigned)-1) return NULL;
     if (group) {
         struct group record, *found = NULL;
-        bool known = getgrgid_r((gid_t)read, &record, room, sizeof room, &found) == 0 && found;
+        bool known = getgrgid_r((gid_t)read, &record, buffer, sizeof buffer, &found) == 0 && found;
         return known ? mem_strdup(found->gr_name) : NULL;
     }
     struct passwd record, *found = NULL;
-    bool known = getpwuid_r((uid_t)read, &record, room, sizeof room, &found) == 0 && found;
+    bool known = getpwuid_r((uid_t)read, &record, buffer, sizeof buffer, &found) == 0 && found;
     return known ? mem_strdup(found->pw_name) : NULL;
 }
 
@@ -213,10 +213,10 @@ const char *access_find_same(const access_names *names, bool group, const char *
 /* Lists the groups of a user. Returns their number; 0 if the user does not exist or has more than MOST_GROUPS. */
 static int list_groups(unsigned uid, gid_t groups[MOST_GROUPS])
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
     int count = MOST_GROUPS;
-    if (getpwuid_r(uid, &record, room, sizeof room, &found) != 0 || !found) return 0;
+    if (getpwuid_r(uid, &record, buffer, sizeof buffer, &found) != 0 || !found) return 0;
     return getgrouplist(found->pw_name, found->pw_gid, groups, &count) < 0 ? 0 : count;
 }
 
@@ -270,9 +270,9 @@ static bool in_groups(const access_control *a, int fd, gid_t primary)
 /* The name of the user; uid:NUMBER if there is none. */
 static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
-    if (getpwuid_r(uid, &record, room, sizeof room, &found) == 0 && found &&
+    if (getpwuid_r(uid, &record, buffer, sizeof buffer, &found) == 0 && found &&
         strlen(found->pw_name) < ACCESS_USER_SIZE)
         strcpy(user, found->pw_name);
     else
@@ -281,8 +281,8 @@ static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 
 void access_look(access_control *a, int fd, access_peer *peer)
 {
-    struct ucred who;
-    socklen_t size = sizeof who;
+    struct ucred peer_process;
+    socklen_t size = sizeof peer_process;
     struct sockaddr_storage address = {0};
     socklen_t length = sizeof address;
     *peer = (access_peer){.uid = (uid_t)-1};
@@ -294,15 +294,15 @@ void access_look(access_control *a, int fd, access_peer *peer)
         strcpy(peer->user, ACCESS_ANYONE);
         return;
     }
-    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return;
-    peer->uid = who.uid;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer_process, &size) != 0) return;
+    peer->uid = peer_process.uid;
     pthread_mutex_lock(&a->mutex);
-    if (who.uid == 0 || who.uid == geteuid() || holds(&a->peers.admins, who.uid))
+    if (peer_process.uid == 0 || peer_process.uid == geteuid() || holds(&a->peers.admins, peer_process.uid))
         peer->scopes = SCOPE_ALL;
-    else if (holds(&a->peers.users, who.uid) || in_groups(a, fd, who.gid))
+    else if (holds(&a->peers.users, peer_process.uid) || in_groups(a, fd, peer_process.gid))
         peer->scopes = SCOPE_USER;
     pthread_mutex_unlock(&a->mutex);
-    if (peer->scopes) name_user(who.uid, peer->user);
+    if (peer->scopes) name_user(peer_process.uid, peer->user);
 }
 
 static void take_rights(const access_control *a, const token *t, access_caller *caller)

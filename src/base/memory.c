@@ -153,14 +153,15 @@ static void move_bytes(char *to, char *from, size_t bytes)
     }
 }
 
-void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what, error *e)
+void *mem_grow(void *array, size_t count, size_t *capacity, size_t first, size_t size, const char *what,
+               error *e)
 {
-    if (count < *room) return array;
-    size_t larger = *room ? 2 * *room : first;
+    if (count < *capacity) return array;
+    size_t larger = *capacity ? 2 * *capacity : first;
     void *moved = mem_array(larger, size, what, e);
     if (!moved) return NULL;
     if (count) move_bytes(moved, array, count * size);
     free(array);
-    *room = larger;
+    *capacity = larger;
     return moved;
 }

@@ -479,11 +479,11 @@ bool config_find_node(config *c, error *e)
 /* Prints a text in lines of at most 78 characters after a prefix. */
 static void print_wrapped(FILE *file, const char *prefix, const char *prose)
 {
-    size_t room = 78 - strlen(prefix);
+    size_t width = 78 - strlen(prefix);
     while (*prose) {
         size_t length = strlen(prose);
-        if (length > room) {
-            length = room;
+        if (length > width) {
+            length = width;
             while (length > 0 && prose[length] != ' ') length--;
         }
         fprintf(file, "%s%.*s\n", prefix, (int)length, prose);
