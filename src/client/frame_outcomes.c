@@ -1,4 +1,4 @@
-/* The frames of an array whose results are unresolved or not converged. */
+/* frame_outcomes: prints the frames of an array whose results are unresolved or not converged. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +12,7 @@ typedef struct frame_list {
     FILE *out; /* writes `text` */
     char *text;
     size_t size;
-    long first, last; /* of the range that is not written yet; first > last: there is none */
+    long first, last; /* the range that is not yet written; first > last: none */
 } frame_list;
 
 static void write_range(frame_list *l)
