@@ -10,7 +10,7 @@
 #include "client/print.h"
 
 /* Posts a command for one job. On success *document is the job; the caller frees it. */
-static int tell(client *c, const char *id, const char *what, json **document)
+static int post_command(client *c, const char *id, const char *what, json **document)
 {
     char *path = command_job_path(id, what);
     int code = path ? command_ask(c, "POST", path, NULL, document) : COMMAND_USAGE;
@@ -19,11 +19,11 @@ static int tell(client *c, const char *id, const char *what, json **document)
 }
 
 /* Posts a command, prints the job, and calls `explain` for it unless `explain` is NULL. */
-static int tell_and_explain(client *c, const char *id, const char *what, void (*explain)(json_at job),
+static int post_and_explain(client *c, const char *id, const char *what, void (*explain)(json_at job),
                             const command_options *options)
 {
     json *document = NULL;
-    int code = tell(c, id, what, &document);
+    int code = post_command(c, id, what, &document);
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
@@ -36,7 +36,7 @@ static int tell_and_explain(client *c, const char *id, const char *what, void (*
 
 static int tell_and_print(client *c, const char *id, const char *what, const command_options *options)
 {
-    return tell_and_explain(c, id, what, NULL, options);
+    return post_and_explain(c, id, what, NULL, options);
 }
 
 int command_resume(client *c, const char *argument, const command_options *options)
@@ -57,13 +57,13 @@ static void print_dependents(json_at job)
 int command_retry(client *c, const char *argument, const command_options *options)
 {
     if (!options->dependents) return tell_and_print(c, argument, "/retry", options);
-    return tell_and_explain(c, argument, "/retry?dependents=1", print_dependents, options);
+    return post_and_explain(c, argument, "/retry?dependents=1", print_dependents, options);
 }
 
 int command_deliver(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = tell(c, argument, "/deliver", &document);
+    int code = post_command(c, argument, "/deliver", &document);
     json_free(document);
     if (code != COMMAND_OK) return code;
     char *path = command_job_path(argument, "");
@@ -93,7 +93,7 @@ static void explain_pause(json_at job)
 
 int command_pause(client *c, const char *argument, const command_options *options)
 {
-    return tell_and_explain(c, argument, "/pause", explain_pause, options);
+    return post_and_explain(c, argument, "/pause", explain_pause, options);
 }
 
 int command_delete(client *c, const char *argument, const command_options *options)

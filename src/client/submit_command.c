@@ -21,11 +21,11 @@
  * spec. */
 static char *read_input(size_t *length, error *e)
 {
-    size_t room = 65536, used = 0, got;
-    char *text = mem_alloc(room);
+    size_t capacity = 65536, used = 0, got;
+    char *text = mem_alloc(capacity);
     do {
-        if (used + 1 == room) text = mem_resize(text, room *= 2);
-        got = fread(text + used, 1, room - used - 1, stdin);
+        if (used + 1 == capacity) text = mem_resize(text, capacity *= 2);
+        got = fread(text + used, 1, capacity - used - 1, stdin);
         used += got;
     } while (got > 0 && used <= SPEC_LIMIT_BYTES);
     if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
