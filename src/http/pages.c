@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-/* The setting and the address, and three names of the loopback interface. */
+/* The setting, the address, and three names of the loopback interface. */
 #define MOST_HOSTS 5
 
 struct pages {
@@ -20,12 +20,12 @@ static const char own_scheme[] = "http://";
 
 static void add_host(pages *p, const char *host, size_t length, const char *port)
 {
-    bool default_port = strcmp(port, "80") == 0; /* browsers leave it out */
+    bool default_port = strcmp(port, "80") == 0; /* browsers omit it */
     p->host[p->host_count++] =
         default_port ? mem_strndup(host, length) : mem_printf("%.*s:%s", (int)length, host, port);
 }
 
-/* Behind "http://" or "https://" only what can be a host, and a port. */
+/* Whether a text is "http://" or "https://" with a possible host and an optional port. */
 static bool is_origin(const char *text)
 {
     const char *host = strstr(text, "://");
