@@ -49,7 +49,7 @@ struct client_connection {
     connection_decision decision;
     bool placed; /* it is counted for its owner and in total */
     /* between requests, and the watcher has not yet checked whether the client has closed it */
-    bool rests;
+    bool is_between_requests;
     bool leaving;     /* its descriptor was shut down; the serving thread notices the end and cleans up */
     int64_t since_ms; /* start of the client's time; NEVER: it does not run */
     client_connection *previous, *next;
@@ -78,7 +78,7 @@ static unsigned most_unplaced(const connections_settings *settings)
     return settings->connection_limit / 4 + 8;
 }
 
-unsigned connections_room(const connections_settings *settings)
+unsigned connections_capacity(const connections_settings *settings)
 {
     return settings->connection_limit + 2 * most_unplaced(settings);
 }
@@ -216,10 +216,10 @@ static connection_decision place(connections *p, client_connection *which)
 }
 
 /* Marks the connection as waiting for a request. */
-static void rest(connections *p, client_connection *which)
+static void await_request(connections *p, client_connection *which)
 {
     which->since_ms = clock_monotonic_ms();
-    which->rests = true;
+    which->is_between_requests = true;
     if (which->leaving)
         which->since_ms = NEVER;
     else if (!which->placed)
@@ -240,7 +240,7 @@ client_connection *connections_add(connections *p, int fd)
     if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
     new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
     new->decision = place(p, new);
-    rest(p, new);
+    await_request(p, new);
     if (p->unplaced.count > most_unplaced(&p->settings)) end(p, p->unplaced.first);
     new->next = p->first;
     if (new->next) new->next->previous = new;
@@ -300,7 +300,7 @@ connection_decision connections_begin_request(connections *p, client_connection 
 void connections_end_request(connections *p, client_connection *which)
 {
     pthread_mutex_lock(&p->mutex);
-    rest(p, which);
+    await_request(p, which);
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -316,7 +316,7 @@ static void mark(connections *p, client_connection *which, int64_t since_ms)
     pthread_mutex_lock(&p->mutex);
     if (since_ms == NEVER) leave_queue(which);
     which->since_ms = which->leaving ? NEVER : since_ms;
-    which->rests = false;
+    which->is_between_requests = false;
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -345,9 +345,9 @@ const address *connections_address(const client_connection *which)
 static bool has_ended(client_connection *which)
 {
     char byte;
-    bool looks = which->rests;
-    which->rests = false;
-    return looks && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
+    bool must_check = which->is_between_requests;
+    which->is_between_requests = false;
+    return must_check && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
 }
 
 static void *close_overdue(void *argument)

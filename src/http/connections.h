@@ -44,7 +44,7 @@ typedef struct connections_settings {
 
 /* The number of connections that the library must accept. It exceeds the limit, so that connections over the limit
  * get an answer. */
-unsigned connections_room(const connections_settings *settings);
+unsigned connections_capacity(const connections_settings *settings);
 
 connections *connections_start(const connections_settings *settings, access_control *access, error *e);
 void connections_stop(connections *p); /* call it after the last connection was removed; accepts NULL */

@@ -22,9 +22,9 @@ head_target head_look(const char *uri)
     for (const char *at = uri; t.plain && at < t.end; at++) t.plain = *at != ' ' && !is_control_byte(*at);
     const char *query = strchr(uri, '?'), *next = query;
     for (size_t count = 0; next && next[1]; count++, next = strchr(next + 1, '&'))
-        if (count == HTTP_MAX_QUERY) t.crowded = true;
+        if (count == HTTP_MAX_QUERY) t.has_too_many_parameters = true;
     /* writes to the library's own buffer, which the library splits at the next step */
-    if (t.crowded) *(char *)(uintptr_t)(query + 1) = '\0';
+    if (t.has_too_many_parameters) *(char *)(uintptr_t)(query + 1) = '\0';
     return t;
 }
 
@@ -125,8 +125,8 @@ bool head_refuse(struct MHD_Connection *connection, const char *method, const ch
     const char *fault = find_fault(connection, method, version, target);
     if (fault)
         reply_set_problem(r, "request_invalid", NULL, "%s", fault);
-    else if (target->crowded)
+    else if (target->has_too_many_parameters)
         reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters: send fewer",
                           HTTP_MAX_QUERY);
-    return fault || target->crowded;
+    return fault || target->has_too_many_parameters;
 }

@@ -30,8 +30,8 @@ static inline bool head_is_token_byte(char byte)
 /* The path and query of a request line after it has arrived. No header has been read yet. */
 typedef struct head_target {
     const char *start, *end;
-    bool plain;   /* without blanks and control bytes */
-    bool crowded; /* more than HTTP_MAX_QUERY parameters */
+    bool plain;                   /* without blanks and control bytes */
+    bool has_too_many_parameters; /* more than HTTP_MAX_QUERY parameters */
 } head_target;
 
 /* Reads the request line. `uri` is the text that the library passes to MHD_OPTION_URI_LOG_CALLBACK. A query with too

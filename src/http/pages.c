@@ -81,21 +81,21 @@ bool pages_is_host(const pages *p, const char *host)
     return is_own_host(p, host);
 }
 
-bool pages_is_named(const pages *p, const char *origin)
+bool pages_is_listed(const pages *p, const char *origin)
 {
     for (size_t i = 0; i < p->origin_count; i++)
         if (strcmp(p->origin[i], origin) == 0) return true;
     return false;
 }
 
-bool pages_has_named(const pages *p)
+bool pages_has_listed(const pages *p)
 {
     return p->origin_count > 0;
 }
 
-bool pages_is_welcome(const pages *p, const char *origin)
+bool pages_is_permitted(const pages *p, const char *origin)
 {
     size_t length = sizeof own_scheme - 1;
-    return pages_is_named(p, origin) ||
+    return pages_is_listed(p, origin) ||
            (strncasecmp(origin, own_scheme, length) == 0 && is_own_host(p, origin + length));
 }

@@ -25,10 +25,10 @@ void pages_free(pages *p); /* accepts NULL */
 bool pages_is_host(const pages *p, const char *host);
 
 /* Whether pages of this origin may send requests: its host is this service, or the origin is listed. */
-bool pages_is_welcome(const pages *p, const char *origin);
+bool pages_is_permitted(const pages *p, const char *origin);
 
 /* Whether the setting lists the origin. The answers then need headers that let its pages read them. */
-bool pages_is_named(const pages *p, const char *origin);
-bool pages_has_named(const pages *p);
+bool pages_is_listed(const pages *p, const char *origin);
+bool pages_has_listed(const pages *p);
 
 #endif

@@ -92,7 +92,7 @@ typedef struct exchange {
     const char *page_origin; /* origin of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
-    size_t room;             /* capacity of `body`, counted in the server's bodies */
+    size_t capacity;         /* of `body`, counted in the server's bodies */
     body_decision body_fits; /* otherwise the rest of the body is ignored */
     size_t step;             /* bytes of a long body since the client's time was restarted */
     bool too_large;          /* the rest of the body is ignored */
@@ -290,7 +290,7 @@ static enum MHD_Result queue_reply(exchange *x, reply *r)
             MHD_add_response_header(response, r->header[i].name, r->header[i].value);
         /* readers of chunks differ in malformed ones, so no bytes after this body are read as a request */
         if (x->chunked) MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
-        if (pages_has_named(x->s->settings.pages)) add_page_headers(x->page_origin, response);
+        if (pages_has_listed(x->s->settings.pages)) add_page_headers(x->page_origin, response);
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
     }
@@ -372,7 +372,7 @@ static void set_unauthorized(const exchange *x, const access_peer *from, const f
 /* Whether a page of another origin sent the request. Links on it may lead to routes that need no scope. */
 static bool is_foreign_page(const exchange *x, const fields *f)
 {
-    if (f->origins) return f->origins > 1 || !pages_is_welcome(x->s->settings.pages, f->origin);
+    if (f->origins) return f->origins > 1 || !pages_is_permitted(x->s->settings.pages, f->origin);
     if (!f->site || strcmp(f->site, "same-origin") == 0 || strcmp(f->site, "none") == 0) return false;
     const route *found = x->route.found;
     return !(found && !found->scope && f->destination && strcmp(f->destination, "document") == 0);
@@ -550,7 +550,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, cons
     fields f = fields_read(x->connection);
     route_find(x->s->settings.routes, method, path, &x->route);
     identify(x, &f);
-    if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
+    if (f.origins == 1 && pages_is_listed(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     x->chunked = f.codings > 0;
@@ -600,25 +600,25 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
 
 static void drop_body(exchange *x)
 {
-    body_bytes_give_back(x->s->bodies, x->caller.user, x->room);
+    body_bytes_give_back(x->s->bodies, x->caller.user, x->capacity);
     free(x->body);
     x->body = NULL;
-    x->request.length = x->room = 0;
+    x->request.length = x->capacity = 0;
 }
 
 /* Increases the capacity of the body to at least `bytes`. False: the limits do not permit it, and the received part
  * of the body was discarded. */
-static bool make_room(exchange *x, size_t bytes)
+static bool reserve_body(exchange *x, size_t bytes)
 {
-    size_t limit = x->s->settings.body_limit_bytes + 1, room = 2 * bytes < limit ? 2 * bytes : limit;
-    if (bytes <= x->room) return true;
-    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, room - x->room);
+    size_t limit = x->s->settings.body_limit_bytes + 1, capacity = 2 * bytes < limit ? 2 * bytes : limit;
+    if (bytes <= x->capacity) return true;
+    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, capacity - x->capacity);
     if (x->body_fits != BODY_FITS) {
         drop_body(x);
         return false;
     }
-    x->body = mem_resize(x->body, room);
-    x->room = room;
+    x->body = mem_resize(x->body, capacity);
+    x->capacity = capacity;
     return true;
 }
 
@@ -643,7 +643,7 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
     if (x->too_large || x->body_fits != BODY_FITS || *size > x->s->settings.body_limit_bytes - *length) {
         x->too_large = x->body_fits == BODY_FITS;
         drop_body(x);
-    } else if (make_room(x, *length + *size + 1)) {
+    } else if (reserve_body(x, *length + *size + 1)) {
         memcpy(x->body + *length, data, *size);
         *length += *size;
     }
@@ -871,7 +871,7 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
     struct MHD_OptionItem options[] = {
         {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, s},
         {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
-        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_room(&settings->connections), NULL},
+        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_capacity(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
 #if MHD_VERSION >= 0x01000000 /* see http/head */

@@ -40,7 +40,7 @@ static void test_hosts(void **state)
     pages_free(p);
     p = pages_new("", "[::1]:80", NULL, 0, &e);
     assert_true(pages_is_host(p, "localhost") && pages_is_host(p, "[::1]"));
-    assert_false(pages_has_named(p) || pages_is_host(p, "localhost:8080"));
+    assert_false(pages_has_listed(p) || pages_is_host(p, "localhost:8080"));
     pages_free(p);
     p = pages_new("", "unix:/run/hexad:1", NULL, 0, &e);
     assert_false(pages_is_host(p, "localhost:1") || pages_is_host(p, ""));
@@ -53,9 +53,9 @@ static void test_origins(void **state)
     error e;
     pages *p = pages_new("127.0.0.1:0", "127.0.0.1:8080", named, 2, &e);
     assert_non_null(p);
-    assert_true(pages_is_welcome(p, "http://localhost:8080") && pages_is_welcome(p, "http://[::1]:8080"));
-    assert_true(pages_is_welcome(p, "https://gui.example") && pages_is_named(p, "https://gui.example"));
-    assert_true(pages_is_named(p, "http://localhost:3000") && !pages_is_named(p, "http://localhost:8080"));
+    assert_true(pages_is_permitted(p, "http://localhost:8080") && pages_is_permitted(p, "http://[::1]:8080"));
+    assert_true(pages_is_permitted(p, "https://gui.example") && pages_is_listed(p, "https://gui.example"));
+    assert_true(pages_is_listed(p, "http://localhost:3000") && !pages_is_listed(p, "http://localhost:8080"));
     static const char *const others[] = {"",
                                          "null",
                                          "http://",
@@ -71,7 +71,7 @@ static void test_origins(void **state)
                                          "http://localhost",
                                          "HTTPS://GUI.EXAMPLE"};
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (pages_is_welcome(p, others[i])) fail_msg("%s", others[i]);
+        if (pages_is_permitted(p, others[i])) fail_msg("%s", others[i]);
     pages_free(p);
 }
 
