@@ -369,8 +369,8 @@ int command_inspect(client *c, const char *argument, const command_options *opti
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        fputs(json_string(json_member(&root, "text"), ""),
-              stdout); /* the worker writes no control characters */
+        /* the worker writes no control characters */
+        fputs(json_string(json_member(&root, "text"), ""), stdout);
     free(body);
     json_free(asked);
     json_free(document);

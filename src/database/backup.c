@@ -111,8 +111,8 @@ static bool copy_online(database *d, sqlite3 *target, const char *path, int fd, 
 {
     database *reader = database_begin_read(d);
     sqlite3 *source = database_connection(reader);
-    sqlite3_db_release_memory(
-        source); /* empties the page cache, so that the copy shows what is on the disk */
+    /* empties the page cache, so that the copy shows what is on the disk */
+    sqlite3_db_release_memory(source);
     /* without a read transaction, each step would restart after a change */
     int code = sqlite3_get_autocommit(source)
                    ? SQLITE_ERROR

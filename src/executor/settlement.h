@@ -39,8 +39,8 @@ typedef enum settlement_verdict {
 
 typedef struct settlement {
     settlement_verdict verdict;
-    queue_state
-        state; /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
+    /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
+    queue_state state;
     queue_outcome outcome; /* with SUCCEED */
     error_code code;       /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];

@@ -196,8 +196,8 @@ typedef enum queue_verdict {
 typedef struct queue_receipt {
     queue_verdict verdict;
     char id[ULID_SIZE];
-    queue_state
-        state; /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
+    /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
+    queue_state state;
     int64_t revision;
     size_t dependency;
     int frame;

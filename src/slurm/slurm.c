@@ -215,8 +215,8 @@ static engine_attempt *start(void *place, const engine_request *request, error *
 {
     slurm *s = place;
     engine_attempt *a = make(s, request);
-    store_remove(a->directory,
-                 NULL); /* files of an attempt with this number that is missing in a restored database */
+    /* files of an attempt with this number that is missing in a restored database */
+    store_remove(a->directory, NULL);
     if (attempt_files_begin(a->directory, request, e)) {
         take_up(s, a, request, NULL);
         return a;
