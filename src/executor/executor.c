@@ -36,9 +36,10 @@
 
 /* Delay after a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
-/* Maximum delay between two tries while no worker can be started (the program is being replaced, memory is exhausted). */
+/* Maximum delay between two tries while no worker can be started, because the program is being replaced or memory is
+ * exhausted. */
 #define START_WAIT_MOST_MS 30000
-/* Interval of checks for free space on a full disk. */
+/* Interval, in ms, between checks for free space on a full disk. */
 #define ROOM_WAIT_MS 1000
 
 /* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
@@ -65,8 +66,8 @@ struct executor {
     meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
-    int threads;        /* maximum of an attempt; with processes of this host, of all together */
-    int64_t memory_mb;  /* likewise */
+    int threads;        /* maximum of an attempt; for processes of this host, of all attempts together */
+    int64_t memory_mb;  /* maximum of an attempt; for processes of this host, of all attempts together */
     int64_t times;      /* number of hosts with these resources: 1 with processes of this host */
     queue *q;
     progress_ring *progress;
@@ -78,7 +79,7 @@ struct executor {
     int wake_fd, drained_fd;
     atomic_bool closed, draining, forcing, stopping;
     atomic_uint_fast64_t turns;
-    _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
+    _Atomic int64_t drain_ms; /* time at which a drain stops running attempts, monotonic */
 
     pthread_mutex_t order;     /* held over a claim until a slot has it, and over a command */
     pthread_mutex_t mutex;     /* guards the next two members */
@@ -94,7 +95,7 @@ struct executor {
 
     bool may_claim;        /* supervisor: something may have become claimable */
     clock_watch watch;     /* supervisor */
-    int64_t due_ms;        /* supervisor: when the next delayed task is due, wall clock */
+    int64_t due_ms;        /* supervisor: time at which the next delayed task is due, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
     int64_t start_wait_ms; /* supervisor: doubles while no worker starts */
 };
@@ -192,7 +193,7 @@ static bool claim(executor *x, slot *s, queue_resources *free_now)
     return found;
 }
 
-/* Nothing can be claimed now: reads when the next delayed task is due. */
+/* Called when no task can be claimed: reads the time at which the next delayed task is due. */
 static void note_due(executor *x)
 {
     x->may_claim = false;

@@ -40,8 +40,8 @@ static const char ADVICE_FAULT[] = ", a fault of hexad: report it with the spec 
                   ADVICE_STOPPED[] =
                       ": look for the cause in the logs of the job and of the machine, then retry the job";
 
-/* The task of an attempt that crashed or stalled is tried again while it has attempts left. `advice` is for the user when
- * it has none. */
+/* Retries the task of a crashed or stalled attempt if it has attempts left. Otherwise the task fails; `advice` ends
+ * the message. */
 static void set_crashed(settlement *s, const queue_claimed *c, const error *why, const char *advice)
 {
     if (c->task.spent < c->job.max_attempts) {
@@ -88,7 +88,7 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* A fault of the host, not of the job. settlement_apply limits the number of retries. */
+/* Queues the task again because of a fault of the host. settlement_apply limits the number of such retries. */
 static void set_storage(settlement *s, const error *why)
 {
     set_end(s, QUEUE_FAILED, why); /* this is how the task ends when no retry is left */
@@ -101,7 +101,7 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
     error said = {0};
     bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == WORKER_EXIT_CANCELLED) {
-        /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
+        /* the executor did not request it, so another process sent the signal, which counts as a crash */
         error_set(&said, ERROR_INTERNAL, "another process stopped the worker");
         set_crashed(s, c, &said, ADVICE_STOPPED);
         return;
@@ -339,8 +339,8 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
-/* Moves the result into place and makes that durable. It may be in place already: when the flush of an earlier try
- * failed, and at a start. */
+/* Moves the result into place and makes the move durable. The result may be in place already: at a start, or if the
+ * flush of an earlier try failed. */
 static bool move_result(const char *work_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
@@ -396,8 +396,8 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
     };
 }
 
-/* Moves the result into place, or removes what the attempt left. False when the disk is at fault, and not the job: the
- * caller tries again later. */
+/* Moves the result into place, or removes the attempt's files. False if the disk is at fault: the caller tries again
+ * later. */
 static bool settle_directory(const settlement_place *place, const queue_claimed *c, const settlement *s,
                              const char *directory, error *e)
 {
@@ -413,7 +413,7 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
-/* The disk space of the attempt. A result that is kept for the next attempt counts when that ends. */
+/* The disk space of the attempt. A result that is kept for the next attempt is counted at the end of that attempt. */
 static int64_t measure_left(const settlement_place *place, const queue_claimed *c, const settlement *s,
                             const char *directory)
 {
@@ -425,7 +425,8 @@ static int64_t measure_left(const settlement_place *place, const queue_claimed *
     return bytes;
 }
 
-/* Stores the decision in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
+/* Stores the decision in the queue. If the task was cancelled in the meantime, it ends as cancelled instead of being
+ * queued again. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {

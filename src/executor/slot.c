@@ -36,22 +36,22 @@ typedef struct work {
     bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
 
     /* used by the supervisor only */
-    bool repeat;     /* no worker is to be started */
+    bool repeat;     /* no worker will be started */
     bool resumed;    /* an earlier daemon has started the worker */
     char *directory; /* of the attempt */
     limits limit;
     engine_attempt *attempt; /* in RUNNING and STOPPING */
     int64_t started_wall_ms;
-    int64_t moved_ms;         /* monotonic: of the start, of the last progress */
-    settlement_stop stop;     /* why the worker was stopped */
-    int64_t force_ms;         /* when it is killed, monotonic */
+    int64_t moved_ms;         /* monotonic: start, last progress */
+    settlement_stop stop;     /* reason why the worker was stopped */
+    int64_t force_ms;         /* time at which it is killed, monotonic */
     bool forced;              /* it was killed */
     engine_ending ending;     /* with `has_ended` */
     bool has_ended;           /* a worker ran, and has ended */
     int64_t ran_ms;           /* once it has ended */
     publication *publication; /* in PUBLISHING */
     settlement verdict;
-    int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
+    int64_t retry_ms; /* DECIDING, SETTLING: time of the next try, monotonic; 0: no try has failed */
     /* referenced by the settlement */
     char *copied;
     char cached_from[ULID_SIZE], *cache_inputs;
@@ -177,7 +177,7 @@ static char *copy_path(const queue_claimed *c)
                                            : frames_path(c->directory, c->task.frame);
 }
 
-/* With a result in the attempt's directory: it is first copied to output.directory, if the job names one. */
+/* Handles a result in the attempt's directory: copies it to output.directory first, if the job names one. */
 static void publish_or_settle(slot *s)
 {
     const slot_context *x = s->context;
@@ -226,7 +226,7 @@ static bool use_cached(slot *s)
     return found;
 }
 
-/* use_cached, with counting. */
+/* Like use_cached, and counts hits and misses. */
 static bool take_cached(slot *s)
 {
     if (!is_cacheable(s)) return false;
@@ -361,7 +361,7 @@ static int64_t began_ms(const slot *s)
     return s->context->engine->began_ms(s->w.attempt);
 }
 
-/* When the task has used up its time, that of earlier attempts included. */
+/* Time at which the task has used up its time limit, including the time of earlier attempts. */
 static int64_t timeout_ms(const slot *s)
 {
     int64_t began = began_ms(s);
