@@ -101,7 +101,7 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
     return ok;
 }
 
-/* Processes the notes of one job or (NULL) of all jobs. False if some are left. Any thread; `removing` serialises. */
+/* Processes the notes of one job or (NULL) of all jobs. False if some remain. Any thread; `removing` serialises. */
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
@@ -294,7 +294,7 @@ static bool wait_until(retention *r, int64_t at_ms)
     return go_on;
 }
 
-/* Whether the file has been unused for keep_ms and no unfinished job reads it. On a database error, false. */
+/* Whether the file has been unused for keep_ms and no unfinished job reads it. False on a database error. */
 static bool may_go(void *context, const char *name, int64_t used_ms)
 {
     retention *r = context;
