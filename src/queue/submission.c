@@ -63,7 +63,7 @@ static bool check_results(database *d, submitting *s, bool *full, error *e)
     return true;
 }
 
-/* Reads how far a job is on which the new one depends. */
+/* Reads the state of a job on which the new job depends. */
 static bool look_at_need(database *d, const char *id, bool *found, job_state_need *need, bool *accepted,
                          error *e)
 {
@@ -80,7 +80,7 @@ static bool look_at_need(database *d, const char *id, bool *found, job_state_nee
     return ok;
 }
 
-/* What the new job waits for: the success of another job, its end, or the success of the same frames. */
+/* The event of another job that the new job waits for: its success, its end, or the success of the same frames. */
 typedef enum need_kind { NEEDS_SUCCESS, NEEDS_END, NEEDS_FRAMES } need_kind;
 
 static size_t count_needs(const queue_submission *in)
@@ -100,8 +100,8 @@ static const char *need_at(const queue_submission *in, size_t index, need_kind *
     return in->after_frames[index - in->after_count];
 }
 
-/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: that job is not an array. *all: it has
- * all frames. */
+/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: the job `id` is not an array.
+ * *all: it has all frames. */
 static bool find_missing_frame(database *d, const queue_submission *in, const char *id, bool *all,
                                int *missing, error *e)
 {
@@ -139,8 +139,8 @@ static bool check_frames(database *d, submitting *s, size_t index, const char *i
     return true;
 }
 
-/* Counts the jobs for which the new one has to wait. *lost: one that has ended and with which the new one cannot start.
- * *refused: the receipt says which dependency is not possible. */
+/* Counts the jobs for which the new job has to wait. *lost: an ended job with which the new job cannot start.
+ * *refused: a dependency is not possible; the receipt has its index. */
 static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *refused,
                         error *e)
 {
