@@ -22,9 +22,9 @@
 
 typedef struct database database;
 
-/* Opens or creates the database in an existing directory, which is locked until database_close. Error, if another
- * process has locked the directory, if it is on a network file system, or if a newer version of the program created the
- * database; the message has the reason. */
+/* Opens or creates the database in an existing directory, which is locked until database_close. Fails if another
+ * process has locked the directory, if it is on a network file system, or if a newer version of the program created
+ * the database; the message has the reason. */
 database *database_open(const char *state_dir, error *e);
 /* Opens a copy of a database (database/backup) for reading. The copy is migrated if it has an older version. */
 database *database_open_copy(const char *path, error *e);
