@@ -199,15 +199,15 @@ static void inspect(const http_context *c, const char *path, reply *r)
     json *asked = json_new_object();
     json_put_string(asked, "path", path);
     char *text = json_print(asked);
-    estimator_verdict verdict = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
+    estimator_outcome outcome = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
                                               QUEUE_NO_FRAME, threads, memory_mb, 0, &found, &e);
-    if (verdict == ESTIMATOR_MADE)
+    if (outcome == ESTIMATOR_MADE)
         reply_set_text(r, "application/json", found);
-    else if (verdict == ESTIMATOR_FAULT)
+    else if (outcome == ESTIMATOR_FAULT)
         reply_set_error(r, &e, NULL);
     else
         reply_set_problem(r, "unavailable", NULL, "%s", e.message);
-    if (verdict == ESTIMATOR_BUSY) reply_ask_again(r);
+    if (outcome == ESTIMATOR_BUSY) reply_ask_again(r);
     free(text);
     json_free(asked);
 }

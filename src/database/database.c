@@ -679,7 +679,7 @@ void database_reserve(database *d, int64_t bytes)
     pthread_mutex_unlock(&d->mutex);
 }
 
-bool database_has_room(database *d)
+bool database_has_space(database *d)
 {
     int64_t wanted = atomic_load(&d->reserve_bytes);
     struct statvfs disk;

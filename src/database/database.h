@@ -100,7 +100,7 @@ void database_end(sqlite3_stmt *s);
 bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e);
 
 /* Whether the free disk space is at least the reserve of database_reserve, which a new job requires. */
-bool database_has_room(database *d);
+bool database_has_space(database *d);
 
 /* Reserves disk space for changes that must succeed on a full disk (database/reserve). 0: none. If the space cannot be
  * reserved, a warning is logged. */

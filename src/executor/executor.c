@@ -40,7 +40,7 @@
  * exhausted. */
 #define START_WAIT_MOST_MS 30000
 /* Interval, in ms, between checks for free space on a full disk. */
-#define ROOM_WAIT_MS 1000
+#define SPACE_WAIT_MS 1000
 
 /* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
  * meanwhile. */
@@ -214,8 +214,8 @@ static void fill_slots(executor *x)
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
-        if (!storage_has_room(&x->storage)) {
-            x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
+        if (!storage_has_space(&x->storage)) {
+            x->claim_ms = clock_monotonic_ms() + SPACE_WAIT_MS;
             return;
         }
         if (claim(x, s, &free_now)) {
@@ -253,7 +253,7 @@ static void answer_repeats(executor *x)
         error e = {0};
         bool found = false;
         queue_claimed claimed = {0};
-        if (!executor_takes_jobs(x) || !storage_has_room(&x->storage) || !queue_is_held(x->q, &held, &e) ||
+        if (!executor_takes_jobs(x) || !storage_has_space(&x->storage) || !queue_is_held(x->q, &held, &e) ||
             held)
             continue;
         pthread_mutex_lock(&x->order);
@@ -370,7 +370,7 @@ static void executor_free(executor *x)
 }
 
 /* For an engine whose attempts run elsewhere: their number is the only limit here. */
-static void set_room_of_nodes(executor *x, const executor_settings *settings)
+static void set_resources_of_nodes(executor *x, const executor_settings *settings)
 {
     x->threads = settings->threads > 0 ? settings->threads : NODE_THREADS;
     x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb : NODE_MEMORY_MB;
@@ -396,7 +396,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
                   settings->memory_mb, x->memory_mb, x->memory_mb);
     x->workers = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
     x->times = 1;
-    if (settings->engine->resume) set_room_of_nodes(x, settings);
+    if (settings->engine->resume) set_resources_of_nodes(x, settings);
     x->slot_count = x->workers + 1;
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     for (size_t i = 0; i < x->slot_count; i++) x->slots[i] = slot_new(&x->context);

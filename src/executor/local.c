@@ -339,10 +339,10 @@ static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
 }
 
 /* Reads once. 0: no data, or the end, at which the descriptor is closed. */
-static size_t read_some(int *fd, char *buffer, size_t room)
+static size_t read_some(int *fd, char *buffer, size_t size)
 {
     if (*fd < 0) return 0;
-    ssize_t got = read(*fd, buffer, room);
+    ssize_t got = read(*fd, buffer, size);
     if (got > 0) return (size_t)got;
     if (got == 0 || (errno != EAGAIN && errno != EINTR)) close_fd(fd);
     return 0;

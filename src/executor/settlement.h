@@ -26,7 +26,7 @@ typedef enum settlement_stop {
 } settlement_stop;
 
 /* The decision on the task. */
-typedef enum settlement_verdict {
+typedef enum settlement_decision {
     /* the result cannot be read at the moment, for the reason in `message`; decide again later */
     SETTLEMENT_UNDECIDED,
     SETTLEMENT_SUCCEED, /* the attempt's directory is a result: it is delivered and the task has succeeded */
@@ -38,10 +38,10 @@ typedef enum settlement_verdict {
     /* queued again after a wait, because a disk was full or failed; `code` and `message` have the cause. The attempt
      * does not count, but the number of such retries is limited. */
     SETTLEMENT_RETRY_STORAGE
-} settlement_verdict;
+} settlement_decision;
 
 typedef struct settlement {
-    settlement_verdict verdict;
+    settlement_decision decision;
     /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
     queue_state state;
     queue_outcome outcome; /* with SUCCEED */

@@ -198,7 +198,7 @@ static bool end_idle(connections *p, const owner *client)
     return one != NULL;
 }
 
-static bool has_room(const connections *p, bool admin)
+static bool has_place(const connections *p, bool admin)
 {
     unsigned limit = p->settings.connection_limit;
     return p->admins + p->others < limit && (admin || p->others < limit - p->reserve);
@@ -210,7 +210,7 @@ static connection_decision place(connections *p, client_connection *which)
     if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;
     if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
         return CONNECTION_TOO_MANY_OF_CLIENT;
-    if (!has_room(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
+    if (!has_place(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
     take_place(p, which);
     return CONNECTION_ADMITTED;
 }

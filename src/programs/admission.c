@@ -442,7 +442,7 @@ static char *find_closed_directory(const change *w, mode_t *mode)
 /* Prints where the user may connect, or a warning that the user still cannot connect. */
 static void tell_reach(const change *w)
 {
-    const char *who = w->group ? "the members of " : "";
+    const char *prefix = w->group ? "the members of " : "";
     mode_t mode = 0;
     char *closed = w->socket ? find_closed_directory(w, &mode) : NULL;
     fflush(stdout);
@@ -455,7 +455,7 @@ static void tell_reach(const change *w)
         fprintf(stderr,
                 "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
                 " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
-                who, w->name, closed, (unsigned)mode, w->socket);
+                prefix, w->name, closed, (unsigned)mode, w->socket);
     else
         printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", who, w->name, w->socket);
     free(closed);

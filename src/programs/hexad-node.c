@@ -12,8 +12,8 @@
 static void read_names(node_task *task)
 {
     char *line = NULL;
-    size_t room = 0;
-    for (ssize_t length; (length = getline(&line, &room, stdin)) > 1;) {
+    size_t capacity = 0;
+    for (ssize_t length; (length = getline(&line, &capacity, stdin)) > 1;) {
         if (line[length - 1] == '\n') length--;
         attempt_files_add_name(&task->names, line, (size_t)length);
     }

@@ -309,13 +309,13 @@ static FILE *open_spec(const char *path, error *e)
 static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
 {
     char *text = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     *length = 0;
     do {
-        room = room ? 2 * room : 1u << 14;
-        text = mem_resize(text, room);
-        *length += fread(text + *length, 1, room - *length, file);
-    } while (*length == room && room <= SPEC_LIMIT);
+        capacity = capacity ? 2 * capacity : 1u << 14;
+        text = mem_resize(text, capacity);
+        *length += fread(text + *length, 1, capacity - *length, file);
+    } while (*length == capacity && capacity <= SPEC_LIMIT);
     bool failed = ferror(file) != 0;
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);

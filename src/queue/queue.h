@@ -181,23 +181,23 @@ typedef struct queue_submission {
     int64_t most_waiting;         /* maximum number of unfinished jobs of the owner; 0: no maximum */
 } queue_submission;
 
-typedef enum queue_verdict {
+typedef enum queue_admission {
     QUEUE_CREATED,
     QUEUE_REPLAYED,          /* the key was used with this body; the receipt has the job of that submission */
     QUEUE_MISMATCH,          /* the key was used with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs */
     QUEUE_RESULTS_FULL,      /* a bound on all results is reached and none may be deleted (queue_bounds) */
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
-    QUEUE_NO_ROOM,           /* free disk space is below the reserve of queue_reserve */
+    QUEUE_NO_SPACE,          /* free disk space is below the reserve of queue_reserve */
     QUEUE_UNKNOWN_DEPENDENCY, /* the receipt has the index in depends_on, continued in after and after_frames */
     QUEUE_REPEATED_DEPENDENCY, /* the receipt has the index of a job in after_frames that was listed before */
     /* the receipt has the index of a job in after_frames that lacks `frame` of the receipt; QUEUE_NO_FRAME: it is
      * not an array */
     QUEUE_UNKNOWN_FRAME
-} queue_verdict;
+} queue_admission;
 
 typedef struct queue_receipt {
-    queue_verdict verdict;
+    queue_admission admission;
     char id[ULID_SIZE];
     /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
     queue_state state;
@@ -206,7 +206,7 @@ typedef struct queue_receipt {
     int frame;
 } queue_receipt;
 
-/* Stores the job if `receipt->verdict` is QUEUE_CREATED, and nothing otherwise. */
+/* Stores the job if `receipt->admission` is QUEUE_CREATED, and nothing otherwise. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
 /* Whether the owner has used this idempotency key. */

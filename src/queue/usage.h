@@ -9,10 +9,10 @@
 #include "queue/members.h"
 
 /* The bound that is reached while no job may be deleted. */
-typedef enum usage_verdict { USAGE_BELOW_BOUNDS, USAGE_FULL, USAGE_USER_FULL } usage_verdict;
+typedef enum usage_level { USAGE_BELOW_BOUNDS, USAGE_FULL, USAGE_USER_FULL } usage_level;
 
 /* Checks the results of all jobs and, unless `owner` is NULL, the results of this user. */
-bool usage_check(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e);
+bool usage_check(queue *q, database *d, const char *owner, usage_level *level, error *e);
 
 /* Whether the results of all jobs have reached a bound; no task is started then. */
 bool usage_is_met(queue *q, database *d, bool *met, error *e);

@@ -203,9 +203,9 @@ void attempt_files_clear_names(attempt_files_names *names)
 
 bool attempt_files_write_list(const char *farm, const char *list, const attempt_files_names *names, error *e)
 {
-    size_t room = 1, used = 0;
-    for (size_t i = 0; i < names->count; i++) room += strlen(names->name[i]) + 1;
-    char *text = mem_alloc(room);
+    size_t capacity = 1, used = 0;
+    for (size_t i = 0; i < names->count; i++) capacity += strlen(names->name[i]) + 1;
+    char *text = mem_alloc(capacity);
     for (size_t i = 0; i < names->count; i++) used += (size_t)sprintf(text + used, "%s\n", names->name[i]);
     bool ok = write_text(farm, list, text, e);
     free(text);

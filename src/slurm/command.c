@@ -20,13 +20,14 @@
 
 typedef struct text {
     char *bytes;
-    size_t used, room;
+    size_t used, capacity;
 } text;
 
 /* Reads a part of the output. False at the end of the stream, or at the limit. */
 static bool take(int fd, text *t)
 {
-    if (t->used + 65537 > t->room) t->bytes = mem_resize(t->bytes, t->room = 2 * t->room + 131072);
+    if (t->used + 65537 > t->capacity)
+        t->bytes = mem_resize(t->bytes, t->capacity = 2 * t->capacity + 131072);
     ssize_t got = read(fd, t->bytes + t->used, 65536);
     if (got < 0) return errno == EINTR || errno == EAGAIN;
     t->used += (size_t)got;

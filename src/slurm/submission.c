@@ -169,9 +169,9 @@ static bool note_batch(slurm *s, const load *l, error *e)
 
 static char *write_script(const slurm *s, const load *l)
 {
-    size_t room = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
-    for (size_t i = 0; i < l->count; i++) room += strlen(l->names[i]) + 1;
-    char *script = mem_alloc(room);
+    size_t capacity = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
+    for (size_t i = 0; i < l->count; i++) capacity += strlen(l->names[i]) + 1;
+    char *script = mem_alloc(capacity);
     size_t used = (size_t)sprintf(
         script, "#!/bin/sh\n# attempts of hexad\nexec '%s' '%s' %s $SLURM_ARRAY_TASK_ID %zu %.3f %s <<END\n",
         s->settings.node, s->farm, l->batch->name, l->together, l->more_s,
@@ -185,9 +185,9 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 {
     const char *const fixed[] = {"sbatch",     "--parsable",         "--no-requeue",
                                  "--ntasks=1", "--output=/dev/null", "--chdir=/"};
-    size_t count = sizeof fixed / sizeof *fixed, room = count + 6;
-    for (const char *line = l->needs; (line = strchr(line, '\n')); line++) room++;
-    const char **arguments = mem_alloc(room * sizeof *arguments);
+    size_t count = sizeof fixed / sizeof *fixed, capacity = count + 6;
+    for (const char *line = l->needs; (line = strchr(line, '\n')); line++) capacity++;
+    const char **arguments = mem_alloc(capacity * sizeof *arguments);
     memcpy(arguments, fixed, sizeof fixed);
     char *name = mem_printf("--job-name=%s", l->batch->name),
          *array = mem_printf("--array=0-%zu", l->task_count - 1);

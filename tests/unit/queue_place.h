@@ -151,7 +151,7 @@ static inline queue_receipt submit(place *p, const queue_submission *s)
 static inline void submit_for(place *p, const queue_submission *s, char id[ULID_SIZE])
 {
     queue_receipt receipt = submit(p, s);
-    assert_int_equal(receipt.verdict, QUEUE_CREATED);
+    assert_int_equal(receipt.admission, QUEUE_CREATED);
     assert_true(ulid_is_valid(receipt.id));
     memcpy(id, receipt.id, sizeof receipt.id);
 }

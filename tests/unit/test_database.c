@@ -555,7 +555,7 @@ static void test_turns_are_added_to_version_6(void **state)
     int attempt = claim(p, ann[0]);
     alter_database(p, BEFORE_7 "PRAGMA user_version = 6;");
     s.owner = "ann";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     assert_true(finish(p, ann[0], 0, attempt, &success));
     claim(p, ann[1]);
     claim(p, bob);
@@ -810,7 +810,7 @@ static void test_a_job_is_refused_without_room(void **state)
     put(p, "before", 0, id);
     queue_reserve(p->q, INT64_MAX / 2); /* no disk has that */
     assert_true(queue_put(p->q, &plain, &receipt, NULL));
-    assert_int_equal(receipt.verdict, QUEUE_NO_ROOM);
+    assert_int_equal(receipt.admission, QUEUE_NO_SPACE);
     tell(p, id, QUEUE_CANCEL, true);
     bool found = false, deleted = false;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL));

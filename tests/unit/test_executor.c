@@ -613,14 +613,14 @@ static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
     engine_ending ending = {.exit_status = -1, .signal = SIGKILL, .out_of_memory = true};
     settlement s;
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
-    assert_int_equal(s.verdict, SETTLEMENT_END);
+    assert_int_equal(s.decision, SETTLEMENT_END);
     assert_int_equal(s.state, QUEUE_FAILED);
     assert_int_equal(s.code, ERROR_LIMIT_MEMORY);
     assert_non_null(strstr(s.message, "77 MiB"));
     assert_string_equal(s.reason, "out of memory: signal 9");
     ending.out_of_memory = false;
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
-    assert_int_equal(s.verdict, SETTLEMENT_RETRY_CRASHED);
+    assert_int_equal(s.decision, SETTLEMENT_RETRY_CRASHED);
     ending.out_of_memory = true;
     settlement_decide(&claimed, SETTLEMENT_CANCELLED, 0, &ending, "/", &s);
     assert_int_equal(s.state, QUEUE_CANCELLED);
@@ -696,7 +696,7 @@ static void test_waits_double(void **state)
         assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
         assert_true(found);
         claimed.task.spent = i + 1;
-        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
+        settlement s = {.decision = SETTLEMENT_RETRY_CRASHED};
         int64_t before = clock_wall_ms();
         assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
         queue_task *task;
@@ -724,7 +724,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
         queue_claimed claimed = {0};
         bool found;
         assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
-        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
+        settlement s = {.decision = SETTLEMENT_RETRY_CRASHED};
         assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
         queue_claimed_clear(&claimed);
         step_wall(-3600000);

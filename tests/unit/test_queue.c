@@ -242,17 +242,17 @@ static void test_the_same_key_is_the_same_job(void **state)
     s.key = "k";
     s.body_hash = "abc";
     queue_receipt first = submit(p, &s), again = submit(p, &s);
-    assert_int_equal(first.verdict, QUEUE_CREATED);
-    assert_int_equal(again.verdict, QUEUE_REPLAYED);
+    assert_int_equal(first.admission, QUEUE_CREATED);
+    assert_int_equal(again.admission, QUEUE_REPLAYED);
     assert_string_equal(again.id, first.id);
     reopen(p);
     s.body_hash = "def";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_MISMATCH);
+    assert_int_equal(submit(p, &s).admission, QUEUE_MISMATCH);
     s.owner = "somebody else";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
     s.key = NULL;
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
 static void test_a_user_has_so_many_jobs(void **state)
@@ -264,14 +264,14 @@ static void test_a_user_has_so_many_jobs(void **state)
     char first[ULID_SIZE], second[ULID_SIZE];
     submit_for(p, &s, first);
     submit_for(p, &s, second);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     int attempt = claim(p, first);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     assert_true(finish(p, first, 0, attempt, &success));
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     s.owner = "bob";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
 static void test_a_user_runs_so_many(void **state)
@@ -338,7 +338,7 @@ static void test_jobs_wait_for_others(void **state)
     claim(p, third);
     needs[2] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
     receipt = submit(p, &s);
-    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.admission, QUEUE_UNKNOWN_DEPENDENCY);
     assert_int_equal(receipt.dependency, 2);
     s.depends_on_count = 2; /* both have succeeded */
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED);
@@ -492,7 +492,7 @@ static void test_jobs_wait_for_any_end(void **state)
     s.after = nobody;
     s.after_count = 1;
     queue_receipt receipt = submit(p, &s);
-    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.admission, QUEUE_UNKNOWN_DEPENDENCY);
     assert_int_equal(receipt.dependency, 1);
 }
 
@@ -734,21 +734,21 @@ static void test_dependencies_on_frames_are_checked(void **state)
     s.after_frames = needs;
     s.after_frames_count = 1;
     queue_receipt receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == QUEUE_NO_FRAME);
+    assert_true(receipt.admission == QUEUE_UNKNOWN_FRAME && receipt.frame == QUEUE_NO_FRAME);
     needs[0] = array;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == 4 && receipt.dependency == 0);
+    assert_true(receipt.admission == QUEUE_UNKNOWN_FRAME && receipt.frame == 4 && receipt.dependency == 0);
     s.frame_count = 2;
     s.after = needs;
     s.after_count = 1;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_REPEATED_DEPENDENCY && receipt.dependency == 1);
+    assert_true(receipt.admission == QUEUE_REPEATED_DEPENDENCY && receipt.dependency == 1);
     needs[0] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
     s.after_count = 0;
-    assert_int_equal(submit(p, &s).verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_UNKNOWN_DEPENDENCY);
     needs[0] = array;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
+    assert_true(receipt.admission == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
     bool accepted = false; /* the database is older than the result of a held frame */
     assert_true(queue_end_found(p->q, receipt.id, 1, QUEUE_CONVERGED, &accepted, NULL) && accepted);
     tell(p, receipt.id, QUEUE_CANCEL, true);
@@ -975,7 +975,7 @@ static void test_what_is_over_is_forgotten(void **state)
     s = plain;
     s.key = "k";
     s.body_hash = "def";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED); /* the key is free again */
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* the key is free again */
 }
 
 static void test_list_pages_newest_first(void **state)

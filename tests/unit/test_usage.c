@@ -219,7 +219,7 @@ static void test_a_bound_of_users(void **state)
     submit_for(p, &s, waiting);
     bound(p, (queue_sum){NONE, NONE}, (queue_sum){200, NONE}, false);
     expect_leaving(p, NULL);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_USER_RESULTS_FULL);
+    assert_int_equal(submit(p, &s).admission, QUEUE_USER_RESULTS_FULL);
     claim(p, NULL); /* her job waits */
     s.owner = "bob";
     submit_for(p, &s, other);
@@ -227,7 +227,7 @@ static void test_a_bound_of_users(void **state)
     deliver(p, ann[1], QUEUE_NO_FRAME);
     expect_leaving(p, ann[1]);
     s.owner = "ann";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED); /* there will be room */
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* a job can be deleted for it */
     remove_job(p, ann[1]);
     claim(p, waiting);
 }
@@ -241,7 +241,7 @@ static void test_a_bound_of_all(void **state)
     run(p, "ann", &success, 100, done);
     put(p, "waits", 0, waiting);
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_RESULTS_FULL);
+    assert_int_equal(submit(p, &s).admission, QUEUE_RESULTS_FULL);
     assert_true(queue_get_usage(p->q, &usage, NULL) && usage.full);
     free(usage.user);
     claim(p, NULL);
@@ -249,7 +249,7 @@ static void test_a_bound_of_all(void **state)
     deliver(p, done, QUEUE_NO_FRAME);
     assert_true(queue_get_usage(p->q, &usage, NULL) && !usage.full);
     free(usage.user);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
     claim(p, NULL); /* not before it is deleted */
     remove_job(p, done);
     claim(p, waiting);
