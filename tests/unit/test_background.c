@@ -51,7 +51,7 @@ static void test_a_wait_ends_at_its_deadline(void **state)
     place p = {.mutex = PTHREAD_MUTEX_INITIALIZER};
     background_init_condition(&p.changed);
     pthread_mutex_lock(&p.mutex);
-    assert_false(background_wait_until(&p.changed, &p.mutex, 0)); /* long ago */
+    assert_false(background_wait_until(&p.changed, &p.mutex, 0)); /* a deadline in the past */
     int64_t until_ms = clock_monotonic_ms() + 5;
     while (background_wait_until(&p.changed, &p.mutex, until_ms)) {
     }

@@ -132,8 +132,8 @@ static void boxes_that_a_line_crosses_are_found(void **state)
                 const vec3 in = {fmin(fmax(to.x, box[k].min.x), box[k].max.x),
                                  fmin(fmax(to.y, box[k].min.y), box[k].max.y),
                                  fmin(fmax(to.z, box[k].min.z), box[k].max.z)};
-                assert_true(
-                    box_tree_is_crossed(&box[k], x, vec3_sub(in, x))); /* a line to one of its points */
+                /* a line to one of its points */
+                assert_true(box_tree_is_crossed(&box[k], x, vec3_sub(in, x)));
                 assert_true(found[k] || !box_tree_is_crossed(&box[k], x, d));
             }
         }

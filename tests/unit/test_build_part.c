@@ -1,5 +1,6 @@
-/* What a build without some parts does with members of a spec and settings that belong to them. This test replaces
- * build_part_missing; `make check-builds` tries real builds. */
+/* Members of a spec and settings that belong to missing parts. This test replaces build_part_missing; `make
+ * check-builds` tests real builds.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -67,7 +68,7 @@ static void members_that_ask_for_nothing_are_accepted(void **state)
     spec_free(s);
 }
 
-/* A worker reads what the daemon has read before, and warns. */
+/* A worker reads a spec that the daemon has already read, and warns. */
 static void default_preview_is_left_out_also_when_read_again(void **state)
 {
     (void)state;

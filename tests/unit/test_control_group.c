@@ -1,5 +1,6 @@
-/* What stands in the way of control groups. That the kernel keeps their limits is shown by `make bootcheck`, in a machine of
- * its own. */
+/* Cases in which control groups are not available. `make bootcheck` checks in a virtual machine that the kernel
+ * enforces their limits.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -94,7 +95,7 @@ static void test_what_is_left_of_earlier_groups_is_removed(void **state)
     if (!control_groups_open_at(p->base, &groups, &e)) fail_msg("%s", e.message);
     assert_non_null(groups);
     assert_int_equal(access(path_of(p, "attempt.7"), F_OK), -1);
-    assert_null(control_group_new(groups, 1 << 20, &e)); /* no file of limits appears */
+    assert_null(control_group_new(groups, 1 << 20, &e)); /* no file of limits exists */
     assert_non_null(strstr(e.message, "memory.max"));
     assert_int_equal(access(path_of(p, "attempt.0"), F_OK), -1);
     control_groups_close(groups);

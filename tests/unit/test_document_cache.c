@@ -19,7 +19,7 @@ static void keep(document_cache *cache, place *p, const char *id, bool own, cons
     queue_job_clear(&job);
 }
 
-/* Whether the cache gives the caller this text; NULL: nothing. */
+/* Checks that the cache returns this text to the caller; NULL: none. */
 static void expect_found(document_cache *cache, place *p, const char *id, const access_caller *caller,
                          const char *text)
 {
@@ -60,7 +60,7 @@ static void test_each_is_shown_what_is_for_them(void **state)
     document_cache_free(cache);
 }
 
-/* The document has to be away when the call that changed the job returns, and not before. */
+/* Checks that the document was removed when the call that changed the job returned. */
 static void expect_gone(document_cache *cache, place *p, const char *id)
 {
     expect_found(cache, p, id, &owner, NULL);
@@ -117,7 +117,7 @@ static void test_no_change_leaves_a_document(void **state)
     document_cache_free(cache);
 }
 
-/* What was read before a change and is put into the cache after it. */
+/* The document was read before a change and is stored after it. */
 static void test_a_document_that_comes_late_is_not_shown(void **state)
 {
     place *p = *state;
@@ -144,7 +144,7 @@ static void test_it_has_a_number_of_places(void **state)
     for (size_t i = 0; i < JOBS; i++) {
         submit_of_ann(p, id[i]);
         keep(cache, p, id[i], true, "text");
-        expect_found(cache, p, id[i], &owner, "text"); /* the newest is there */
+        expect_found(cache, p, id[i], &owner, "text"); /* the newest document is stored */
     }
     for (size_t i = 0; i < JOBS; i++) {
         cached_document d;

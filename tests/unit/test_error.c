@@ -1,4 +1,4 @@
-/* Errors: names, context, and messages that are cut cleanly. */
+/* Errors: names, context, and truncated messages. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -49,7 +49,7 @@ static void test_events_tell_what_happened(void **state)
     free(page.events);
 }
 
-/* The jobs of the events that pass, in turn; each once for a row of its events. */
+/* Checks the jobs of the events that pass the filter, in order; consecutive events of a job count once. */
 static void expect_events_of(place *p, queue_event_filter filter, const char *const *ids, size_t count)
 {
     queue_event_page page = list_events(p, &filter);
@@ -86,7 +86,7 @@ static void test_events_are_filtered(void **state)
     expect_events_of(p, (queue_event_filter){.id = bob, .label = "x", .limit = 9}, (const char *[]){bob}, 1);
 }
 
-/* A page of which nothing passes has looked at a bounded number, and says how far. */
+/* A page without matching events has examined a bounded number, and returns its position. */
 static void test_a_page_of_events_is_bounded(void **state)
 {
     place *p = *state;
@@ -110,7 +110,7 @@ static void test_a_page_of_events_is_bounded(void **state)
     page = list_events(p, &(queue_event_filter){.after_seq = page.newest + 7, .limit = 10});
     assert_int_equal(page.position, page.newest);
     assert_false(page.more);
-    /* the events of one job are looked at to their end */
+    /* the events of one job are examined completely */
     page = list_events(p, &(queue_event_filter){.id = id, .label = "none", .limit = 10});
     assert_false(page.more);
     assert_int_equal(page.position, page.newest);
@@ -128,7 +128,7 @@ static void test_removed_events_are_noted(void **state)
     tell(p, first, QUEUE_PAUSE, true);
     assert_int_equal(look_at_events(p).removed_up_to, 0);
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));
-    assert_false(deleted); /* nor is anything noted */
+    assert_false(deleted); /* nothing is recorded either */
     assert_int_equal(look_at_events(p).removed_up_to, 0);
     assert_true(queue_delete(p->q, second, &found, &deleted, NULL));
     assert_true(deleted);
@@ -138,7 +138,7 @@ static void test_removed_events_are_noted(void **state)
     queue_event_page page = list_events(p, &of_one);
     assert_int_equal(page.removed_up_to, 0);
     free(page.events);
-    /* one that was deleted when it had the newest: its numbers are not given again */
+    /* a deleted job had the newest event: its numbers are not reused */
     tell(p, first, QUEUE_CANCEL, true);
     int64_t newest = look_at_events(p).newest;
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));

@@ -1,4 +1,4 @@
-/* The executor with small shell scripts as workers that misbehave on purpose. */
+/* The executor with shell scripts as faulty workers. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -29,7 +29,7 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* Long enough for a loaded machine; a test that works never waits for it. */
+/* Time limit for a loaded machine; a passing test never waits for it. */
 #define PATIENCE_MS 30000
 
 /* The prologue of a worker: $D is the output directory. */
@@ -128,7 +128,7 @@ static queue_job get(place *p, const char *id)
     return job;
 }
 
-/* Between two looks at a condition that nothing announces. */
+/* Waits between two checks of a condition that has no notification. */
 static void look_again(int64_t since, const char *what)
 {
     if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("waited in vain for %s", what);
@@ -144,7 +144,7 @@ static queue_job wait_final(place *p, const char *id)
     }
 }
 
-/* The script writes a file when it is where the test wants it. */
+/* Waits for the file that the script writes when it has reached a certain point. */
 static void wait_file(place *p, const char *name)
 {
     char *path = mem_printf("%s/%s", p->base, name);
@@ -190,7 +190,7 @@ static void test_success_is_delivered(void **state)
     result_clear(&r);
     int64_t bytes;
     int fd = result_open_file(results, "spec", &bytes, &e);
-    assert_int_equal(bytes, 14); /* the spec came whole on standard input */
+    assert_int_equal(bytes, 14); /* standard input had the whole spec */
     close(fd);
     fd = result_open_file(results, "worker.log", &bytes, &e);
     assert_int_equal(bytes, 6);
@@ -211,8 +211,8 @@ static void test_free_space_is_that_of_the_state_directory_too(void **state)
     assert_true(free_bytes > 0 && free_bytes < size);
 }
 
-/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it
- * can. */
+/* The worker has ended, but the disk is faulty: the result cannot be moved to results/. The job waits, and succeeds
+ * once the move is possible. */
 static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
@@ -285,7 +285,7 @@ static void test_errors_come_from_the_last_line(void **state)
           1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
-    assert_int_equal(count_attempts(p, id), 1); /* never again for a bad file */
+    assert_int_equal(count_attempts(p, id), 1); /* a bad file is not retried */
 }
 
 static void test_garbage_does_no_harm(void **state)
@@ -369,8 +369,7 @@ static void test_an_output_that_is_not_described_is_no_result(void **state)
     }
 }
 
-/* A worker that cannot be started is no fault of the job, which waits for better times uncounted.
- */
+/* If a worker cannot be started, the job waits, and the attempts do not count. */
 static void test_a_missing_worker_costs_no_job(void **state)
 {
     place *p = *state;
@@ -415,7 +414,7 @@ static void test_progress_is_seen(void **state)
     expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
 }
 
-/* Does not hear SIGTERM; its own child must not outlive it. */
+/* Ignores SIGTERM. Its child must not outlive it. */
 #define DEAF PROLOGUE "trap '' TERM\nsleep 600 &\necho $! > \"$D/../../child\"\nwait\nwait\n"
 
 static void expect_child_gone(place *p)
@@ -427,7 +426,7 @@ static void expect_child_gone(place *p)
     pid_t child = atoi(text);
     assert_true(child > 1);
     for (int64_t since = clock_monotonic_ms(); kill(child, 0) == 0;) {
-        /* a zombie whose reaper is slow is gone, too */
+        /* a zombie counts as ended */
         char *proc = mem_printf("/proc/%d/stat", (int)child);
         char *stat = store_file_read(proc, 4096, &length, NULL);
         bool zombie = !stat || strstr(stat, ") Z");
@@ -451,7 +450,7 @@ static void test_a_timeout_kills(void **state)
     expect_child_gone(p);
 }
 
-/* Each attempt ends before the time is over, and all of them after it. */
+/* Each attempt ends within the time limit; all attempts together exceed it. */
 static void test_a_timeout_is_of_all_attempts(void **state)
 {
     place *p = *state;
@@ -527,7 +526,7 @@ static void test_drain_puts_back_uncounted(void **state)
     expect_child_gone(p);
 }
 
-/* A worker that finds a third one beside it leaves a mark. */
+/* A worker that runs at the same time as two others leaves a file. */
 #define CROWD                                                     \
     PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n" \
              "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT
@@ -570,7 +569,7 @@ static void test_memory_bounds_what_runs(void **state)
     expect_no_crowd(*state, 6, 64, 3000);
 }
 
-/* Both were taken in when the host was larger. */
+/* Both jobs were accepted when the host was larger. */
 static void test_a_host_that_shrank(void **state)
 {
     place *p = *state;
@@ -598,14 +597,15 @@ static void test_a_host_that_shrank(void **state)
     int64_t memory_mb = 0;
     error e = {0};
     assert_true(executor_size(p->x, &threads, &memory_mb, &e));
-    assert_int_equal(threads, 8); /* all of them, for the one worker */
+    assert_int_equal(threads, 8); /* all threads, for the only worker */
     assert_int_equal(memory_mb, 1024);
     memory_mb = 2049;
     assert_false(executor_size(p->x, &threads, &memory_mb, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
-/* A worker that the kernel has ended at its limit would need as much again. One that another had ended may not. */
+/* A worker that the kernel killed at its limit would need the same memory again. A worker that another process
+ * killed may succeed. */
 static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
 {
     (void)state;
@@ -626,7 +626,8 @@ static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
     assert_int_equal(s.state, QUEUE_CANCELLED);
 }
 
-/* A signal that a fault of the program causes is to be reported; for one that another process sent, logs name the cause. */
+/* The message about a signal from a fault of the program asks for a report. For a signal of another process it
+ * refers to the logs. */
 static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
 {
     (void)state;
@@ -672,7 +673,7 @@ static void test_a_crashed_job_holds_nobody_up(void **state)
     queue_tasks_free(task, count);
 }
 
-/* 1, 2, 4 ... seconds, up to the bound. */
+/* Waits of 1, 2, 4 ... seconds, up to the limit. */
 static void test_waits_double(void **state)
 {
     place *p = *state;
@@ -687,7 +688,7 @@ static void test_waits_double(void **state)
         queue_claimed claimed = {0};
         bool found = false, changed;
         queue_state now;
-        if (i > 0) { /* its time has not come: a cancellation and a retry take the wait away, and the count */
+        if (i > 0) { /* not due yet: a cancellation and a retry reset the wait and the count */
             assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
             assert_false(found);
             assert_true(queue_apply_command(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
@@ -709,7 +710,8 @@ static void test_waits_double(void **state)
     }
 }
 
-/* A wait of 20 ms is over soon, although the wall clock is set back by an hour while the daemon runs, and before it starts. */
+/* A wait of 20 ms ends soon, although the wall clock is set back by an hour while the daemon runs and before it
+ * starts. */
 static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
 {
     place *p = *state;
@@ -739,7 +741,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
     }
 }
 
-/* Claims a job as a daemon does that dies of it. */
+/* Claims a job like a daemon that then crashes. */
 static void claim_and_die(place *p, const char *id)
 {
     queue_claimed claimed = {0};
@@ -784,7 +786,7 @@ static void test_recovery(void **state)
     expect_end(p, lost, QUEUE_SUCCEEDED, NULL, NULL);
     assert_int_equal(count_attempts(p, lost), 2);
     assert_int_equal(access(orphan, F_OK), -1);
-    expect_end(p, worn, QUEUE_SUCCEEDED, NULL, NULL); /* its only attempt was not what failed */
+    expect_end(p, worn, QUEUE_SUCCEEDED, NULL, NULL); /* its only attempt did not count */
     assert_int_equal(count_attempts(p, worn), 2);
     expect_end(p, cancelled, QUEUE_CANCELLED, "cancelled", NULL);
     free(results);
@@ -823,7 +825,7 @@ static queue_task only_task(place *p, const char *id)
     return task;
 }
 
-/* They count apart from what the job did itself, and a retry forgets both. */
+/* Interruptions are counted separately from failures of the job. A retry resets both counts. */
 static void test_interruptions_have_a_bound(void **state)
 {
     place *p = *state;
@@ -854,7 +856,7 @@ static void test_interruptions_have_a_bound(void **state)
     }
 }
 
-/* What the job did before still counts. */
+/* Earlier failures of the job still count. */
 static void test_interruptions_leave_what_is_spent(void **state)
 {
     place *p = *state;
@@ -929,6 +931,6 @@ int main(void)
         CASE(test_interruptions_leave_what_is_spent),
         CASE(test_the_reason_says_what_ended),
     };
-    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
+    log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about a worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);
 }

@@ -94,7 +94,7 @@ static void test_paths(void **state)
     expect_path("b_$F_v2.vdb", 12345, "b_12345_v2.vdb");
     expect_path("b.$F9", 7, "b.000000007");
     expect_path("plain", 7, "plain");
-    expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* nothing else means anything */
+    expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* other conversions are plain text */
     assert_true(frames_is_pattern("x.%03d"));
     assert_false(frames_is_pattern("100%.vdb"));
     assert_false(frames_is_pattern("%0d%"));

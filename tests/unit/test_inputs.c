@@ -1,4 +1,4 @@
-/* store/inputs: the room that uploads take, of all and of each user. */
+/* store/inputs: the space that uploads reserve, in total and of each user. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -62,7 +62,7 @@ static store_upload_outcome try_upload(const place *p, const char *user, int64_t
     return outcome;
 }
 
-/* The user sends a text, which is kept under its hash. */
+/* Uploads a text of the user, which is stored under its hash. */
 static void send_text(const place *p, const char *user, const char *text, char hex[STORE_HASH_SIZE])
 {
     store_upload *upload = NULL;

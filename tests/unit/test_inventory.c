@@ -1,4 +1,4 @@
-/* What stands in results/ and attempts/, against what the queue says of it. */
+/* The entries of results/ and attempts/ compared with the queue. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -80,7 +80,8 @@ static void take(place *p)
 
 static const int frames[] = {0, 3};
 
-/* With as many attempts of each task, the last of which ended it so unless it is to wait. */
+/* Submits a job and runs this number of attempts of each task. The last one ends the task with `end`, unless the
+ * task waits. */
 static void put(place *p, bool array, int attempts, queue_state end, char id[ULID_SIZE])
 {
     queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 9};
@@ -120,7 +121,7 @@ static const struct {
     const char *part, *rest;
     bool moved;
 } of_array[] = {
-    /* two attempts of the frames 0 and 3, the second of which succeeded */
+    /* two attempts of the frames 0 and 3; the second ones succeeded */
     {"results", ".0", false},
     {"results", ".3", false},
     {"results", "", true},
@@ -179,7 +180,7 @@ static void test_results_of_jobs_in_each_state(void **state)
     char id[5][ULID_SIZE];
     for (int i = 0; i < 5; i++) {
         put(p, false, cases[i].attempts, cases[i].end, id[i]);
-        char *name = name_of("results", id[i], ""); /* which is no whole one */
+        char *name = name_of("results", id[i], ""); /* an incomplete result */
         make(p, name);
         free(name);
     }
@@ -224,7 +225,7 @@ static void test_names_in_lost_and_found_are_not_taken_twice(void **state)
     }
 }
 
-/* A job that waits would be run into it. */
+/* A waiting job would need the name. */
 static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state)
 {
     place *p = *state;
@@ -234,7 +235,7 @@ static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state
     char *result = name_of("results", id, ""), *file = at(p, LOST_FOUND_DIRECTORY);
     make(p, "results/nobody's");
     assert_true(store_file_write(file, "x", 1, NULL));
-    take(p); /* what is nobody's may stay */
+    take(p); /* entries without a job may stay */
     make(p, result);
     assert_false(inventory_take(p->q, p->base, false, &e));
     assert_non_null(strstr(e.message, result));

@@ -1,4 +1,4 @@
-/* json: strict reading, places and pointers, numbers that round-trip. */
+/* json: strict parsing, positions and pointers, numbers that round-trip. */
 #include <dirent.h>
 #include <errno.h>
 #include <float.h>
@@ -103,7 +103,7 @@ static void test_every_truncation_is_refused(void **state)
     size_t length = strlen(text);
     json_free(accept(text));
     for (size_t n = 0; n < length; n++) {
-        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
+        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer detects an overrun */
         refuse(part, n, "line 1");
         free(part);
     }
@@ -215,7 +215,7 @@ static void test_building(void **state)
     json *copy = json_copy(root), *again = accept(text);
     char *copied = json_print(copy), *reread = json_print(again), *pretty = json_print_pretty(list);
     assert_string_equal(copied, text);
-    assert_int_equal(strlen(reread), strlen(text) - 1); /* 1.50 is 1.5 once it was read */
+    assert_int_equal(strlen(reread), strlen(text) - 1); /* 1.50 becomes 1.5 */
     assert_string_equal(pretty, "[1e+300, \"x\"]\n");
     free(pretty);
     pretty = json_print_pretty(inner);
@@ -310,7 +310,7 @@ static char *suite_directory(void)
                   : mem_printf("%s/../shared/data/json/JSONTestSuite", source ? source : ".");
 }
 
-/* Valid JSON that this reader refuses on purpose, see json.h. */
+/* Valid JSON that the parser refuses by design, see json.h. */
 static bool is_refused_on_purpose(const char *name)
 {
     static const char *const names[] = {"y_object_duplicated_key.json",
@@ -372,7 +372,7 @@ static void test_ill_formed_utf8_is_printed_as_json(void **state)
     }
 }
 
-/* The copy of a text, or NULL when it is refused; to be freed. */
+/* The copy of a text, which the caller frees; NULL if it is refused. */
 static char *replace(const char *text, const char *key, const char *value, size_t *replaced)
 {
     char *copy = NULL;
@@ -429,7 +429,7 @@ int main(void)
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),
         cmocka_unit_test(test_ill_formed_utf8_is_printed_as_json),
-        cmocka_unit_test(test_suite), /* last: left out without shared data */
+        cmocka_unit_test(test_suite), /* last: skipped without shared data */
     };
     size_t count = sizeof tests / sizeof *tests;
     char *directory = suite_directory();

@@ -80,9 +80,8 @@ static void assert_two_halves(const label_surface *s)
             }
     }
     assert_true(seen[0] && seen[1] && seen[2]);
-    for (size_t c = 0; c < f->patches->curve_count; c++)
-        assert_int_equal(f->patches->curve[c].patch_count,
-                         3); /* no interface ends at the active voxels' end */
+    for (size_t c = 0; c < f->patches->curve_count; c++) /* no interface ends at the active voxels' end */
+        assert_int_equal(f->patches->curve[c].patch_count, 3);
     const bbox box = f->domain;
     assert_true(box.min.x < 1 - 1.5 && box.max.x > 1 + 2 && box.min.z < 3 - 6 && box.max.z > 3 + 8);
 }

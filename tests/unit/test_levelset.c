@@ -216,8 +216,8 @@ static void holes_are_counted(void **state)
     mesh_fixture_remove(&m, 5);
     j = judge(m);
     assert_refused(&j, "3 boundary edges around 1 hole:");
-    m = ball_at(
-        10); /* a fin of one triangle on a closed ball: two boundary edges, and an edge of three triangles */
+    /* a fin of one triangle on a closed ball: two boundary edges, and an edge of three triangles */
+    m = ball_at(10);
     mesh_fixture_append(&m, (mesh){1, 0, mem_array(1, sizeof(vec3), "test", NULL), NULL, false});
     mesh_fixture_add(&m, m.triangle[0][0], m.triangle[0][1], (uint32_t)m.vertex_count - 1);
     j = judge(m);

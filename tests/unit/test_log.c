@@ -1,4 +1,6 @@
-/* Records as lines and as fields of the journal, which this test plays: systemd's takes them in `make bootcheck`. */
+/* Records as lines and as fields of a journal that this test replaces. `make bootcheck` tests the journal of
+ * systemd.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,7 +18,7 @@
 /* ---- the journal */
 
 static bool takes_records;
-static char taken[8192]; /* fields, each with a line break behind it */
+static char taken[8192]; /* received fields, each with a line break after it */
 
 static bool write_journal(const struct iovec *fields, size_t count)
 {

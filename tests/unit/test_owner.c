@@ -1,4 +1,4 @@
-/* Whose turn it is: users share within a priority, by weights; holds; numbers that settings give to users. */
+/* Turns of users within a priority, by weights; holds; numbers of users in settings. */
 #include "queue/user_numbers.h"
 #include "queue_place.h"
 
@@ -11,7 +11,7 @@ static void put_for(place *p, const char *owner, int priority, int count)
     for (int i = 0; i < count; i++) submit_for(p, &s, id);
 }
 
-/* Claims a task and ends it; its owner has to be this one. */
+/* Claims a task of this owner and ends it. */
 static void expect_turn(place *p, const queue_resources *room, const char *owner)
 {
     queue_claimed claimed = {0};
@@ -24,7 +24,7 @@ static void expect_turn(place *p, const queue_resources *room, const char *owner
     queue_claimed_clear(&claimed);
 }
 
-/* Claims tasks and ends them; returns how many of them were this owner's. */
+/* Claims tasks and ends them. Returns the number of tasks of this owner. */
 static int count_turns(place *p, const queue_resources *room, const char *owner, int claims)
 {
     int count = 0;
@@ -88,7 +88,7 @@ static void test_turns_go_by_weight(void **state)
     user_numbers_free(weights);
 }
 
-/* Who did nothing for long has no more turns than others afterwards. */
+/* A user that was idle for a long time gets no additional turns afterwards. */
 static void test_idle_time_saves_no_turns(void **state)
 {
     place *p = *state;
@@ -101,7 +101,7 @@ static void test_idle_time_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &wide, "new", 30), 10);
 }
 
-/* Nor has who waited with a low priority, beside others of that priority. */
+/* A user that waited with a low priority gets no additional turns among users of that priority. */
 static void test_waiting_behind_a_priority_saves_no_turns(void **state)
 {
     place *p = *state;
@@ -112,7 +112,7 @@ static void test_waiting_behind_a_priority_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &wide, "low", 20), 10);
 }
 
-/* Who has one job at a time, and submits the next when it has ended, has his share and no more. */
+/* A user that always has one job, and submits the next one when it has ended, gets an equal share. */
 static void test_going_away_ends_no_debt(void **state)
 {
     place *p = *state;
@@ -159,7 +159,7 @@ static void test_an_array_has_a_turn_for_each_task(void **state)
     assert_int_equal(count_turns(p, &wide, "ann", 20), 10);
 }
 
-/* Who has as many running tasks as a user may have is passed by, and then continues like all others. */
+/* A user at the limit of running tasks is skipped, and continues afterwards without additional turns. */
 static void test_a_limit_saves_no_turns(void **state)
 {
     place *p = *state;
@@ -176,7 +176,8 @@ static void test_a_limit_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &one_each, "ann", 21), 11); /* ann is first */
 }
 
-/* A task that does not fit is overtaken so many times, also by users who come later, and then has its turn. */
+/* A task that does not fit is overtaken at most QUEUE_OVERTAKE_MOST times, also by users that come later, and then
+ * has its turn. */
 static void test_newcomers_do_not_starve_a_large_task(void **state)
 {
     place *p = *state;
@@ -198,7 +199,7 @@ static void test_newcomers_do_not_starve_a_large_task(void **state)
     claim_in(p, &idle, large);
 }
 
-/* A pause, an edit and a dependency change what a user's first job is. */
+/* A pause, an edit or a dependency changes the first job of a user. */
 static void test_the_first_job_follows_what_changes_it(void **state)
 {
     place *p = *state;

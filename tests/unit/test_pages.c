@@ -1,4 +1,4 @@
-/* Hosts and origins that a port without tokens answers. */
+/* Hosts and origins that are accepted on a port without tokens. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

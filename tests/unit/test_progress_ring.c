@@ -35,8 +35,8 @@ static void test_lines_of_one_job(void **state)
     assert_int_equal(progress_ring_list(r, NULL, "bob", 0, 9, &lines, &newest), 1);
     assert_string_equal(lines[0].id, "two");
     progress_ring_lines_free(lines, 1);
-    assert_int_equal(progress_ring_list(r, NULL, NULL, 1000, 9, &lines, &newest),
-                     0); /* a number from before a restart */
+    /* a number from before a restart */
+    assert_int_equal(progress_ring_list(r, NULL, NULL, 1000, 9, &lines, &newest), 0);
     assert_int_equal(newest, 3);
     progress_ring_lines_free(lines, 0);
     progress_ring_free(r);

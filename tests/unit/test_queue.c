@@ -70,16 +70,16 @@ static void test_only_the_current_attempt_settles(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "fenced", 0, id);
-    assert_false(finish(p, id, 0, 0, &success)); /* not running at all */
+    assert_false(finish(p, id, 0, 0, &success)); /* no attempt runs */
     int old = claim(p, id);
     assert_true(requeue(p, id, old, true, 0, &crash));
     int current = claim(p, id);
     assert_true(current > old);
     assert_false(finish(p, id, 0, old, &success));
-    assert_false(finish(p, id, 1, current, &success)); /* there is no such task */
+    assert_false(finish(p, id, 1, current, &success)); /* the task does not exist */
     expect_state(p, id, QUEUE_RUNNING);
     assert_true(finish(p, id, 0, current, &success));
-    assert_false(finish(p, id, 0, current, &crash)); /* once is enough */
+    assert_false(finish(p, id, 0, current, &crash)); /* the attempt has already ended */
     queue_job job = get(p, id);
     assert_int_equal(job.state, QUEUE_SUCCEEDED);
     assert_int_equal(job.outcome, QUEUE_CONVERGED);
@@ -111,11 +111,11 @@ static void test_an_attempt_given_back_does_not_count(void **state)
     assert_true(requeue(p, id, attempt, false, 0, &crash));
     queue_task task = get_task(p, id, 0);
     assert_int_equal(task.spent, 0);
-    assert_int_equal(task.attempt, attempt); /* the fence never goes back */
+    assert_int_equal(task.attempt, attempt); /* the attempt number never decreases */
     assert_int_equal(claim(p, id), attempt + 1);
 }
 
-/* A disk that was full is counted apart, until somebody asks for the job to be retried. */
+/* Attempts that failed because of a full disk are counted separately, until the job is retried. */
 static void test_faults_of_storage_are_counted_apart(void **state)
 {
     place *p = *state;
@@ -144,7 +144,7 @@ static size_t count_copies(place *p, const char *directory, const char *name)
     return count;
 }
 
-/* What is written down of a copy goes with the end of its attempt, and of no other. */
+/* The end of an attempt deletes the record of its copy, and no other record. */
 static void test_copies_are_noted(void **state)
 {
     place *p = *state;
@@ -165,7 +165,7 @@ static void test_copies_are_noted(void **state)
     assert_int_equal(count_copies(p, NULL, NULL), 0);
 }
 
-/* Years away, and long past. */
+/* With a wait of years, and with a wait that is over. */
 static void test_who_crashed_waits_and_holds_nobody_up(void **state)
 {
     place *p = *state;
@@ -182,14 +182,14 @@ static void test_who_crashed_waits_and_holds_nobody_up(void **state)
     assert_true(due == later);
     claim(p, other);
     claim(p, NULL);
-    reopen(p); /* it is no matter of memory */
+    reopen(p); /* the wait is stored */
     claim(p, NULL);
     assert_int_equal(tell(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
     assert_true(queue_next_due(p->q, &due, NULL));
     assert_true(due == INT64_MAX);
     char soon[ULID_SIZE];
     put(p, "soon", 0, soon);
-    assert_true(requeue(p, soon, claim(p, soon), true, 1, &crash)); /* that time is over */
+    assert_true(requeue(p, soon, claim(p, soon), true, 1, &crash)); /* the wait is over */
     claim(p, soon);
 }
 
@@ -227,7 +227,7 @@ static void test_pause_and_resume(void **state)
     claim(p, NULL);
     assert_int_equal(tell(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
     int attempt = claim(p, id);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING); /* what runs goes on */
+    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING); /* the running attempt continues */
     assert_true(requeue(p, id, attempt, true, 0, &crash));
     expect_state(p, id, QUEUE_PAUSED);
     claim(p, NULL);
@@ -298,20 +298,20 @@ static void test_what_fits_passes_by_but_not_for_ever(void **state)
     place *p = *state;
     queue_submission s = plain;
     char large[ULID_SIZE], hungry[ULID_SIZE], small[QUEUE_OVERTAKE_MOST + 1][ULID_SIZE];
-    s.threads = 99; /* more than there are: those */
+    s.threads = 99; /* more than the host has: it gets all of them */
     submit_for(p, &s, large);
     s.threads = 1;
     for (int i = 0; i <= QUEUE_OVERTAKE_MOST; i++) submit_for(p, &s, small[i]);
     queue_resources room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
     for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &room, small[i]);
-    claim_in(p, &room, NULL); /* from here on all wait for the large one */
+    claim_in(p, &room, NULL); /* from here on all others wait for the large job */
     room.threads = 4;
     claim_in(p, &room, large);
     room.memory_mb = 99;
     claim_in(p, &room, NULL);
     s.memory_mb = 1001;
     submit_for(p, &s, hungry);
-    claim_in(p, &room, hungry); /* which will never fit, and is to be told */
+    claim_in(p, &room, hungry); /* it never fits, so that the executor can fail it */
 }
 
 static void test_jobs_wait_for_others(void **state)
@@ -366,7 +366,7 @@ static void test_who_depends_on_a_failure_fails(void **state)
     }
     const char *needs[] = {id[2]};
     s.depends_on = needs;
-    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* at once */
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* without waiting */
     assert_int_equal(tell(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
     assert_int_equal(tell(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
     assert_int_equal(tell(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
@@ -405,7 +405,7 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     after.depends_on_count = 0;
     after.after = (const char *[]){first};
     after.after_count = 1;
-    submit_for(p, &after, third); /* which needs the end only */
+    submit_for(p, &after, third); /* waits for the end only */
     claim(p, third);
 
     const unsigned all = QUEUE_ANY_OUTCOME;
@@ -418,7 +418,8 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     claim(p, second);
 }
 
-/* first <- second <- third; bob's is behind the first, and the last one behind it and one that is not retried. */
+/* first <- second <- third. A job of bob depends on the first; the last one depends on it and on a job that is not
+ * retried. */
 static void test_a_retry_takes_what_failed_behind_it(void **state)
 {
     place *p = *state;
@@ -452,7 +453,7 @@ static void test_a_retry_takes_what_failed_behind_it(void **state)
     expect_state(p, third, QUEUE_BLOCKED);
     expect_state(p, bobs, QUEUE_FAILED);
     expect_state(p, last, QUEUE_FAILED);
-    /* an administrator retries those of all users */
+    /* an administrator retries the jobs of all users */
     tell(p, broken, QUEUE_RETRY, true);
     assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
     assert_int_equal(retried.count, 2);
@@ -479,7 +480,7 @@ static void test_jobs_wait_for_any_end(void **state)
     expect_state(p, last, QUEUE_BLOCKED);
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, last, QUEUE_BLOCKED);
-    tell(p, first, QUEUE_RETRY, true); /* and it ends once more */
+    tell(p, first, QUEUE_RETRY, true); /* it ends a second time */
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     reopen(p);
     expect_state(p, last, QUEUE_BLOCKED);
@@ -488,7 +489,8 @@ static void test_jobs_wait_for_any_end(void **state)
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED); /* both have ended */
     s.depends_on = &ends[0];
     s.depends_on_count = 1;
-    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* both demands of the same job: the stricter one */
+    /* two dependencies on the same job: the stricter one counts */
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED);
     s.after = nobody;
     s.after_count = 1;
     queue_receipt receipt = submit(p, &s);
@@ -498,7 +500,7 @@ static void test_jobs_wait_for_any_end(void **state)
 
 static const int frames[] = {1, 3, 5};
 
-/* Attempts of the job from the one behind `after` of the task on: "task.number ...". */
+/* Checks the attempts of the job after attempt `after` of the task: "task.number ...". */
 static void expect_attempts(place *p, const char *id, int task, int after, int limit, const char *expected)
 {
     queue_attempt *attempts;
@@ -565,7 +567,7 @@ static void test_an_array_has_one_state(void **state)
     queue_task_clear(&task);
     assert_true(queue_get_frame(p->q, id, 2, &task, &found, NULL));
     assert_false(found);
-    /* only what failed is tried again, with all its attempts, under a new number */
+    /* only the failed tasks are retried, with all their attempts and new numbers */
     assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     second = claim_in(p, &wide, id);
     assert_int_equal(second.frame, 3);
@@ -582,7 +584,7 @@ static void test_an_array_has_one_state(void **state)
     assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
 }
 
-/* Submits a job with the frames 1 to 3, each behind those of `need` (NULL: none). */
+/* Submits a job with the frames 1 to 3, each after the same frame of `need` (NULL: none). */
 static void submit_frames(place *p, const char *need, int priority, bool ordered, char id[ULID_SIZE])
 {
     static const int numbers[] = {1, 2, 3};
@@ -629,7 +631,7 @@ static void test_frames_start_after_the_same_frames_of_another_job(void **state)
     expect_state(p, second, QUEUE_RUNNING); /* between two frames */
     assert_int_equal(claim_in(p, &wide, third).frame, 2);
 
-    assert_true(finish(p, first, 0, 1, &crash)); /* and all frames behind it */
+    assert_true(finish(p, first, 0, 1, &crash)); /* and all later frames */
     expect_frame(p, second, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 3, QUEUE_QUEUED, 1);
@@ -671,7 +673,8 @@ static void test_a_retried_frame_waits_again(void **state)
     assert_int_equal(claim_in(p, &wide, second).frame, 3);
     assert_true(finish(p, second, 2, 1, &crash));
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_RUNNING); /* frame 3 can run, 2 fails again */
+    /* frame 3 can run, frame 2 fails again */
+    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_RUNNING);
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
     assert_int_equal(claim_in(p, &wide, second).frame, 3);
     claim(p, NULL);
@@ -712,7 +715,7 @@ static void test_frames_start_after_accepted_outcomes_only(void **state)
         ending.outcome = (queue_outcome)(QUEUE_CONVERGED + i);
         assert_true(finish(p, first, i, claim(p, first), &ending));
     }
-    submit_frames(p, first, 0, false, second); /* all have ended before */
+    submit_frames(p, first, 0, false, second); /* all frames have ended before */
     expect_frame(p, second, 1, QUEUE_QUEUED, 0);
     expect_frame(p, second, 2, QUEUE_QUEUED, 0);
     expect_frame(p, second, 3, QUEUE_FAILED, 0);
@@ -766,7 +769,7 @@ static void test_a_job_runs_at_most_max_running_tasks(void **state)
     put(p, "other", -1, other);
     int attempt = claim(p, id);
     claim(p, id);
-    claim(p, other); /* which the array does not hold up */
+    claim(p, other); /* the array does not block it */
     claim(p, NULL);
     reopen(p);
     claim(p, NULL);
@@ -800,7 +803,7 @@ static void test_cancel_of_an_array(void **state)
     claim(p, id);
 }
 
-/* Claims the next task of a job in order, which has to begin with the points of `previous`. */
+/* Claims the next task of an ordered job, which must start from the points of `previous`. */
 static queue_task claim_after(place *p, const char *id, int previous)
 {
     queue_claimed claimed = {0};
@@ -830,13 +833,13 @@ static void test_tasks_in_order_begin_with_the_one_before(void **state)
     put_in_order(p, id);
     put(p, "other", 0, other);
     queue_task first = claim_after(p, id, QUEUE_NO_FRAME);
-    claim(p, other); /* no other frame meanwhile */
+    claim(p, other); /* no other frame in the meantime */
     claim(p, NULL);
     reopen(p);
     assert_true(finish(p, id, 0, first.attempt, &success));
     queue_task second = claim_after(p, id, 1);
     assert_int_equal(second.frame, 3);
-    /* it crashes: those behind it wait until it is tried again */
+    /* it crashes: later tasks wait until it is retried */
     assert_true(queue_requeue(p->q, &(queue_fence){id, 1, second.attempt}, true, INT64_MAX, &crash,
                               &(bool){0}, NULL));
     claim(p, NULL);
@@ -863,7 +866,7 @@ static void test_what_follows_a_failure_fails_with_it(void **state)
     assert_non_null(
         strstr(last.error_message, "this frame starts with the points of frame 3, which is failed"));
     queue_task_clear(&last);
-    /* both are tried again, in order */
+    /* both are retried, in order */
     assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &success));
     assert_true(finish(p, id, 2, claim_after(p, id, 3).attempt, &success));
@@ -906,7 +909,7 @@ static void test_edits_have_revisions(void **state)
     assert_int_equal(job.priority, 2);
     assert_string_equal(job.labels, "[\"b\",\"c\"]");
     queue_job_clear(&job);
-    int attempt = claim(p, id); /* before the other now */
+    int attempt = claim(p, id); /* it now precedes the other */
     job = get(p, id);
     assert_int_equal(job.revision, revision + 2);
     queue_job_clear(&job);
@@ -971,11 +974,11 @@ static void test_what_is_over_is_forgotten(void **state)
     queue_event_page page = list_events(p, &filter);
     assert_int_equal(page.count, 0);
     free(page.events);
-    claim(p, dependent); /* what it waited for had come */
+    claim(p, dependent); /* its dependency had ended */
     s = plain;
     s.key = "k";
     s.body_hash = "def";
-    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* the key is free again */
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* the key can be used again */
 }
 
 static void test_list_pages_newest_first(void **state)
@@ -1011,7 +1014,7 @@ static void test_list_by_name_and_time(void **state)
         created_ms[i] = job.created_ms;
         queue_job_clear(&job);
     }
-    /* a day between each, and the clock was set back before the last */
+    /* a day between the jobs; the clock was set back before the last */
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
@@ -1041,7 +1044,7 @@ static void test_list_by_name_and_time(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
-/* The pages of each order, one job each, and backwards. */
+/* The pages of each order, with one job per page, ascending and descending. */
 static void test_lists_are_sorted(void **state)
 {
     place *p = *state;
@@ -1062,7 +1065,7 @@ static void test_lists_are_sorted(void **state)
         s.priority = given[i].priority;
         submit_for(p, &s, id[i]);
     }
-    claim(p, id[0]); /* "running" is behind "queued" */
+    claim(p, id[0]); /* "running" follows "queued" */
     for (int k = 0; k < 2 * QUEUE_ORDER_COUNT; k++) {
         queue_filter f = {.state = -1, .limit = 1, .order = (queue_order)(k / 2), .rising = k % 2};
         char text[QUEUE_SORT_KEY_SIZE], *key = NULL;
@@ -1092,7 +1095,7 @@ static void test_lists_are_sorted(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
-/* Pages that visit `visits` jobs each, one after the other, are the list. */
+/* Checks that consecutive pages that visit `visits` jobs each give the whole list. */
 static void expect_pages_are_the_list(place *p, queue_filter f, int visits)
 {
     queue_job *all;
@@ -1178,7 +1181,7 @@ static void test_pages_visit_a_bounded_number_of_jobs(void **state)
     assert_true(queue_list_page(p->q, &none, 3, &page, NULL));
     assert_int_equal(page.count, 0);
     queue_job fifth = get(p, id[4]);
-    assert_int_equal(page.stop.seq, fifth.seq); /* the third of seven from the newest on */
+    assert_int_equal(page.stop.seq, fifth.seq); /* the third newest of seven */
     queue_job_clear(&fifth);
     queue_page_clear(&page);
 }
@@ -1231,7 +1234,7 @@ static void test_attempts_that_count_add_their_time(void **state)
     ran.ran_ms = 700;
     assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
     assert_int_equal(get_task(p, id, 0).ran_ms, 700);
-    assert_true(requeue(p, id, claim(p, id), false, 0, &ran)); /* given back */
+    assert_true(requeue(p, id, claim(p, id), false, 0, &ran)); /* does not count */
     assert_int_equal(get_task(p, id, 0).ran_ms, 700);
     assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
     assert_int_equal(claim_in(p, &wide, id).ran_ms, 1400);
@@ -1309,7 +1312,7 @@ static void test_ends_are_told(void **state)
     assert_int_equal(delivery.tries, 1);
     queue_delivery_clear(&delivery);
     assert_true(finish(p, failed, 0, claim(p, failed), &crash));
-    delivery = next_delivery(p, failed); /* which is due before */
+    delivery = next_delivery(p, failed); /* it is due earlier */
     assert_string_not_equal(delivery.event, event);
     assert_int_equal(delivery.state, QUEUE_FAILED);
     assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
@@ -1329,7 +1332,7 @@ static queue_figures get_figures(place *p)
     return figures;
 }
 
-/* When the newest event of the job's own was. */
+/* Time of the newest event of the job itself. */
 static int64_t last_event_ms(place *p, const char *id)
 {
     queue_event_page page = {0};
@@ -1360,11 +1363,11 @@ static void test_figures(void **state)
     assert_int_equal(both.deliveries, 2);
     assert_true(both.delivery_since_ms == ended.finished_ms && !both.waiting_since_ms);
     queue_job_clear(&ended);
-    tell(p, first, QUEUE_RETRY, true); /* which waits since then, and not since it was submitted */
+    tell(p, first, QUEUE_RETRY, true); /* it waits since the retry, not since the submission */
     assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, first));
 }
 
-/* What a job's directories are, is noted with its end as a job; and whose a directory is, is known. */
+/* The deletion of a job records its directories. The queue returns the task of a directory. */
 static void test_forgetting_notes_what_is_to_be_removed(void **state)
 {
     place *p = *state;
@@ -1408,7 +1411,7 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
     assert_string_equal(removals[0].id, single);
     assert_int_equal(removals[0].frame, QUEUE_NO_FRAME);
     assert_int_equal(removals[0].attempts, 2);
-    reopen(p); /* it is durable */
+    reopen(p); /* the record is durable */
     static const bool goes[] = {true, true, false, false, true, false};
     assert_true(queue_find_directories(p->q, d, 6, NULL));
     for (int i = 0; i < 6; i++) assert_true(!d[i].known && d[i].to_be_removed == goes[i]);
@@ -1419,7 +1422,7 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
     free(removals);
 }
 
-/* Of a job that waits in whichever way. */
+/* For jobs in each waiting state. */
 static void test_a_result_that_is_found_ends_what_waits(void **state)
 {
     place *p = *state;
@@ -1439,11 +1442,11 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     s.frames = two;
     s.frame_count = 2;
     submit_for(p, &s, array);
-    assert_true(requeue(p, array, claim(p, array), true, INT64_MAX / 2, &crash)); /* one waits for its time */
+    assert_true(requeue(p, array, claim(p, array), true, INT64_MAX / 2, &crash)); /* one task is delayed */
     expect_state(p, blocked, QUEUE_BLOCKED);
     assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && accepted);
     expect_state(p, blocked, QUEUE_SUCCEEDED);
-    expect_state(p, last, QUEUE_QUEUED); /* whom it kept waiting */
+    expect_state(p, last, QUEUE_QUEUED); /* it had waited for that job */
     assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
                 !accepted);
     assert_true(queue_end_found(p->q, paused, QUEUE_NO_FRAME, QUEUE_NOT_CONVERGED, &accepted, NULL) &&
@@ -1462,7 +1465,7 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
                 !accepted);
     assert_int_equal(claim(p, last), 1);
     assert_true(queue_end_found(p->q, last, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
-                !accepted); /* runs */
+                !accepted); /* it runs */
 }
 
 static void test_adopted_jobs(void **state)
@@ -1503,7 +1506,7 @@ static void test_adopted_jobs(void **state)
     queue_job_clear(&job);
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){jobs[0].id}, 1);
     error e = {0};
-    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* they are there */
+    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* they exist */
     bool found, deleted;
     assert_true(queue_delete(p->q, jobs[0].id, &found, &deleted, NULL) && deleted);
     assert_false(queue_adopt(p->q, jobs, 2, &e)); /* all or none */

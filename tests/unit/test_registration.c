@@ -106,8 +106,8 @@ static void test_an_ellipsoid_that_moves_turns_and_grows_is_followed(void **stat
     double worst = 0;
     for (int k = 0; k < POINTS; k++)
         worst = fmax(worst, vec3_norm(vec3_sub(registration_apply(&back, moved[k]), x[k])));
-    assert_close(worst, 0,
-                 0.01); /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
+    /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
+    assert_close(worst, 0, 0.01);
     assert_close(back.growth, 0.1, 1e-3);
     assert_close(vec3_norm(back.rotation), vec3_norm(away.rotation), 0.01);
     registration same = find(moved, &ellipsoid, 3);

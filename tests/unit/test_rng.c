@@ -1,4 +1,4 @@
-/* Random numbers: the published generator, and streams that have nothing to do with each other. */
+/* Random numbers: the published generator, and independent streams. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -14,7 +14,7 @@
 #define HOUR INT64_C(3600000)
 #define DAY (24 * HOUR)
 
-/* The same program after a time without it. */
+/* Starts the program again after a time without it. */
 static running_time *start_again(running_time *t)
 {
     running_period periods[RUNNING_PERIODS_MOST];
@@ -46,8 +46,8 @@ static void test_a_clock_that_is_set_forward_ends_nothing(void **state)
     assert_true(running_time_is_over(t, began, HOUR));
     step_wall(365 * DAY);
     assert_false(running_time_is_over(t, began, DAY));
-    assert_false(
-        running_time_is_over(t, began, HOUR)); /* its time was over, but within the hour after a step */
+    /* its time was over, but within the hour after a step */
+    assert_false(running_time_is_over(t, began, HOUR));
     int64_t later = clock_wall_ms();
     pass(HOUR);
     assert_true(running_time_is_over(t, began, HOUR));
@@ -60,7 +60,7 @@ static void test_a_clock_that_is_set_forward_ends_nothing(void **state)
     step_wall(-365 * DAY);
     pass(HOUR);
     assert_true(running_time_is_over(t, began, DAY));
-    assert_false(running_time_is_over(t, later, DAY)); /* the wall clock does not say so */
+    assert_false(running_time_is_over(t, later, DAY)); /* not over by the wall clock */
     running_time_free(t);
 }
 
@@ -79,7 +79,8 @@ static void test_a_start_counts_the_time_that_the_program_ran(void **state)
     pass(HOUR);
     assert_true(running_time_is_over(t, began, DAY + 3 * HOUR));
     assert_false(running_time_is_over(t, began, DAY + 3 * HOUR + 1000));
-    assert_false(running_time_is_over(t, began - 365 * DAY, 3 * DAY)); /* before the program ran first */
+    /* created before the first start of the program */
+    assert_false(running_time_is_over(t, began - 365 * DAY, 3 * DAY));
     running_time_free(t);
 }
 
@@ -142,8 +143,8 @@ static void test_daily_starts_keep_longer_by_little_more_than_the_stops(void **s
     }
     pass(HOUR);
     assert_true(running_time_is_over(t, began, 110 * DAY));
-    assert_false(
-        running_time_is_over(t, began, 110 * DAY + HOUR + 1000)); /* the daemon did not run for longer */
+    /* the daemon did not run for longer */
+    assert_false(running_time_is_over(t, began, 110 * DAY + HOUR + 1000));
     running_time_free(t);
 }
 

@@ -1,4 +1,4 @@
-/* Unit tests of the engine slurm: what becomes of attempts whose files are damaged. squeue is a script that knows no job. */
+/* Unit tests of the engine slurm: attempts whose files are damaged. squeue is a script that lists no job. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -54,7 +54,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* An attempt that a node has begun and ended, with this text as its ending. */
+/* An attempt that a node has run, with this text as its ending. */
 static engine_attempt *resume(place *p, double lost_s, const char *text)
 {
     error e = {0};

@@ -589,8 +589,8 @@ static void unresolved_surface_is_covered_evenly(void **state)
         assert_close(x.scan->area / (all.count * 4 * M_PI * 0.09), 1, 0.01);
         assert_int_equal(x.points->count, params.count);
         assert_int_equal(x.points->lost, 0);
-        assert_true(
-            isnan(x.points->step_left)); /* no such step is known of points that are spread in space */
+        /* no such step is known of points that are spread in space */
+        assert_true(isnan(x.points->step_left));
         check_residuals(&x);
         count_on_spheres(&all, x.points, points);
         for (size_t i = 0; i < all.count; i++)

@@ -1,4 +1,4 @@
-/* spec: what is written, and where the pictures are taken from. */
+/* spec: outputs, and cameras of the pictures. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -68,7 +68,8 @@ static void cameras_that_see_nothing_are_refused(void **state)
            "is equal to position");
     refuse(PLACED(",\"up\":[0,-3,0]"), "/output/preview/camera/up", "parallel to the line of sight");
     refuse(PLACED(",\"up\":[0,0,0]"), "/output/preview/camera/up", "up is zero");
-    refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up is zero"); /* the default */
+    /* of the default up vector */
+    refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up is zero");
     refuse(PLACED(",\"fov\":1,\"orthographic\":1"), at, "at most one of fov, orthographic");
 }
 

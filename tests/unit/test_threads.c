@@ -1,4 +1,4 @@
-/* The pool does every item once, with any number of workers, many times over. */
+/* The pool processes every item once, with any number of workers, in many repetitions. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -74,7 +74,7 @@ static void count_and_look(void *context, int worker, size_t begin, size_t end)
     atomic_fetch_add(&l->done, (int)(end - begin));
 }
 
-/* Workers that wake up when a loop is over leave it alone, and begin none twice. */
+/* Workers that wake up after the end of a loop do not process it, and no loop is processed twice. */
 static void short_loops_end_for_all(void **state)
 {
     (void)state;

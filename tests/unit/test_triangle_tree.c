@@ -86,8 +86,8 @@ static void the_closest_triangle_is_found(void **state)
         assert_int_equal(triangle_tree_find_from(f.tree, x, start, weight), found);
         assert_true(triangle_tree_find_nearer(f.tree, x, &bound, &found) &&
                     fabs(bound - least) <= ROUNDING * least);
-        assert_false(
-            triangle_tree_find_nearer(f.tree, x, &bound, &found)); /* none is nearer than the nearest */
+        /* none is nearer than the nearest */
+        assert_false(triangle_tree_find_nearer(f.tree, x, &bound, &found));
         size_t tree = triangle_forest_find(f.forest, x, &in_part);
         t = triangle_of(&f.part[tree], in_part);
         assert_true(fabs(triangle_distance2(&t, x) - least) <= ROUNDING * least);

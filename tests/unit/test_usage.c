@@ -1,4 +1,4 @@
-/* The space that results take: sums, bounds, what goes first, and what is refused when nothing may go. */
+/* The disk space of results: sums, bounds, the order of deletion, and refusals when no job may be deleted. */
 #include "queue_place.h"
 
 #define NONE INT64_MAX
@@ -8,7 +8,7 @@ static void bound(place *p, queue_sum all, queue_sum user, bool undelivered)
     queue_bound(p->q, &(queue_bounds){.all = all, .user = user, .undelivered = undelivered});
 }
 
-/* Submits a job, runs it, and ends it so that it leaves these bytes. */
+/* Submits a job, runs it, and ends it with this disk space. */
 static void run(place *p, const char *owner, const queue_ending *ending, int64_t bytes, char id[ULID_SIZE])
 {
     queue_submission s = plain;
@@ -21,7 +21,7 @@ static void run(place *p, const char *owner, const queue_ending *ending, int64_t
 
 static void deliver(place *p, const char *id, int frame)
 {
-    static int64_t now = 4000000000000; /* each is later than the one before, and than the end of every job */
+    static int64_t now = 4000000000000; /* later than the previous one, and than the end of every job */
     assert_true(queue_note_delivery(p->q, id, frame, now++, NULL));
 }
 
@@ -71,7 +71,7 @@ static void test_sums_follow_jobs(void **state)
     remove_job(p, one);
     expect_usage(p, "ann", 500, 1);
     tell(p, failed, QUEUE_RETRY, true);
-    expect_usage(p, "bob", 7, 0); /* its log is still there */
+    expect_usage(p, "bob", 7, 0); /* its log still exists */
     assert_true(finish(p, failed, 0, claim(p, failed), &success));
     expect_usage(p, "bob", 7, 1);
     remove_job(p, failed);
@@ -94,7 +94,7 @@ static void test_who_was_delivered_first_goes_first(void **state)
     remove_job(p, job[2]);
     expect_leaving(p, job[0]);
     remove_job(p, job[0]);
-    expect_leaving(p, NULL); /* 200 are left, and neither was delivered */
+    expect_leaving(p, NULL); /* 200 remain, and neither was delivered */
     deliver(p, job[1], QUEUE_NO_FRAME);
     expect_leaving(p, job[1]);
     remove_job(p, job[1]);
@@ -116,7 +116,7 @@ static void test_what_was_not_delivered_goes_last_and_only_when_told(void **stat
     expect_leaving(p, NULL);
 }
 
-/* A copy in output.directory is a delivery, and a job that failed has nothing to be delivered. */
+/* A copy in output.directory is a delivery. A failed job has no result to deliver. */
 static void test_copies_and_failures_are_delivered_at_the_end(void **state)
 {
     place *p = *state;
@@ -145,7 +145,7 @@ static void expect_copy(place *p, const char *id, const char *state, const char 
     queue_job_clear(&job);
 }
 
-/* A result that could not be copied stays until it was. */
+/* A result that could not be copied is kept until it was copied. */
 static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
 {
     place *p = *state;
@@ -166,7 +166,7 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     assert_true(queue_next_uncopied(p->q, 0, &job, &found, NULL));
     assert_false(found);
     tell(p, id, QUEUE_DELIVER, true);
-    tell(p, id, QUEUE_DELIVER, false); /* it is under way */
+    tell(p, id, QUEUE_DELIVER, false); /* it is in progress */
     expect_copy(p, id, "pending", NULL);
     reopen(p);
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
@@ -220,10 +220,10 @@ static void test_a_bound_of_users(void **state)
     bound(p, (queue_sum){NONE, NONE}, (queue_sum){200, NONE}, false);
     expect_leaving(p, NULL);
     assert_int_equal(submit(p, &s).admission, QUEUE_USER_RESULTS_FULL);
-    claim(p, NULL); /* her job waits */
+    claim(p, NULL); /* ann's job waits */
     s.owner = "bob";
     submit_for(p, &s, other);
-    claim(p, other); /* those of others do not */
+    claim(p, other); /* jobs of other users do not wait */
     deliver(p, ann[1], QUEUE_NO_FRAME);
     expect_leaving(p, ann[1]);
     s.owner = "ann";
@@ -255,7 +255,7 @@ static void test_a_bound_of_all(void **state)
     claim(p, waiting);
 }
 
-/* An older version did not measure. */
+/* Older versions did not measure disk space. */
 static void test_what_is_not_measured_is_asked_for(void **state)
 {
     place *p = *state;

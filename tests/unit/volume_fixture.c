@@ -139,7 +139,8 @@ volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction 
 bool fixture_project(const field *f, vec3 x, vec3 *out)
 {
     field_sample s;
-    for (int step = 0; step < 20; step++) { /* quadratic: a dozen suffices from a cell away */
+    /* quadratic convergence: a dozen steps suffice from one cell away */
+    for (int step = 0; step < 20; step++) {
         if (!field_sample_at(f, x, FIELD_GRADIENT, &s)) return false;
         double g2 = vec3_norm2(s.gradient);
         if (!(g2 > 0)) return false;
