@@ -198,12 +198,12 @@ static const queue_resources wide = {
     .threads = 64, .all_threads = 64, .memory_mb = 100000, .all_memory_mb = 100000};
 
 /* Claims the next task, which must be of the job `id`; NULL: there must be no task. */
-static inline queue_task claim_in(place *p, const queue_resources *room, const char *id)
+static inline queue_task claim_in(place *p, const queue_resources *resources, const char *id)
 {
     queue_claimed claimed = {0};
     bool found = true;
     error e = {0};
-    if (!queue_claim(p->q, room, &claimed, &found, &e)) fail_msg("%s", e.message);
+    if (!queue_claim(p->q, resources, &claimed, &found, &e)) fail_msg("%s", e.message);
     if (found && id) assert_string_equal(claimed.job.id, id);
     assert_int_equal(found, id != NULL);
     if (found) {
@@ -241,7 +241,7 @@ static inline bool requeue(place *p, const char *id, int attempt, bool counts, i
 }
 
 /* Applies a command; `expected`: whether it changes the job. Returns the new state. */
-static inline queue_state tell(place *p, const char *id, queue_command command, bool expected)
+static inline queue_state apply_command(place *p, const char *id, queue_command command, bool expected)
 {
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;

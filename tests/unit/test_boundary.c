@@ -156,11 +156,11 @@ static int64_t go_on(const face *f, int64_t edge)
 }
 
 /* The curve through an edge, from one of its ends if it has ends. */
-static curve walk(face *f, int64_t start, size_t room)
+static curve walk(face *f, int64_t start, size_t capacity)
 {
-    curve c = {mem_alloc(room * sizeof *c.point), mem_alloc(room * sizeof *c.at), 0, true};
+    curve c = {mem_alloc(capacity * sizeof *c.point), mem_alloc(capacity * sizeof *c.at), 0, true};
     int64_t edge = start;
-    for (int64_t before = -1, k = 0; k < (int64_t)room; k++) { /* back to an end, or once around */
+    for (int64_t before = -1, k = 0; k < (int64_t)capacity; k++) { /* back to an end, or once around */
         int64_t a = f->next[2 * edge], b = f->next[2 * edge + 1], on = a == before ? b : a;
         if (on < 0) {
             c.closed = false;

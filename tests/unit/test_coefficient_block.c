@@ -19,16 +19,16 @@ enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 
 typedef struct looking {
     const coefficient_blocks *later, *once;
-    bool has_room; /* for all of them */
+    bool stores_all; /* the coefficients of all blocks are stored */
     atomic_int wrong;
 } looking;
 
-/* Whether the coefficients of a cell of a coefficient block that has no room are those of its coefficient block. */
+/* Whether the coefficients of a cell of a coefficient block that is not stored are those of its coefficient block. */
 static bool cell_is(const coefficient_blocks *b, uint32_t n, size_t k, const float *coefficients)
 {
-    float room[COEFFICIENT_BLOCK_CELL];
+    float buffer[COEFFICIENT_BLOCK_CELL];
     const int cell[3] = {(int)(k % 8), (int)(k / 8 % 8), (int)(k / 64 % 8)};
-    const float *got = coefficient_blocks_find_cell(b, n, cell, room),
+    const float *got = coefficient_blocks_find_cell(b, n, cell, buffer),
                 *right = coefficient_block_cell(coefficients, cell[0], cell[1], cell[2]);
     bool same = true;
     for (int row = 0; row < 16; row++) {
@@ -43,19 +43,19 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     looking *job = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        float room[COEFFICIENT_BLOCK_SIZE];
+        float buffer[COEFFICIENT_BLOCK_SIZE];
         const uint32_t n = (uint32_t)(k * 2654435761u % job->once->map->count);
         const float *coefficients = k % 3 ? coefficient_blocks_at(job->later, n)
-                                          : coefficient_blocks_read_once(job->later, n, room),
+                                          : coefficient_blocks_read_once(job->later, n, buffer),
                     *right = coefficient_blocks_at(job->once, n);
         const bool differs =
             coefficients ? memcmp(coefficients, right, COEFFICIENT_BLOCK_SIZE * sizeof *coefficients) != 0
-                         : job->has_room || !cell_is(job->later, n, k, right);
+                         : job->stores_all || !cell_is(job->later, n, k, right);
         if (differs) atomic_fetch_add(&job->wrong, 1);
     }
 }
 
-/* With room for so many. */
+/* Stores at most a share of the blocks. */
 static void check_blocks(size_t share)
 {
     error e = {0};
@@ -70,9 +70,9 @@ static void check_blocks(size_t share)
         const int32_t *at = first.map.blocks[n];
         assert_true(block_map_find_or_add(&map, at[0], at[1], at[2], NULL, &e));
     }
-    const size_t room = map.count / share;
+    const size_t share_count = map.count / share;
     assert_true(coefficient_blocks_build(&first, &map, 0, pool, &once, &e));
-    assert_true(coefficient_blocks_build(&second, &map, room, pool, &later, &e));
+    assert_true(coefficient_blocks_build(&second, &map, share_count, pool, &later, &e));
     assert_null(first.f);
     assert_null(second.f);
     for (int round = 0; round < 3; round++) {
@@ -82,7 +82,7 @@ static void check_blocks(size_t share)
         size_t there = 0;
         for (uint32_t n = 0; n < map.count; n++)
             there += atomic_load(&later.place[n]) >= COEFFICIENT_BLOCK_PRESENT;
-        assert_int_equal(there, room);
+        assert_int_equal(there, share_count);
         coefficient_blocks_discard(&later);
         coefficient_blocks_discard(&once);
         assert_int_equal(atomic_load(&later.place[map.count]), 0);

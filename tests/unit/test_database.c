@@ -286,7 +286,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
     assert_true(finish(p, "cancelling", 0, 1, &ending));
     assert_int_equal(claim(p, "queued"), 2);
-    assert_int_equal(tell(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
     queue_attempt *attempts;
     size_t count;
     assert_true(queue_list_attempts(p->q, "running", -1, 0, 100, &attempts, &count, NULL));
@@ -432,7 +432,7 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_true(wanted);
-    tell(p, id, QUEUE_CANCEL, true);
+    apply_command(p, id, QUEUE_CANCEL, true);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_false(wanted);
 }
@@ -811,7 +811,7 @@ static void test_a_job_is_refused_without_room(void **state)
     queue_reserve(p->q, INT64_MAX / 2); /* more than any disk has */
     assert_true(queue_put(p->q, &plain, &receipt, NULL));
     assert_int_equal(receipt.admission, QUEUE_NO_SPACE);
-    tell(p, id, QUEUE_CANCEL, true);
+    apply_command(p, id, QUEUE_CANCEL, true);
     bool found = false, deleted = false;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
     assert_true(found && deleted);

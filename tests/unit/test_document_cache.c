@@ -82,11 +82,11 @@ static void test_no_change_leaves_a_document(void **state)
     submit_for(p, &depending, follower);
     keep(cache, p, id, true, "new");
     keep(cache, p, follower, true, "new");
-    tell(p, id, QUEUE_PAUSE, true);
+    apply_command(p, id, QUEUE_PAUSE, true);
     expect_gone(cache, p, id);
-    tell(p, id, QUEUE_PAUSE, false);
+    apply_command(p, id, QUEUE_PAUSE, false);
     expect_found(cache, p, id, &owner, "as it is now"); /* nothing changed */
-    tell(p, id, QUEUE_RESUME, true);
+    apply_command(p, id, QUEUE_RESUME, true);
     expect_gone(cache, p, id);
     int priority = 3;
     int64_t retention_s = 7;
@@ -107,9 +107,9 @@ static void test_no_change_leaves_a_document(void **state)
     assert_true(finish(p, id, 0, attempt, &crash));
     expect_gone(cache, p, id);
     expect_gone(cache, p, follower); /* has failed, too */
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     expect_gone(cache, p, id);
-    tell(p, id, QUEUE_CANCEL, true);
+    apply_command(p, id, QUEUE_CANCEL, true);
     expect_gone(cache, p, id);
     bool found, deleted;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL) && deleted);
@@ -125,7 +125,7 @@ static void test_a_document_that_comes_late_is_not_shown(void **state)
     document_cache *cache = document_cache_new(8);
     submit_of_ann(p, id);
     queue_job before = get(p, id);
-    tell(p, id, QUEUE_PAUSE, true);
+    apply_command(p, id, QUEUE_PAUSE, true);
     cached_document d = {.text = (char *)"old", .length = 3};
     document_cache_put(cache, &before, true, &d);
     expect_found(cache, p, id, &owner, NULL);

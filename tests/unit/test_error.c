@@ -37,7 +37,7 @@ static void context_comes_first(void **state)
     assert_false(error_prefix(&e, "grid '%s'", "density"));
     assert_string_equal(e.message, "grid 'density': nothing at 0.5");
     assert_int_equal(e.code, ERROR_NO_SURFACE);
-    assert_false(error_set(NULL, ERROR_INTERNAL, "nobody listens"));
+    assert_false(error_set(NULL, ERROR_INTERNAL, "no error object"));
     error none = {0};
     error_prefix(&none, "context");
     assert_string_equal(none.message, "");

@@ -123,9 +123,9 @@ static void test_removed_events_are_noted(void **state)
     bool found, deleted;
     put(p, "first", 0, first);
     put(p, "second", 0, second);
-    tell(p, second, QUEUE_CANCEL, true);
+    apply_command(p, second, QUEUE_CANCEL, true);
     int64_t gone = look_at_events(p).newest;
-    tell(p, first, QUEUE_PAUSE, true);
+    apply_command(p, first, QUEUE_PAUSE, true);
     assert_int_equal(look_at_events(p).removed_up_to, 0);
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));
     assert_false(deleted); /* nothing is recorded either */
@@ -139,7 +139,7 @@ static void test_removed_events_are_noted(void **state)
     assert_int_equal(page.removed_up_to, 0);
     free(page.events);
     /* a deleted job had the newest event: its numbers are not reused */
-    tell(p, first, QUEUE_CANCEL, true);
+    apply_command(p, first, QUEUE_CANCEL, true);
     int64_t newest = look_at_events(p).newest;
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));
     page = look_at_events(p);

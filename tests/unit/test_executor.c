@@ -682,19 +682,19 @@ static void test_waits_double(void **state)
     meter counts = {.cache_hits = 0};
     const settlement_place where = {
         .q = p->q, .work_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
-    const queue_resources room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
+    const queue_resources resources = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
     put(p, "{}", 99, id);
     for (int i = 0; i < 5; i++) {
         queue_claimed claimed = {0};
         bool found = false, changed;
         queue_state now;
         if (i > 0) { /* not due yet: a cancellation and a retry reset the wait and the count */
-            assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+            assert_true(queue_claim(p->q, &resources, &claimed, &found, NULL));
             assert_false(found);
             assert_true(queue_apply_command(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
             assert_true(queue_apply_command(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL));
         }
-        assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+        assert_true(queue_claim(p->q, &resources, &claimed, &found, NULL));
         assert_true(found);
         claimed.task.spent = i + 1;
         settlement s = {.decision = SETTLEMENT_RETRY_CRASHED};

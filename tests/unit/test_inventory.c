@@ -233,13 +233,13 @@ static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state
     error e = {0};
     put(p, false, 0, QUEUE_QUEUED, id);
     char *result = name_of("results", id, ""), *file = at(p, LOST_FOUND_DIRECTORY);
-    make(p, "results/nobody's");
+    make(p, "results/other");
     assert_true(store_file_write(file, "x", 1, NULL));
     take(p); /* entries without a job may stay */
     make(p, result);
     assert_false(inventory_take(p->q, p->base, false, &e));
     assert_non_null(strstr(e.message, result));
-    assert_true(is_there(p, result) && is_there(p, "results/nobody's"));
+    assert_true(is_there(p, result) && is_there(p, "results/other"));
     free(result);
     free(file);
 }

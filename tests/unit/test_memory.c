@@ -76,12 +76,12 @@ static void test_growing_keeps_what_is_there(void **state)
     (void)state;
     error e = {0};
     uint32_t *array = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     for (uint32_t n = 0; n < 100; n++) {
-        assert_non_null(array = mem_grow(array, n, &room, 8, sizeof *array, "a test", &e));
+        assert_non_null(array = mem_grow(array, n, &capacity, 8, sizeof *array, "a test", &e));
         array[n] = n;
     }
-    assert_int_equal(room, 128);
+    assert_int_equal(capacity, 128);
     for (uint32_t n = 0; n < 100; n++) assert_int_equal(array[n], n);
     size_t full = SIZE_MAX / 16;
     assert_null(mem_grow(array, full, &full, 8, sizeof *array, "a test", &e));
@@ -102,12 +102,12 @@ static void test_growing_gives_back_the_old_place(void **state)
 {
     (void)state;
     error e = {0};
-    size_t count = (size_t)256 << 20, room = count;
+    size_t count = (size_t)256 << 20, capacity = count;
     char *array = mem_array(count, 1, "a test", &e);
     memset(array, 7, count);
     const size_t before = peak_bytes();
-    assert_non_null(array = mem_grow(array, count, &room, 8, 1, "a test", &e));
-    assert_int_equal(room, 2 * count);
+    assert_non_null(array = mem_grow(array, count, &capacity, 8, 1, "a test", &e));
+    assert_int_equal(capacity, 2 * count);
     for (size_t n = 0; n < count; n += 4093) assert_int_equal(array[n], 7);
     assert_int_equal(array[count - 1], 7);
     assert_int_equal(array[count], 0);

@@ -12,12 +12,12 @@ static void put_for(place *p, const char *owner, int priority, int count)
 }
 
 /* Claims a task of this owner and ends it. */
-static void expect_turn(place *p, const queue_resources *room, const char *owner)
+static void expect_turn(place *p, const queue_resources *resources, const char *owner)
 {
     queue_claimed claimed = {0};
     bool found = false;
     error e = {0};
-    if (!queue_claim(p->q, room, &claimed, &found, &e)) fail_msg("%s", e.message);
+    if (!queue_claim(p->q, resources, &claimed, &found, &e)) fail_msg("%s", e.message);
     assert_true(found);
     assert_string_equal(claimed.job.owner, owner);
     assert_true(finish(p, claimed.job.id, claimed.task.number, claimed.task.attempt, &success));
@@ -25,13 +25,13 @@ static void expect_turn(place *p, const queue_resources *room, const char *owner
 }
 
 /* Claims tasks and ends them. Returns the number of tasks of this owner. */
-static int count_turns(place *p, const queue_resources *room, const char *owner, int claims)
+static int count_turns(place *p, const queue_resources *resources, const char *owner, int claims)
 {
     int count = 0;
     for (int i = 0; i < claims; i++) {
         queue_claimed claimed = {0};
         bool found = false;
-        assert_true(queue_claim(p->q, room, &claimed, &found, NULL) && found);
+        assert_true(queue_claim(p->q, resources, &claimed, &found, NULL) && found);
         count += strcmp(claimed.job.owner, owner) == 0;
         assert_true(finish(p, claimed.job.id, claimed.task.number, claimed.task.attempt, &success));
         queue_claimed_clear(&claimed);
@@ -77,14 +77,14 @@ static void test_turns_go_by_weight(void **state)
     place *p = *state;
     static const char *const given[] = {"alice:2", "*:0.5", "bob:1"};
     user_numbers *weights = user_numbers_read(given, 3, 0.01, 100, NULL);
-    queue_resources room = wide;
-    room.weights = weights;
+    queue_resources resources = wide;
+    resources.weights = weights;
     put_for(p, "alice", 0, 100);
     put_for(p, "bob", 0, 100);
     put_for(p, "carl", 0, 100);
-    assert_int_equal(count_turns(p, &room, "alice", 35), 20);
-    assert_int_equal(count_turns(p, &room, "bob", 35), 10);
-    assert_int_equal(count_turns(p, &room, "carl", 35), 5);
+    assert_int_equal(count_turns(p, &resources, "alice", 35), 20);
+    assert_int_equal(count_turns(p, &resources, "bob", 35), 10);
+    assert_int_equal(count_turns(p, &resources, "carl", 35), 5);
     user_numbers_free(weights);
 }
 
@@ -211,10 +211,10 @@ static void test_the_first_job_follows_what_changes_it(void **state)
     s.depends_on = (const char *const[]){first};
     s.depends_on_count = 1;
     submit_for(p, &s, third);
-    tell(p, first, QUEUE_PAUSE, true);
+    apply_command(p, first, QUEUE_PAUSE, true);
     int attempt = claim(p, second);
     claim(p, NULL);
-    tell(p, first, QUEUE_RESUME, true);
+    apply_command(p, first, QUEUE_RESUME, true);
     assert_true(requeue(p, second, attempt, false, 0, &crash));
     queue_edited edited;
     assert_true(queue_change(p->q, second, -1, &(queue_edit){.priority = &(int){5}}, &edited, NULL));

@@ -129,7 +129,7 @@ static void test_faults_of_storage_are_counted_apart(void **state)
     assert_int_equal(task.spent, 1);
     assert_int_equal(task.storage_faults, 1);
     assert_true(finish(p, id, 0, claim(p, id), &crash));
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     assert_int_equal(get_task(p, id, 0).storage_faults, 0);
 }
 
@@ -184,7 +184,7 @@ static void test_who_crashed_waits_and_holds_nobody_up(void **state)
     claim(p, NULL);
     reopen(p); /* the wait is stored */
     claim(p, NULL);
-    assert_int_equal(tell(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
     assert_true(queue_next_due(p->q, &due, NULL));
     assert_true(due == INT64_MAX);
     char soon[ULID_SIZE];
@@ -200,20 +200,20 @@ static void test_cancel(void **state)
     put(p, "running", 1, running);
     put(p, "waiting", 0, waiting);
     int attempt = claim(p, running);
-    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, true), QUEUE_CANCELLED);
-    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, false), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, waiting, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, waiting, QUEUE_CANCEL, false), QUEUE_CANCELLED);
     queue_job job = get(p, waiting);
     assert_true(job.finished_ms > 0);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, running, QUEUE_CANCEL, true), QUEUE_CANCELLING);
-    assert_int_equal(tell(p, running, QUEUE_CANCEL, false), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, running, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, running, QUEUE_CANCEL, false), QUEUE_CANCELLING);
     assert_false(requeue(p, running, attempt, true, 0, &crash)); /* would undo the cancellation */
     queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
     assert_true(finish(p, running, 0, attempt, &ending));
     expect_state(p, running, QUEUE_CANCELLED);
     bool found = true, changed = true;
     queue_state now;
-    assert_true(queue_apply_command(p->q, "nobody", QUEUE_CANCEL, &found, &changed, &now, NULL));
+    assert_true(queue_apply_command(p->q, "missing", QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_false(found || changed);
 }
 
@@ -222,17 +222,18 @@ static void test_pause_and_resume(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "paused", 0, id);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_PAUSED);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_PAUSED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true), QUEUE_PAUSED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, false), QUEUE_PAUSED);
     claim(p, NULL);
-    assert_int_equal(tell(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
     int attempt = claim(p, id);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING); /* the running attempt continues */
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true),
+                     QUEUE_RUNNING); /* the running attempt continues */
     assert_true(requeue(p, id, attempt, true, 0, &crash));
     expect_state(p, id, QUEUE_PAUSED);
     claim(p, NULL);
-    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLED);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, false), QUEUE_CANCELLED);
 }
 
 static void test_the_same_key_is_the_same_job(void **state)
@@ -283,14 +284,14 @@ static void test_a_user_runs_so_many(void **state)
     for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
     s.owner = "bob";
     submit_for(p, &s, bob);
-    queue_resources room = wide;
-    room.most_of_owner = 1;
-    queue_task task = claim_in(p, &room, ann[0]);
-    claim_in(p, &room, bob);
-    claim_in(p, &room, NULL);
+    queue_resources resources = wide;
+    resources.most_of_owner = 1;
+    queue_task task = claim_in(p, &resources, ann[0]);
+    claim_in(p, &resources, bob);
+    claim_in(p, &resources, NULL);
     assert_true(finish(p, ann[0], 0, task.attempt, &success));
-    claim_in(p, &room, ann[1]);
-    claim_in(p, &room, NULL);
+    claim_in(p, &resources, ann[1]);
+    claim_in(p, &resources, NULL);
 }
 
 static void test_what_fits_passes_by_but_not_for_ever(void **state)
@@ -302,16 +303,16 @@ static void test_what_fits_passes_by_but_not_for_ever(void **state)
     submit_for(p, &s, large);
     s.threads = 1;
     for (int i = 0; i <= QUEUE_OVERTAKE_MOST; i++) submit_for(p, &s, small[i]);
-    queue_resources room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
-    for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &room, small[i]);
-    claim_in(p, &room, NULL); /* from here on all others wait for the large job */
-    room.threads = 4;
-    claim_in(p, &room, large);
-    room.memory_mb = 99;
-    claim_in(p, &room, NULL);
+    queue_resources resources = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
+    for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &resources, small[i]);
+    claim_in(p, &resources, NULL); /* from here on all others wait for the large job */
+    resources.threads = 4;
+    claim_in(p, &resources, large);
+    resources.memory_mb = 99;
+    claim_in(p, &resources, NULL);
     s.memory_mb = 1001;
     submit_for(p, &s, hungry);
-    claim_in(p, &room, hungry); /* it never fits, so that the executor can fail it */
+    claim_in(p, &resources, hungry); /* it never fits, so that the executor can fail it */
 }
 
 static void test_jobs_wait_for_others(void **state)
@@ -367,9 +368,9 @@ static void test_who_depends_on_a_failure_fails(void **state)
     const char *needs[] = {id[2]};
     s.depends_on = needs;
     assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* without waiting */
-    assert_int_equal(tell(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
-    assert_int_equal(tell(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
-    assert_int_equal(tell(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
+    assert_int_equal(apply_command(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
+    assert_int_equal(apply_command(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
     assert_true(finish(p, id[0], 0, claim(p, id[0]), &success));
     claim(p, id[1]);
 }
@@ -401,7 +402,7 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     assert_non_null(strstr(job.error_message, "queue.accept"));
     queue_job_clear(&job);
     assert_int_equal(submit(p, &after).state, QUEUE_FAILED);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
     after.depends_on_count = 0;
     after.after = (const char *[]){first};
     after.after_count = 1;
@@ -414,7 +415,7 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     job = get(p, first);
     assert_true(job.accepted);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, true), QUEUE_QUEUED);
     claim(p, second);
 }
 
@@ -440,7 +441,7 @@ static void test_a_retry_takes_what_failed_behind_it(void **state)
     submit_for(p, &s, third);
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     assert_true(finish(p, broken, 0, claim(p, broken), &crash));
-    tell(p, first, QUEUE_RETRY, true);
+    apply_command(p, first, QUEUE_RETRY, true);
     queue_retried retried = {0};
     const char *own = plain.owner ? plain.owner : "";
     assert_true(queue_retry_dependents(p->q, first, own, &retried, NULL));
@@ -454,7 +455,7 @@ static void test_a_retry_takes_what_failed_behind_it(void **state)
     expect_state(p, bobs, QUEUE_FAILED);
     expect_state(p, last, QUEUE_FAILED);
     /* an administrator retries the jobs of all users */
-    tell(p, broken, QUEUE_RETRY, true);
+    apply_command(p, broken, QUEUE_RETRY, true);
     assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
     assert_int_equal(retried.count, 2);
     assert_int_equal(retried.other_count, 0);
@@ -473,25 +474,25 @@ static void test_jobs_wait_for_any_end(void **state)
     char first[ULID_SIZE], second[ULID_SIZE], last[ULID_SIZE];
     put(p, "first", 0, first);
     put(p, "second", 0, second);
-    const char *ends[] = {first, second}, *nobody[] = {"01aaaaaaaaaaaaaaaaaaaaaaaa"};
+    const char *ends[] = {first, second}, *missing[] = {"01aaaaaaaaaaaaaaaaaaaaaaaa"};
     s.after = ends;
     s.after_count = 2;
     submit_for(p, &s, last);
     expect_state(p, last, QUEUE_BLOCKED);
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, last, QUEUE_BLOCKED);
-    tell(p, first, QUEUE_RETRY, true); /* it ends a second time */
+    apply_command(p, first, QUEUE_RETRY, true); /* it ends a second time */
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     reopen(p);
     expect_state(p, last, QUEUE_BLOCKED);
-    tell(p, second, QUEUE_CANCEL, true);
+    apply_command(p, second, QUEUE_CANCEL, true);
     expect_state(p, last, QUEUE_QUEUED);
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED); /* both have ended */
     s.depends_on = &ends[0];
     s.depends_on_count = 1;
     /* two dependencies on the same job: the stricter one counts */
     assert_int_equal(submit(p, &s).state, QUEUE_FAILED);
-    s.after = nobody;
+    s.after = missing;
     s.after_count = 1;
     queue_receipt receipt = submit(p, &s);
     assert_int_equal(receipt.admission, QUEUE_UNKNOWN_DEPENDENCY);
@@ -568,7 +569,7 @@ static void test_an_array_has_one_state(void **state)
     assert_true(queue_get_frame(p->q, id, 2, &task, &found, NULL));
     assert_false(found);
     /* only the failed tasks are retried, with all their attempts and new numbers */
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     second = claim_in(p, &wide, id);
     assert_int_equal(second.frame, 3);
     assert_int_equal(second.attempt, 2);
@@ -581,7 +582,7 @@ static void test_an_array_has_one_state(void **state)
     assert_null(job.error_message);
     assert_int_equal(job.attempts, 4);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
 }
 
 /* Submits a job with the frames 1 to 3, each after the same frame of `need` (NULL: none). */
@@ -635,7 +636,7 @@ static void test_frames_start_after_the_same_frames_of_another_job(void **state)
     expect_frame(p, second, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 3, QUEUE_QUEUED, 1);
-    tell(p, first, QUEUE_CANCEL, true);
+    apply_command(p, first, QUEUE_CANCEL, true);
     assert_true(finish(p, first, 2, 1, &crash));
     expect_frame(p, third, 3, QUEUE_FAILED, 0);
     expect_state(p, second, QUEUE_FAILED);
@@ -657,8 +658,8 @@ static void test_a_retried_frame_waits_again(void **state)
     for (int i = 0; i < 3; i++) claim(p, first);
     for (int i = 0; i < 3; i++) assert_true(finish(p, first, i, 1, &crash));
     expect_state(p, second, QUEUE_FAILED);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
-    tell(p, first, QUEUE_RETRY, true);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    apply_command(p, first, QUEUE_RETRY, true);
     queue_retried retried = {0};
     assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
     assert_true(retried.count == 1 && retried.other_count == 0);
@@ -674,7 +675,7 @@ static void test_a_retried_frame_waits_again(void **state)
     assert_true(finish(p, second, 2, 1, &crash));
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
     /* frame 3 can run, frame 2 fails again */
-    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_RUNNING);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, true), QUEUE_RUNNING);
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
     assert_int_equal(claim_in(p, &wide, second).frame, 3);
     claim(p, NULL);
@@ -754,7 +755,7 @@ static void test_dependencies_on_frames_are_checked(void **state)
     assert_true(receipt.admission == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
     bool accepted = false; /* the database is older than the result of a held frame */
     assert_true(queue_end_found(p->q, receipt.id, 1, QUEUE_CONVERGED, &accepted, NULL) && accepted);
-    tell(p, receipt.id, QUEUE_CANCEL, true);
+    apply_command(p, receipt.id, QUEUE_CANCEL, true);
 }
 
 static void test_a_job_runs_at_most_max_running_tasks(void **state)
@@ -795,11 +796,11 @@ static void test_cancel_of_an_array(void **state)
     s.frame_count = 3;
     submit_for(p, &s, id);
     int attempt = claim(p, id);
-    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
     claim(p, NULL);
     assert_true(finish(p, id, 0, attempt, &crash));
     expect_state(p, id, QUEUE_CANCELLED);
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_QUEUED);
     claim(p, id);
 }
 
@@ -867,7 +868,7 @@ static void test_what_follows_a_failure_fails_with_it(void **state)
         strstr(last.error_message, "this frame starts with the points of frame 3, which is failed"));
     queue_task_clear(&last);
     /* both are retried, in order */
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &success));
     assert_true(finish(p, id, 2, claim_after(p, id, 3).attempt, &success));
     expect_state(p, id, QUEUE_SUCCEEDED);
@@ -902,7 +903,7 @@ static void test_edits_have_revisions(void **state)
     assert_int_equal(edited, QUEUE_EDITED);
     assert_true(queue_change(p->q, id, revision, &edit, &edited, NULL));
     assert_int_equal(edited, QUEUE_STALE);
-    assert_true(queue_change(p->q, "nobody", -1, &edit, &edited, NULL));
+    assert_true(queue_change(p->q, "missing", -1, &edit, &edited, NULL));
     assert_int_equal(edited, QUEUE_NOT_THERE);
     job = get(p, id);
     assert_int_equal(job.revision, revision + 1);
@@ -1239,7 +1240,7 @@ static void test_attempts_that_count_add_their_time(void **state)
     assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
     assert_int_equal(claim_in(p, &wide, id).ran_ms, 1400);
     assert_true(finish(p, id, 0, 4, &ran));
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
 }
 
@@ -1363,7 +1364,7 @@ static void test_figures(void **state)
     assert_int_equal(both.deliveries, 2);
     assert_true(both.delivery_since_ms == ended.finished_ms && !both.waiting_since_ms);
     queue_job_clear(&ended);
-    tell(p, first, QUEUE_RETRY, true); /* it waits since the retry, not since the submission */
+    apply_command(p, first, QUEUE_RETRY, true); /* it waits since the retry, not since the submission */
     assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, first));
 }
 
@@ -1431,7 +1432,7 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     bool accepted = false;
     queue_submission s = plain;
     put(p, "paused", 1, paused);
-    tell(p, paused, QUEUE_PAUSE, true);
+    apply_command(p, paused, QUEUE_PAUSE, true);
     const char *needs[] = {paused};
     s.depends_on = needs;
     s.depends_on_count = 1;

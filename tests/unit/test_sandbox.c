@@ -137,9 +137,9 @@ static int make_datagram_pair(const place *p)
 
 static int connect_descriptor(const place *p)
 {
-    struct sockaddr nobody = {.sa_family = AF_UNSPEC};
+    struct sockaddr address = {.sa_family = AF_UNSPEC};
     (void)p;
-    return answer(connect(STDIN_FILENO, &nobody, sizeof nobody) == 0);
+    return answer(connect(STDIN_FILENO, &address, sizeof address) == 0);
 }
 
 static int trace_parent(const place *p)

@@ -70,7 +70,7 @@ static void test_sums_follow_jobs(void **state)
     expect_usage(p, "ann", 1500, 2);
     remove_job(p, one);
     expect_usage(p, "ann", 500, 1);
-    tell(p, failed, QUEUE_RETRY, true);
+    apply_command(p, failed, QUEUE_RETRY, true);
     expect_usage(p, "bob", 7, 0); /* its log still exists */
     assert_true(finish(p, failed, 0, claim(p, failed), &success));
     expect_usage(p, "bob", 7, 1);
@@ -165,8 +165,8 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     expect_leaving(p, NULL);
     assert_true(queue_next_uncopied(p->q, 0, &job, &found, NULL));
     assert_false(found);
-    tell(p, id, QUEUE_DELIVER, true);
-    tell(p, id, QUEUE_DELIVER, false); /* it is in progress */
+    apply_command(p, id, QUEUE_DELIVER, true);
+    apply_command(p, id, QUEUE_DELIVER, false); /* it is in progress */
     expect_copy(p, id, "pending", NULL);
     reopen(p);
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
@@ -181,7 +181,7 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
         queue_uncopied_clear(&job);
         expect_copy(p, id, i ? "delivered" : "failed", i ? NULL : "output_unwritable");
         expect_leaving(p, i ? id : NULL);
-        if (!i) tell(p, id, QUEUE_DELIVER, true);
+        if (!i) apply_command(p, id, QUEUE_DELIVER, true);
     }
     remove_job(p, id);
 }

@@ -45,11 +45,11 @@ static vec3 place(const double m[16], int x, int y, int z)
 fixture fixture_make(const double matrix[16], int half, fixture_function f, double band)
 {
     fixture g = {{0}, {0}, NULL, NULL, NULL};
-    size_t side = (size_t)(2 * half + 1), room = side * side * side, n = 0;
+    size_t side = (size_t)(2 * half + 1), capacity = side * side * side, n = 0;
     memcpy(g.matrix, matrix, sizeof g.matrix);
-    g.voxels = mem_array(room, sizeof *g.voxels, "voxels", NULL);
-    g.values = mem_array(room, sizeof *g.values, "values", NULL);
-    g.active = mem_array(room, sizeof *g.active, "flags", NULL);
+    g.voxels = mem_array(capacity, sizeof *g.voxels, "voxels", NULL);
+    g.values = mem_array(capacity, sizeof *g.values, "values", NULL);
+    g.active = mem_array(capacity, sizeof *g.active, "flags", NULL);
     for (int x = -half; x <= half; x++)
         for (int y = -half; y <= half; y++)
             for (int z = -half; z <= half; z++) {
