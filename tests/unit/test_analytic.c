@@ -152,7 +152,7 @@ static void cells_have_corners_of_both_signs(void **state)
 }
 
 /* Sixteen side by side are the same as one by one, to the last bit; a lane that is not wanted stays out. */
-static void lanes_are_samples(void **state)
+static void lanes_equal_single_samples(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -232,7 +232,7 @@ static void frustums_shrink(void **state)
 }
 
 /* A plane that misses its bounds: there is one cell, and the sides are told everywhere. */
-static void a_half_space_may_miss_its_bounds(void **state)
+static void half_space_outside_its_bounds_has_one_cell(void **state)
 {
     (void)state;
     analytic_params p = *formula(HALFSPACE);
@@ -246,7 +246,7 @@ static void a_half_space_may_miss_its_bounds(void **state)
 }
 
 /* Formulas within the ranges of a spec whose cells cannot be below the precision, or are too many. */
-static void what_is_too_fine_is_refused(void **state)
+static void too_fine_cells_are_refused(void **state)
 {
     (void)state;
     static const struct {
@@ -300,9 +300,9 @@ int main(void)
         cmocka_unit_test(inside_is_negative),
         cmocka_unit_test(frustums_are_distances),
         cmocka_unit_test(frustums_shrink),
-        cmocka_unit_test(a_half_space_may_miss_its_bounds),
-        cmocka_unit_test(what_is_too_fine_is_refused),
-        cmocka_unit_test(lanes_are_samples),
+        cmocka_unit_test(half_space_outside_its_bounds_has_one_cell),
+        cmocka_unit_test(too_fine_cells_are_refused),
+        cmocka_unit_test(lanes_equal_single_samples),
         cmocka_unit_test(cells_have_corners_of_both_signs),
     };
     return cmocka_run_group_tests_name("analytic", tests, NULL, NULL);

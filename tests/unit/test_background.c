@@ -24,7 +24,7 @@ static void *answer(void *argument)
     return NULL;
 }
 
-static void test_a_thread_wakes_who_waits_for_it(void **state)
+static void test_a_waiting_thread_is_woken(void **state)
 {
     (void)state;
     enum { PATIENCE_MS = 60000 };
@@ -63,7 +63,7 @@ static void test_a_wait_ends_at_its_deadline(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_thread_wakes_who_waits_for_it),
+        cmocka_unit_test(test_a_waiting_thread_is_woken),
         cmocka_unit_test(test_a_wait_ends_at_its_deadline),
     };
     return cmocka_run_group_tests_name("background", tests, NULL, NULL);

@@ -298,7 +298,7 @@ static region *zone(const analytic *whole, double low, double high)
 }
 
 /* Before anything moves: rows on the circles, evenly spaced, exactly in the face. */
-static void places_stand_in_rows(void **state)
+static void initial_points_lie_evenly_on_the_boundary(void **state)
 {
     (void)state;
     error e = {0};
@@ -432,7 +432,7 @@ static void a_region_of_a_gyroid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_stand_in_rows),
+        cmocka_unit_test(initial_points_lie_evenly_on_the_boundary),
         cmocka_unit_test(zones_of_a_sphere),
         cmocka_unit_test(the_gyroid_in_its_box),
         cmocka_unit_test(a_region_of_a_gyroid),

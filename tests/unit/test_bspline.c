@@ -192,7 +192,7 @@ static void second_derivatives_are_continuous(void **state)
     bspline_free(b);
 }
 
-static void nothing_is_defined_outside(void **state)
+static void field_is_undefined_outside_its_domain(void **state)
 {
     (void)state;
     fixture x;
@@ -270,7 +270,7 @@ static void open_where_the_surface_meets_a_face(void **state)
     bspline_free(b);
 }
 
-static void no_zero_is_no_surface(void **state)
+static void field_without_a_zero_has_no_surface(void **state)
 {
     (void)state;
     fixture x;
@@ -289,10 +289,10 @@ int main(void)
         cmocka_unit_test(linear_coefficients_give_a_linear_field),
         cmocka_unit_test(derivatives_match_differences),
         cmocka_unit_test(second_derivatives_are_continuous),
-        cmocka_unit_test(nothing_is_defined_outside),
+        cmocka_unit_test(field_is_undefined_outside_its_domain),
         cmocka_unit_test(cells_have_corners_of_both_signs),
         cmocka_unit_test(open_where_the_surface_meets_a_face),
-        cmocka_unit_test(no_zero_is_no_surface),
+        cmocka_unit_test(field_without_a_zero_has_no_surface),
     };
     return cmocka_run_group_tests_name("bspline", tests, NULL, NULL);
 }

@@ -60,7 +60,7 @@ static void members_of_missing_parts_are_not_supported(void **state)
     refuse(",\"queue\":{\"slurm\":[\"--partition=a\"]}", "/queue/slurm", "--without-slurm");
 }
 
-static void members_that_ask_for_nothing_are_accepted(void **state)
+static void members_that_disable_missing_parts_are_accepted(void **state)
 {
     (void)state;
     spec *s = accept(",\"output\":{\"preview\":false,\"convergence\":false},\"queue\":{\"slurm\":[]}");
@@ -69,7 +69,7 @@ static void members_that_ask_for_nothing_are_accepted(void **state)
 }
 
 /* A worker reads a spec that the daemon has already read, and warns. */
-static void default_preview_is_left_out_also_when_read_again(void **state)
+static void default_preview_is_omitted_by_daemon_and_worker(void **state)
 {
     (void)state;
     error e = {0};
@@ -114,8 +114,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(members_of_missing_parts_are_not_supported),
-        cmocka_unit_test(members_that_ask_for_nothing_are_accepted),
-        cmocka_unit_test(default_preview_is_left_out_also_when_read_again),
+        cmocka_unit_test(members_that_disable_missing_parts_are_accepted),
+        cmocka_unit_test(default_preview_is_omitted_by_daemon_and_worker),
         cmocka_unit_test(settings_of_missing_parts_are_not_supported),
         cmocka_unit_test(defaults_of_missing_parts_are_accepted),
     };

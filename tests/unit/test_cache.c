@@ -112,7 +112,7 @@ static void test_keys(void **state)
     assert_false(key_of("{\"sampling\":{\"time_s\":3}}", other));
 }
 
-static void test_inputs_that_change(void **state)
+static void test_changed_inputs_make_an_entry_invalid(void **state)
 {
     place *p = *state;
     int64_t later = INT64_C(1) << 42;
@@ -291,7 +291,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_keys),
-        cmocka_unit_test_setup_teardown(test_inputs_that_change, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_changed_inputs_make_an_entry_invalid, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_hit_shares_all_files_but_the_report, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_long_report_is_not_in_memory_as_a_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_the_report_of_a_hit_has_its_summary, set_up, tear_down),

@@ -44,7 +44,7 @@ static void the_nearest_is_found(void **state)
 }
 
 /* Some of the points, or all, move; a search uses their present positions. */
-static void the_nearest_is_found_while_some_move(void **state)
+static void the_nearest_is_found_while_points_move(void **state)
 {
     (void)state;
     enum { COUNT = 400, PLACES = 100 };
@@ -154,7 +154,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_nearest_is_found),
-        cmocka_unit_test(the_nearest_is_found_while_some_move),
+        cmocka_unit_test(the_nearest_is_found_while_points_move),
         cmocka_unit_test(all_within_reach_are_visited_once),
         cmocka_unit_test(over_dense_points_are_detected),
     };

@@ -65,7 +65,7 @@ static bool nowhere(const field *f, vec3 x, field_order order, field_sample *out
 }
 
 /* A group is used again and again: who has no normal has not that of an edge before, which would depend on the thread. */
-static void a_root_without_a_normal_has_none_of_before(void **state)
+static void a_root_without_a_normal_does_not_reuse_an_earlier_normal(void **state)
 {
     (void)state;
     static const field_ops undefined = {.sample = nowhere};
@@ -108,7 +108,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roots_of_a_group_are_those_of_its_cells),
-        cmocka_unit_test(a_root_without_a_normal_has_none_of_before),
+        cmocka_unit_test(a_root_without_a_normal_does_not_reuse_an_earlier_normal),
         cmocka_unit_test(a_plane_crosses_the_edges_between_its_sides),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -134,7 +134,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     analytic_free(s);
 }
 
-static void nothing_left_is_an_error(void **state)
+static void an_empty_combination_is_an_error(void **state)
 {
     (void)state;
     analytic *a = sphere(1, vec3_make(0, 0, 0)), *b = sphere(1, vec3_make(5, 0, 0)),
@@ -359,7 +359,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(derivatives_of_a_placed_field),
         cmocka_unit_test(derivatives_and_sides_of_combinations),
-        cmocka_unit_test(nothing_left_is_an_error),
+        cmocka_unit_test(an_empty_combination_is_an_error),
         cmocka_unit_test(cells_are_as_large_as_their_part_needs),
         cmocka_unit_test(walls_thinner_than_cells_are_whole),
         cmocka_unit_test(cells_in_walls_are_bounded),

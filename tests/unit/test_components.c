@@ -96,7 +96,7 @@ static balls make_balls(double small, double apart)
 }
 
 /* Also of balls in cells side by side. */
-static void shares_are_those_of_the_areas(void **state)
+static void shares_equal_those_of_the_areas(void **state)
 {
     (void)state;
     error e = {0};
@@ -123,7 +123,7 @@ static void shares_are_those_of_the_areas(void **state)
 }
 
 /* Told as such: cells that were not looked at have no size. */
-static void a_stop_is_told(void **state)
+static void a_stop_is_reported(void **state)
 {
     (void)state;
     static volatile sig_atomic_t stop = 1;
@@ -262,7 +262,7 @@ static void parts_are_joined_through_faces(void **state)
 }
 
 /* A row of cells, and after each two that are alone: each of these in a part of the map that is new. */
-static void scattered_parts_are_told_apart(void **state)
+static void scattered_parts_are_counted_separately(void **state)
 {
     (void)state;
     few p = few_make();
@@ -293,10 +293,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parts_are_joined_through_faces),
-        cmocka_unit_test(scattered_parts_are_told_apart),
+        cmocka_unit_test(scattered_parts_are_counted_separately),
         cmocka_unit_test(parts_far_away_are_whole),
-        cmocka_unit_test(shares_are_those_of_the_areas),
-        cmocka_unit_test(a_stop_is_told),
+        cmocka_unit_test(shares_equal_those_of_the_areas),
+        cmocka_unit_test(a_stop_is_reported),
         cmocka_unit_test(a_small_part_gets_its_share),
     };
     return cmocka_run_group_tests_name("components", tests, NULL, NULL);

@@ -77,7 +77,7 @@ static void test_defaults(void **state)
     config_clear(&c);
 }
 
-static void test_options_win_over_the_file(void **state)
+static void test_options_take_precedence_over_the_file(void **state)
 {
     (void)state;
     write_file("# comment\n[hexad]\nworkers = 3\nlisten = 127.0.0.1:1\ninput_roots = /a:/b\n"
@@ -191,7 +191,7 @@ static void test_actions(void **state)
 }
 
 /* etc/hexad.conf equals the table, and gives the defaults if every key is enabled. */
-static void test_the_sample_does_not_drift(void **state)
+static void test_the_sample_file_equals_the_table(void **state)
 {
     (void)state;
     char *text = NULL;
@@ -224,12 +224,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_options_win_over_the_file),
+        cmocka_unit_test(test_options_take_precedence_over_the_file),
         cmocka_unit_test(test_all_settings_at_once),
         cmocka_unit_test(test_faults_of_the_file_name_the_line),
         cmocka_unit_test(test_faults_of_the_command_line),
         cmocka_unit_test(test_actions),
-        cmocka_unit_test(test_the_sample_does_not_drift),
+        cmocka_unit_test(test_the_sample_file_equals_the_table),
     };
     return cmocka_run_group_tests_name("config", tests, set_up, tear_down);
 }

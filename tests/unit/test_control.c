@@ -80,7 +80,7 @@ static void the_choice_follows_its_bias(void **state)
     particles_free(p);
 }
 
-static void all_may_be_chosen(void **state)
+static void all_particles_can_be_chosen(void **state)
 {
     (void)state;
     particles *p = row_of_particles(50);
@@ -229,7 +229,7 @@ static void a_narrow_tolerance_is_met(void **state)
     }
 }
 
-static void the_least_count_binds(void **state)
+static void the_minimum_count_is_kept(void **state)
 {
     (void)state;
     for (size_t start = 720; start <= 1200; start += 480) {
@@ -243,7 +243,7 @@ static void the_least_count_binds(void **state)
     }
 }
 
-static void amplitudes_and_rims_do_not_disturb_it(void **state)
+static void control_works_with_amplitudes_and_boundaries(void **state)
 {
     (void)state;
     solver_params params = bounded(100, 100, 0.1);
@@ -259,7 +259,7 @@ static void amplitudes_and_rims_do_not_disturb_it(void **state)
     }
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = bounded(50, 50, 0.14);
@@ -272,7 +272,7 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
-static void more_than_memory_holds_is_an_error(void **state)
+static void a_count_beyond_memory_is_an_error(void **state)
 {
     (void)state;
     error e = {0};
@@ -298,15 +298,15 @@ int main(void)
         cmocka_unit_test(growing_keeps_particles),
         cmocka_unit_test(removal_keeps_the_order),
         cmocka_unit_test(the_choice_follows_its_bias),
-        cmocka_unit_test(all_may_be_chosen),
+        cmocka_unit_test(all_particles_can_be_chosen),
         cmocka_unit_test(twins_are_on_the_surface),
         cmocka_unit_test(particles_are_inserted_until_sigma_is_within_its_bound),
         cmocka_unit_test(particles_are_deleted_while_sigma_allows),
         cmocka_unit_test(a_narrow_tolerance_is_met),
-        cmocka_unit_test(the_least_count_binds),
-        cmocka_unit_test(amplitudes_and_rims_do_not_disturb_it),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(more_than_memory_holds_is_an_error),
+        cmocka_unit_test(the_minimum_count_is_kept),
+        cmocka_unit_test(control_works_with_amplitudes_and_boundaries),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(a_count_beyond_memory_is_an_error),
     };
     return cmocka_run_group_tests_name("control", tests, NULL, NULL);
 }

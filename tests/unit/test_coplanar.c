@@ -79,7 +79,7 @@ static double shared(double a, double b, double c, double d)
 }
 
 /* Boxes on a table, beside and over its rim, and one another: where two touch neither stays. */
-static void contacts_of_solids_have_no_faces(void **state)
+static void faces_in_contact_of_solids_are_removed(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
@@ -111,7 +111,7 @@ static void contacts_of_solids_have_no_faces(void **state)
 }
 
 /* Rectangles of many triangles, turned in their plane: what is in both is there once, whichever way they look. */
-static void open_faces_that_overlap_are_there_once(void **state)
+static void overlapping_open_faces_are_kept_once(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
@@ -187,7 +187,7 @@ static void split_triangles(mesh *m)
 }
 
 /* A box that is there twice, with other triangles, and faces of it that are turned: these are no contact. */
-static void turned_faces_of_a_box_that_is_there_twice_leave_no_hole(void **state)
+static void reversed_faces_of_a_duplicated_box_leave_no_hole(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
@@ -217,7 +217,7 @@ static void turned_faces_of_a_box_that_is_there_twice_leave_no_hole(void **state
 }
 
 /* Faces that touch at their sides, or lie in planes that are near, and faces of curved meshes are left alone. */
-static void other_faces_are_left_alone(void **state)
+static void other_faces_are_unchanged(void **state)
 {
     (void)state;
     for (int n = 0; n < 4; n++) {
@@ -244,11 +244,11 @@ static void other_faces_are_left_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(contacts_of_solids_have_no_faces),
-        cmocka_unit_test(open_faces_that_overlap_are_there_once),
+        cmocka_unit_test(faces_in_contact_of_solids_are_removed),
+        cmocka_unit_test(overlapping_open_faces_are_kept_once),
         cmocka_unit_test(cuts_beside_a_blunt_corner_end),
-        cmocka_unit_test(turned_faces_of_a_box_that_is_there_twice_leave_no_hole),
-        cmocka_unit_test(other_faces_are_left_alone),
+        cmocka_unit_test(reversed_faces_of_a_duplicated_box_leave_no_hole),
+        cmocka_unit_test(other_faces_are_unchanged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -37,7 +37,7 @@ static double spend(const cost *c, double budget, size_t most, rng *r, size_t *r
     return spent;
 }
 
-static void the_time_is_used(void **state)
+static void most_of_the_time_is_used(void **state)
 {
     (void)state;
     const cost costs[] = {{0, 1e-5, 1, 0}, {0, 2e-6, 1.2, 0}, {0.005, 1e-5, 1, 0}, {0.001, 3e-4, 0.9, 0}};
@@ -55,7 +55,7 @@ static void the_time_is_used(void **state)
 }
 
 /* A run that varies by a tenth either way fits all the same. */
-static void noise_is_allowed_for(void **state)
+static void varying_run_times_stay_within_the_time(void **state)
 {
     (void)state;
     const cost noisy = {0.01, 1e-5, 1.1, 0.1};
@@ -83,7 +83,7 @@ static void memory_bounds_the_count(void **state)
     assert_true(spent < 1);
 }
 
-static void nothing_fits_into_no_time(void **state)
+static void no_count_fits_into_zero_time(void **state)
 {
     (void)state;
     cost_model p = cost_model_begin(SIZE_MAX);
@@ -111,7 +111,7 @@ static void work_by_levels_grows_as_times_do(void **state)
     assert_between(cost_model_work(1000000, true) / cost_model_work(50000, true), 5, 20);
 }
 
-static void work_without_levels_is_that_of_all_points(void **state)
+static void work_without_levels_is_proportional_to_the_points(void **state)
 {
     (void)state;
     assert_float_equal(cost_model_work(8000, false) / cost_model_work(500, false), 16, 1e-9);
@@ -121,12 +121,12 @@ static void work_without_levels_is_that_of_all_points(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_time_is_used),
-        cmocka_unit_test(noise_is_allowed_for),
+        cmocka_unit_test(most_of_the_time_is_used),
+        cmocka_unit_test(varying_run_times_stay_within_the_time),
         cmocka_unit_test(memory_bounds_the_count),
-        cmocka_unit_test(nothing_fits_into_no_time),
+        cmocka_unit_test(no_count_fits_into_zero_time),
         cmocka_unit_test(work_by_levels_grows_as_times_do),
-        cmocka_unit_test(work_without_levels_is_that_of_all_points),
+        cmocka_unit_test(work_without_levels_is_proportional_to_the_points),
     };
     return cmocka_run_group_tests_name("pace", tests, NULL, NULL);
 }

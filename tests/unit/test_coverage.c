@@ -43,7 +43,7 @@ static double farthest(const analytic_params *shape, const vec3 *position, size_
 }
 
 /* The pole is the place that is farthest from a ring of points around it. */
-static void a_bald_spot_has_its_radius(void **state)
+static void the_largest_gap_has_its_radius(void **state)
 {
     (void)state;
     enum { COUNT = 2000 };
@@ -86,7 +86,7 @@ static void distances_are_in_spacings(void **state)
 }
 
 /* Spacings that part by a factor of 10, finely on one side: what spares a look is the least spacing about a place. */
-static void a_bald_spot_is_found_beside_fine_points(void **state)
+static void a_gap_is_found_beside_fine_points(void **state)
 {
     (void)state;
     enum { COARSE = 2000, FINE = 100 * COARSE };
@@ -127,9 +127,9 @@ static void a_bald_spot_is_found_beside_fine_points(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_bald_spot_has_its_radius),
+        cmocka_unit_test(the_largest_gap_has_its_radius),
         cmocka_unit_test(distances_are_in_spacings),
-        cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
+        cmocka_unit_test(a_gap_is_found_beside_fine_points),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
 }

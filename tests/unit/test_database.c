@@ -40,7 +40,7 @@ static void *put_one(void *argument)
     return NULL;
 }
 
-static void test_waiting_ends_with_news(void **state)
+static void test_a_wait_ends_with_a_change(void **state)
 {
     place *p = *state;
     uint64_t seen = 0;
@@ -263,7 +263,7 @@ static const char version_1[] =
     "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
     "PRAGMA user_version = 1;";
 
-static void test_an_older_schema_is_carried_over(void **state)
+static void test_an_older_schema_is_migrated(void **state)
 {
     place *p = *state;
     queue_close(p->q);
@@ -506,7 +506,7 @@ static void test_usage_is_added_to_version_8(void **state)
 }
 
 /* In version 11 a job with a directory succeeded only if its result was copied. Reports of equal jobs were one file. */
-static void test_copies_of_version_11_were_made(void **state)
+static void test_jobs_of_version_11_count_as_copied(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -664,7 +664,7 @@ static void test_notifications_of_version_5_get_ids(void **state)
 }
 
 /* Version 7 had two outcomes. */
-static void test_version_7_learns_the_outcome_unresolved(void **state)
+static void test_outcome_unresolved_is_added_to_version_7(void **state)
 {
     place *p = *state;
     char id[2][ULID_SIZE];
@@ -683,7 +683,7 @@ static void test_version_7_learns_the_outcome_unresolved(void **state)
 }
 
 /* Version 4 read a spec at each claim. */
-static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
+static void test_limits_and_inputs_are_read_from_specs_of_version_4(void **state)
 {
     static const struct {
         const char *spec;
@@ -725,7 +725,7 @@ static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
 }
 
 /* A claim returns the limits and inputs of the submission. */
-static void test_a_claim_tells_what_the_run_needs(void **state)
+static void test_a_claim_returns_limits_and_inputs(void **state)
 {
     place *p = *state;
     static const char *const inputs[] = {"sha256:b", "sha256:a", "sha256:b"};
@@ -802,7 +802,7 @@ static void test_changes_of_the_reserve_leave_no_descriptor_open(void **state)
     assert_int_equal(count_descriptors(), before);
 }
 
-static void test_a_job_is_refused_without_room(void **state)
+static void test_a_job_is_refused_without_free_space(void **state)
 {
     place *p = *state;
     queue_receipt receipt;
@@ -859,7 +859,7 @@ static void test_a_second_owner_is_refused(void **state)
 }
 
 /* A restart within a second after a kill: the kernel has not ended the killed process yet. */
-static void test_an_owner_that_is_ending_is_waited_for(void **state)
+static void test_a_start_waits_for_the_lock_of_an_ending_process(void **state)
 {
     (void)state;
     char base[] = "/tmp/hexad-lock-XXXXXX";
@@ -934,11 +934,11 @@ static void test_ulids(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_waiting_ends_with_news),
+        CASE(test_a_wait_ends_with_a_change),
         CASE(test_many_threads_submit),
         CASE(test_a_thread_of_low_priority_commits_nothing),
         CASE(test_a_killed_process_loses_nothing),
-        CASE(test_an_older_schema_is_carried_over),
+        CASE(test_an_older_schema_is_migrated),
         CASE(test_storage_is_added_to_version_4),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_jobs_of_version_14_have_no_max_running),
@@ -947,14 +947,14 @@ int main(void)
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
         CASE(test_usage_is_added_to_version_8),
-        CASE(test_copies_of_version_11_were_made),
+        CASE(test_jobs_of_version_11_count_as_copied),
         CASE(test_orders_are_added_to_version_9),
-        CASE(test_version_7_learns_the_outcome_unresolved),
-        CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
-        CASE(test_a_claim_tells_what_the_run_needs),
+        CASE(test_outcome_unresolved_is_added_to_version_7),
+        CASE(test_limits_and_inputs_are_read_from_specs_of_version_4),
+        CASE(test_a_claim_returns_limits_and_inputs),
         CASE(test_the_reserve),
         CASE(test_changes_of_the_reserve_leave_no_descriptor_open),
-        CASE(test_a_job_is_refused_without_room),
+        CASE(test_a_job_is_refused_without_free_space),
         CASE(test_paths_are_added_to_version_2),
         CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_removed_events_are_found_in_version_4),
@@ -963,7 +963,7 @@ int main(void)
         CASE(test_a_newer_schema_is_refused),
         CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known),
-        cmocka_unit_test(test_an_owner_that_is_ending_is_waited_for),
+        cmocka_unit_test(test_a_start_waits_for_the_lock_of_an_ending_process),
         cmocka_unit_test(test_ulids),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

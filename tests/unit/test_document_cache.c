@@ -40,7 +40,7 @@ static void submit_of_ann(place *p, char id[ULID_SIZE])
     submit_for(p, &s, id);
 }
 
-static void test_each_is_shown_what_is_for_them(void **state)
+static void test_owners_and_readers_get_separate_documents(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], second[ULID_SIZE];
@@ -118,7 +118,7 @@ static void test_no_change_leaves_a_document(void **state)
 }
 
 /* The document was read before a change and is stored after it. */
-static void test_a_document_that_comes_late_is_not_shown(void **state)
+static void test_a_document_stored_after_a_change_is_not_returned(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -133,7 +133,7 @@ static void test_a_document_that_comes_late_is_not_shown(void **state)
     document_cache_free(cache);
 }
 
-static void test_it_has_a_number_of_places(void **state)
+static void test_the_number_of_documents_is_fixed(void **state)
 {
     enum { JOBS = 20, PLACES = 5 };
     place *p = *state;
@@ -166,10 +166,10 @@ static void test_it_has_a_number_of_places(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_each_is_shown_what_is_for_them),
+        CASE(test_owners_and_readers_get_separate_documents),
         CASE(test_no_change_leaves_a_document),
-        CASE(test_a_document_that_comes_late_is_not_shown),
-        CASE(test_it_has_a_number_of_places),
+        CASE(test_a_document_stored_after_a_change_is_not_returned),
+        CASE(test_the_number_of_documents_is_fixed),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("document_cache", tests, NULL, NULL);

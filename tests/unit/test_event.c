@@ -6,7 +6,7 @@
 
 #include "queue_place.h"
 
-static void test_events_tell_what_happened(void **state)
+static void test_each_change_has_an_event(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -150,7 +150,7 @@ static void test_removed_events_are_noted(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_events_tell_what_happened),
+        CASE(test_each_change_has_an_event),
         CASE(test_events_are_filtered),
         CASE(test_a_page_of_events_is_bounded),
         CASE(test_removed_events_are_noted),

@@ -310,7 +310,7 @@ static void test_garbage_does_no_harm(void **state)
     free(directory);
 }
 
-static void test_success_without_a_report_is_none(void **state)
+static void test_success_without_a_report_is_an_error(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -370,7 +370,7 @@ static void test_an_output_that_is_not_described_is_no_result(void **state)
 }
 
 /* If a worker cannot be started, the job waits, and the attempts do not count. */
-static void test_a_missing_worker_costs_no_job(void **state)
+static void test_a_missing_worker_costs_no_attempt(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -480,7 +480,7 @@ static void test_a_stall_is_tried_again(void **state)
     assert_int_equal(count_attempts(p, id), 2);
 }
 
-static void test_cancel_of_a_deaf_worker(void **state)
+static void test_cancel_of_a_worker_that_ignores_sigterm(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -570,7 +570,7 @@ static void test_memory_bounds_what_runs(void **state)
 }
 
 /* Both jobs were accepted when the host was larger. */
-static void test_a_host_that_shrank(void **state)
+static void test_jobs_from_a_larger_host_run_or_fail(void **state)
 {
     place *p = *state;
     queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .threads = 1, .memory_mb = 2049};
@@ -647,7 +647,7 @@ static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
         strstr(s.message, "no progress for 600 s (limits.stall_s) in attempt 3 of 3: raise limits.stall_s"));
 }
 
-static void test_a_crashed_job_holds_nobody_up(void **state)
+static void test_a_crashed_job_does_not_block_others(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], other[ULID_SIZE];
@@ -857,7 +857,7 @@ static void test_interruptions_have_a_bound(void **state)
 }
 
 /* Earlier failures of the job still count. */
-static void test_interruptions_leave_what_is_spent(void **state)
+static void test_interruptions_keep_the_count_of_failures(void **state)
 {
     place *p = *state;
     const settlement_place where = make_place(p, 1);
@@ -875,7 +875,7 @@ static void test_interruptions_leave_what_is_spent(void **state)
     assert_int_equal(task.interrupted, 1);
 }
 
-static void test_the_reason_says_what_ended(void **state)
+static void test_the_reason_names_the_cause(void **state)
 {
     place *p = *state;
     const settlement_place where = make_place(p, 0);
@@ -905,31 +905,31 @@ int main(void)
         CASE(test_crashes_end_with_the_reason),
         CASE(test_errors_come_from_the_last_line),
         CASE(test_garbage_does_no_harm),
-        CASE(test_success_without_a_report_is_none),
+        CASE(test_success_without_a_report_is_an_error),
         CASE(test_a_short_output_is_no_result),
         CASE(test_an_output_that_is_not_described_is_no_result),
-        CASE(test_a_missing_worker_costs_no_job),
+        CASE(test_a_missing_worker_costs_no_attempt),
         CASE(test_progress_is_seen),
         CASE(test_a_timeout_kills),
         CASE(test_a_timeout_is_of_all_attempts),
         CASE(test_a_stall_is_noticed),
         CASE(test_a_stall_is_tried_again),
-        CASE(test_cancel_of_a_deaf_worker),
+        CASE(test_cancel_of_a_worker_that_ignores_sigterm),
         CASE(test_drain_puts_back_uncounted),
         CASE(test_workers_bound_what_runs),
         CASE(test_threads_bound_what_runs),
         CASE(test_memory_bounds_what_runs),
-        CASE(test_a_host_that_shrank),
+        CASE(test_jobs_from_a_larger_host_run_or_fail),
         CASE(test_free_space_is_that_of_the_state_directory_too),
         cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
         cmocka_unit_test(test_a_crash_in_the_last_attempt_says_what_to_do),
-        CASE(test_a_crashed_job_holds_nobody_up),
+        CASE(test_a_crashed_job_does_not_block_others),
         CASE(test_waits_double),
         CASE(test_a_clock_that_is_set_back_delays_no_retry),
         CASE(test_recovery),
         CASE(test_interruptions_have_a_bound),
-        CASE(test_interruptions_leave_what_is_spent),
-        CASE(test_the_reason_says_what_ended),
+        CASE(test_interruptions_keep_the_count_of_failures),
+        CASE(test_the_reason_names_the_cause),
     };
     log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about a worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);

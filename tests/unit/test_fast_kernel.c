@@ -136,7 +136,7 @@ static void sums_are_those_in_double(void **state)
 
 /* Behind a particle's list stands another's, where it is a neighbour itself: nothing becomes denormal for that, which would take some
  * processors longer than all else. */
-static void who_is_behind_a_list_costs_nothing(void **state)
+static void entries_after_the_end_of_a_list_are_not_computed(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 5);
@@ -159,7 +159,7 @@ static void who_is_behind_a_list_costs_nothing(void **state)
 }
 
 /* What the energy grows by when a particle's own normal turns, against differences. */
-static void turning_is_the_slope_of_the_energy(void **state)
+static void rotation_derivative_matches_differences(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 4);
@@ -221,7 +221,7 @@ static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *force
     k->land(&f->particles, &f->params, way);
 }
 
-static void a_fast_step_ends_on_the_surface_and_within_what_is_allowed(void **state)
+static void a_fast_step_ends_on_the_surface_within_its_limit(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -299,10 +299,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_are_those_in_double),
-        cmocka_unit_test(who_is_behind_a_list_costs_nothing),
-        cmocka_unit_test(turning_is_the_slope_of_the_energy),
+        cmocka_unit_test(entries_after_the_end_of_a_list_are_not_computed),
+        cmocka_unit_test(rotation_derivative_matches_differences),
         cmocka_unit_test(frames_are_tangent),
-        cmocka_unit_test(a_fast_step_ends_on_the_surface_and_within_what_is_allowed),
+        cmocka_unit_test(a_fast_step_ends_on_the_surface_within_its_limit),
         cmocka_unit_test(a_particle_always_gets_the_same_bits),
     };
     return cmocka_run_group_tests_name("kernel", tests, NULL, NULL);

@@ -136,7 +136,7 @@ static void shapes_have_the_radius_of_their_medial_ball(void **state)
     analytic_free(hole);
 }
 
-static void edges_are_no_features(void **state)
+static void edges_do_not_count_as_features(void **state)
 {
     (void)state;
     const analytic_params plate = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.2}};
@@ -200,7 +200,7 @@ static void a_gap_between_balls_counts_from_either_side(void **state)
     analytic_free(b);
 }
 
-static void threads_do_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     analytic *a = analytic_new(&shapes[1], NULL, NULL);
@@ -215,10 +215,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shapes_have_the_radius_of_their_medial_ball),
-        cmocka_unit_test(edges_are_no_features),
+        cmocka_unit_test(edges_do_not_count_as_features),
         cmocka_unit_test(a_shell_is_half_as_wide_as_thick),
         cmocka_unit_test(a_gap_between_balls_counts_from_either_side),
-        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

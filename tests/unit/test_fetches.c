@@ -17,7 +17,7 @@ static fetches_result result_of(int number, int frame)
     return of;
 }
 
-static void test_a_result_is_whole_with_its_last_file(void **state)
+static void test_a_result_is_complete_with_its_last_file(void **state)
 {
     (void)state;
     fetches *f = fetches_new();
@@ -33,7 +33,7 @@ static void test_a_result_is_whole_with_its_last_file(void **state)
     fetches_free(f);
 }
 
-static void test_the_oldest_is_forgotten(void **state)
+static void test_the_least_recently_used_record_is_replaced(void **state)
 {
     (void)state;
     fetches *f = fetches_new();
@@ -53,8 +53,8 @@ static void test_the_oldest_is_forgotten(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_result_is_whole_with_its_last_file),
-        cmocka_unit_test(test_the_oldest_is_forgotten),
+        cmocka_unit_test(test_a_result_is_complete_with_its_last_file),
+        cmocka_unit_test(test_the_least_recently_used_record_is_replaced),
     };
     return cmocka_run_group_tests_name("fetches", tests, NULL, NULL);
 }

@@ -67,7 +67,7 @@ static void planes_sweep_the_volume(void **state)
     }
 }
 
-static void the_box_is_that_of_the_edges(void **state)
+static void the_box_encloses_the_edges(void **state)
 {
     const vec3 edge[3] = {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}};
     const field_cell c = cell_of((vec3){1, 1, 1}, edge, (vec3){0, 0, 1}, 1.5);
@@ -134,7 +134,7 @@ static void a_ball_of_flat_cells_has_its_area(void **state)
 }
 
 /* As far as FIELD_GENTLE_MOST goes, and twice as far; by distances, by another function, in oblique cells. */
-static void a_ball_of_gentle_cells_lacks_what_the_shortage_tells(void **state)
+static void the_area_missing_from_gentle_cells_is_estimated(void **state)
 {
     static const vec3 oblique[3] = {{0.9, 0.1, -0.2}, {0.3, 0.8, 0}, {-0.2, 0.2, 0.7}};
     const double radius = 1 / FIELD_GENTLE_MOST;
@@ -150,9 +150,9 @@ static void a_ball_of_gentle_cells_lacks_what_the_shortage_tells(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_sweep_the_volume), cmocka_unit_test(the_box_is_that_of_the_edges),
-        cmocka_unit_test(a_ball_of_flat_cells_has_its_area),
-        cmocka_unit_test(a_ball_of_gentle_cells_lacks_what_the_shortage_tells)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(planes_sweep_the_volume),
+                                       cmocka_unit_test(the_box_encloses_the_edges),
+                                       cmocka_unit_test(a_ball_of_flat_cells_has_its_area),
+                                       cmocka_unit_test(the_area_missing_from_gentle_cells_is_estimated)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -204,7 +204,7 @@ static void damaged_solids_come_back_closed(void **state)
 }
 
 /* Thin triangles whose height is above the rounding of the coordinates stay, and so does the mesh, bit for bit. */
-static void thin_triangles_with_area_stay(void **state)
+static void thin_triangles_with_area_are_kept(void **state)
 {
     (void)state;
     for (int floats = 0; floats < 2; floats++) {
@@ -248,7 +248,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(damaged_solids_come_back_closed),
-        cmocka_unit_test(thin_triangles_with_area_stay),
+        cmocka_unit_test(thin_triangles_with_area_are_kept),
         cmocka_unit_test(long_fans_are_removed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -174,7 +174,7 @@ static void test_fixed_points_never_move(void **state)
     strike(&s);
 }
 
-static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
+static void test_points_follow_a_torus_that_moves_rotates_and_grows(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -208,7 +208,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
     strike(&s);
 }
 
-static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
+static void test_no_rotation_about_the_axis_of_symmetry_is_added(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -221,7 +221,7 @@ static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
     strike(&s);
 }
 
-static void test_births_are_far_from_others_and_from_each_other(void **state)
+static void test_new_points_are_far_from_all_points(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -238,7 +238,7 @@ static void test_births_are_far_from_others_and_from_each_other(void **state)
     strike(&s);
 }
 
-static void test_deaths_are_spread(void **state)
+static void test_removed_points_are_spread(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -265,7 +265,7 @@ static double order_of(const stage *s, size_t count, const frame_transfer *start
     return q.hex_fraction;
 }
 
-static void test_portions_keep_more_of_the_packing(void **state)
+static void test_gradual_changes_keep_more_of_the_packing(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -287,7 +287,7 @@ static void test_portions_keep_more_of_the_packing(void **state)
 }
 
 /* Drift is counted from where a point was carried to, not from where births moved it. */
-static void test_where_a_point_landed_is_kept(void **state)
+static void test_the_projected_position_is_stored(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -304,7 +304,7 @@ static void test_where_a_point_landed_is_kept(void **state)
     strike(&s);
 }
 
-static void test_where_the_surface_is_new_points_are_born(void **state)
+static void test_new_surface_gets_new_points(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -323,7 +323,7 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     strike(&s);
 }
 
-static void test_another_surface_is_not_carried_onto(void **state)
+static void test_points_are_not_carried_onto_another_surface(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -339,7 +339,7 @@ static void test_another_surface_is_not_carried_onto(void **state)
     strike(&s);
 }
 
-static void test_a_stop_is_told(void **state)
+static void test_a_stop_is_reported(void **state)
 {
     (void)state;
     volatile sig_atomic_t stop = 0;
@@ -356,7 +356,7 @@ static void test_a_stop_is_told(void **state)
     strike(&s);
 }
 
-static void test_any_number_of_threads_gives_the_same(void **state)
+static void test_result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -377,16 +377,16 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fixed_points_never_move),
-        cmocka_unit_test(test_all_go_with_a_torus_that_moves_turns_and_grows),
-        cmocka_unit_test(test_a_turn_about_the_own_axis_is_not_made_up),
-        cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),
-        cmocka_unit_test(test_deaths_are_spread),
-        cmocka_unit_test(test_portions_keep_more_of_the_packing),
-        cmocka_unit_test(test_where_a_point_landed_is_kept),
-        cmocka_unit_test(test_where_the_surface_is_new_points_are_born),
-        cmocka_unit_test(test_another_surface_is_not_carried_onto),
-        cmocka_unit_test(test_a_stop_is_told),
-        cmocka_unit_test(test_any_number_of_threads_gives_the_same),
+        cmocka_unit_test(test_points_follow_a_torus_that_moves_rotates_and_grows),
+        cmocka_unit_test(test_no_rotation_about_the_axis_of_symmetry_is_added),
+        cmocka_unit_test(test_new_points_are_far_from_all_points),
+        cmocka_unit_test(test_removed_points_are_spread),
+        cmocka_unit_test(test_gradual_changes_keep_more_of_the_packing),
+        cmocka_unit_test(test_the_projected_position_is_stored),
+        cmocka_unit_test(test_new_surface_gets_new_points),
+        cmocka_unit_test(test_points_are_not_carried_onto_another_surface),
+        cmocka_unit_test(test_a_stop_is_reported),
+        cmocka_unit_test(test_result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests(tests, make_first, free_first);
 }

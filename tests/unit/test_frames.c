@@ -40,7 +40,7 @@ static void test_numbers(void **state)
     expect("5-5x100", (const int[]){5}, 1);
 }
 
-static void test_nonsense(void **state)
+static void test_malformed_numbers_are_refused(void **state)
 {
     (void)state;
     static const char *const bad[] = {"",     "a",   "1-",         "-3",     "3-1",  "1-3x0",
@@ -134,7 +134,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_numbers),
-        cmocka_unit_test(test_nonsense),
+        cmocka_unit_test(test_malformed_numbers_are_refused),
         cmocka_unit_test(test_numbers_are_printed_as_ranges),
         cmocka_unit_test(test_paths),
         cmocka_unit_test(test_a_path_is_matched_with_a_pattern),

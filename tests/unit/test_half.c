@@ -47,7 +47,7 @@ static void test_rounding_is_to_nearest_even(void **state)
     }
 }
 
-static void test_what_is_too_large_is_infinite(void **state)
+static void test_values_above_the_range_become_infinite(void **state)
 {
     (void)state;
     assert_int_equal(half_from_float(65504), 0x7BFF);
@@ -62,7 +62,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_each_half_is_its_float),
         cmocka_unit_test(test_rounding_is_to_nearest_even),
-        cmocka_unit_test(test_what_is_too_large_is_infinite),
+        cmocka_unit_test(test_values_above_the_range_become_infinite),
     };
     return cmocka_run_group_tests_name("half", tests, NULL, NULL);
 }

@@ -133,7 +133,7 @@ static bool can_read_all(place *p, char id[JOBS][ULID_SIZE], error *e)
     return ok;
 }
 
-static void test_a_sound_database_is_sound(void **state)
+static void test_an_intact_database_has_no_findings(void **state)
 {
     place *p = *state;
     health_report known = health_of(p);
@@ -155,7 +155,7 @@ static void test_a_wait_does_not_end_before_its_time(void **state)
     assert_true(clock_monotonic_ms() >= until_ms);
 }
 
-static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
+static void test_damage_found_by_a_statement_stops_all_changes(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -188,7 +188,7 @@ static void wait_for_check(place *p, health_report *known)
     }
 }
 
-static void test_the_checker_finds_what_no_statement_met(void **state)
+static void test_the_checker_finds_damage_that_no_statement_reads(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -239,7 +239,7 @@ static int open_with_faults(sqlite3_vfs *vfs, const char *name, sqlite3_file *fi
 }
 
 /* A failed read may be a temporary fault of the disk: changes are refused until a check has read everything. */
-static void test_a_fault_of_reading_ends_with_a_check(void **state)
+static void test_a_read_error_is_cleared_by_a_check(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -280,7 +280,7 @@ ssize_t pread64(int fd, void *to, size_t count, off64_t from)
     return syscall(SYS_pread64, fd, to, count, from);
 }
 
-static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **state)
+static void test_an_io_error_of_the_disk_is_cleared_by_a_check(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -386,7 +386,7 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
     assert_false(health_of(p).damaged);
 }
 
-static void test_what_is_wrong_with_a_copy_is_listed(void **state)
+static void test_faults_of_a_copy_are_listed(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -421,7 +421,7 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
     free(path);
 }
 
-static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
+static void test_copies_of_a_killed_process_are_removed(void **state)
 {
     place *p = *state;
     queue_close(p->q);
@@ -439,15 +439,15 @@ static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        HEALTH_CASE(test_a_sound_database_is_sound),
+        HEALTH_CASE(test_an_intact_database_has_no_findings),
         HEALTH_CASE(test_a_wait_does_not_end_before_its_time),
-        HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
-        HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
-        HEALTH_CASE(test_a_fault_of_reading_ends_with_a_check),
-        HEALTH_CASE(test_an_input_output_error_of_the_disk_ends_with_a_check),
+        HEALTH_CASE(test_damage_found_by_a_statement_stops_all_changes),
+        HEALTH_CASE(test_the_checker_finds_damage_that_no_statement_reads),
+        HEALTH_CASE(test_a_read_error_is_cleared_by_a_check),
+        HEALTH_CASE(test_an_io_error_of_the_disk_is_cleared_by_a_check),
         HEALTH_CASE(test_a_copy_is_whole_while_threads_write),
-        HEALTH_CASE(test_what_is_wrong_with_a_copy_is_listed),
-        HEALTH_CASE(test_what_a_killed_process_left_of_copies_is_removed),
+        HEALTH_CASE(test_faults_of_a_copy_are_listed),
+        HEALTH_CASE(test_copies_of_a_killed_process_are_removed),
     };
     return cmocka_run_group_tests_name("health", tests, NULL, NULL);
 }

@@ -80,14 +80,14 @@ static void check(double widest)
     tear_down(&f);
 }
 
-static void nobody_is_with_a_neighbour(void **state)
+static void no_set_contains_two_neighbours(void **state)
 {
     (void)state;
     check(1);
     check(5);
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     fixture one, many;
@@ -101,8 +101,8 @@ static void threads_do_not_show(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nobody_is_with_a_neighbour),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(no_set_contains_two_neighbours),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests_name("independent_sets", tests, NULL, NULL);
 }

@@ -74,7 +74,7 @@ static void send_text(const place *p, const char *user, const char *text, char h
     store_upload_end(upload);
 }
 
-static void test_room_is_taken_as_bytes_arrive(void **state)
+static void test_space_is_reserved_as_bytes_arrive(void **state)
 {
     place *p = *state;
     store_upload *first = NULL, *second = NULL;
@@ -90,7 +90,7 @@ static void test_room_is_taken_as_bytes_arrive(void **state)
     assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
 }
 
-static void test_a_user_has_a_share_of_the_room(void **state)
+static void test_a_user_has_a_limit_of_bytes(void **state)
 {
     place *p = *state;
     char hex[STORE_HASH_SIZE];
@@ -112,7 +112,7 @@ static void test_a_user_has_a_share_of_the_room(void **state)
     assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
 }
 
-static void test_a_user_sends_a_few_files_at_once(void **state)
+static void test_a_user_has_a_limit_of_simultaneous_uploads(void **state)
 {
     place *p = *state;
     store_upload *held[AT_ONCE];
@@ -127,9 +127,9 @@ static void test_a_user_sends_a_few_files_at_once(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_room_is_taken_as_bytes_arrive, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_user_has_a_share_of_the_room, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_user_sends_a_few_files_at_once, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_space_is_reserved_as_bytes_arrive, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_bytes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_simultaneous_uploads, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("inputs", tests, NULL, NULL);
 }

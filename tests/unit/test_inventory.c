@@ -144,7 +144,7 @@ static const struct {
     {"attempts", ".0.01", true},
 };
 
-static void test_names_say_whose_it_is(void **state)
+static void test_names_identify_the_job(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -192,7 +192,7 @@ static void test_results_of_jobs_in_each_state(void **state)
     }
 }
 
-static void test_what_is_noted_is_left_to_the_removal(void **state)
+static void test_entries_noted_for_removal_are_kept(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -226,7 +226,7 @@ static void test_names_in_lost_and_found_are_not_taken_twice(void **state)
 }
 
 /* A waiting job would need the name. */
-static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state)
+static void test_a_blocking_entry_that_cannot_be_moved_is_an_error(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -249,11 +249,11 @@ static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_names_say_whose_it_is),
+        CASE(test_names_identify_the_job),
         CASE(test_results_of_jobs_in_each_state),
-        CASE(test_what_is_noted_is_left_to_the_removal),
+        CASE(test_entries_noted_for_removal_are_kept),
         CASE(test_names_in_lost_and_found_are_not_taken_twice),
-        CASE(test_what_is_in_the_way_and_cannot_be_moved_is_an_error),
+        CASE(test_a_blocking_entry_that_cannot_be_moved_is_an_error),
     };
     log_set_level(LOG_LEVEL_ERROR);
     return cmocka_run_group_tests_name("inventory", tests, NULL, NULL);

@@ -111,7 +111,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
-static void test_a_tag_holds_the_revision_of_its_job(void **state)
+static void test_a_tag_contains_the_revision_of_its_job(void **state)
 {
     (void)state;
     const queue_job job = {.revision = 47};
@@ -128,7 +128,7 @@ static void test_a_tag_holds_the_revision_of_its_job(void **state)
     }
 }
 
-static void test_other_tags_are_none_of_a_job(void **state)
+static void test_other_tags_are_refused(void **state)
 {
     (void)state;
     static const char *const tags[] = {"",     "47",      "\"",          "\"\"",    "\"x\"",
@@ -142,8 +142,8 @@ static void test_other_tags_are_none_of_a_job(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_tag_holds_the_revision_of_its_job),
-        cmocka_unit_test(test_other_tags_are_none_of_a_job),
+        cmocka_unit_test(test_a_tag_contains_the_revision_of_its_job),
+        cmocka_unit_test(test_other_tags_are_refused),
         CASE(test_an_accepted_job_is_answered_201),
     };
     log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about a worker that does not start */

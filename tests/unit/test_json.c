@@ -34,7 +34,7 @@ static json *accept(const char *text)
     return root;
 }
 
-static void test_faults_say_where(void **state)
+static void test_errors_name_the_position(void **state)
 {
     (void)state;
     static const struct {
@@ -177,7 +177,7 @@ static void test_values_are_put_at_pointers(void **state)
     json_free(root);
 }
 
-static void test_pointer_is_not_cut_inside_a_character(void **state)
+static void test_pointer_is_truncated_between_characters(void **state)
 {
     (void)state;
     json *root = accept("{\"\xc3\xa4\xc3\xb6\":1}");
@@ -419,13 +419,13 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_copy_replaces_members_of_the_outermost_object_only),
-        cmocka_unit_test(test_faults_say_where),
+        cmocka_unit_test(test_errors_name_the_position),
         cmocka_unit_test(test_depth_limit),
         cmocka_unit_test(test_every_truncation_is_refused),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_values_are_found_and_set),
         cmocka_unit_test(test_values_are_put_at_pointers),
-        cmocka_unit_test(test_pointer_is_not_cut_inside_a_character),
+        cmocka_unit_test(test_pointer_is_truncated_between_characters),
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),
         cmocka_unit_test(test_ill_formed_utf8_is_printed_as_json),

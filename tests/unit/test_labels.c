@@ -185,7 +185,7 @@ static void test_a_majority_keeps_volumes_with_any_number_of_threads(void **stat
 }
 
 /* What is kept of voxels is counted while they are filtered. */
-static void test_the_memory_of_what_a_majority_keeps(void **state)
+static void test_the_memory_of_voxels_kept_by_a_majority(void **state)
 {
     (void)state;
     size_t needed = 0;
@@ -232,7 +232,7 @@ static bool is_in_cube(int x, int y, int z)
     return any;
 }
 
-static void test_thin_are_voxels_in_no_cube(void **state)
+static void test_voxels_in_no_cube_are_thin(void **state)
 {
     (void)state;
     error e = {0};
@@ -254,7 +254,7 @@ static void test_thin_are_voxels_in_no_cube(void **state)
     threads_free(pool);
 }
 
-static void test_which_grid(void **state)
+static void test_the_grid_is_chosen_by_name_and_type(void **state)
 {
     (void)state;
     const char *const both[] = {"int32", "int64"}, *const one[] = {"float", "int32"},
@@ -279,11 +279,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grids_of_whole_numbers),
-        cmocka_unit_test(test_which_grid),
+        cmocka_unit_test(test_the_grid_is_chosen_by_name_and_type),
         cmocka_unit_test(test_large_numbers_of_a_grid),
         cmocka_unit_test(test_the_memory_of_a_majority),
         cmocka_unit_test(test_a_majority_keeps_volumes_with_any_number_of_threads),
-        cmocka_unit_test(test_the_memory_of_what_a_majority_keeps),
-        cmocka_unit_test(test_thin_are_voxels_in_no_cube)};
+        cmocka_unit_test(test_the_memory_of_voxels_kept_by_a_majority),
+        cmocka_unit_test(test_voxels_in_no_cube_are_thin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

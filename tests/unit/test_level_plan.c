@@ -11,7 +11,7 @@
 
 /* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
  * has b edges, so refining doubles it. */
-static void corrected_plans_need_no_inventions(void **state)
+static void corrected_plans_match_the_refined_counts(void **state)
 {
     (void)state;
     for (int euler = -40; euler <= 2; euler++)
@@ -34,7 +34,7 @@ static void corrected_plans_need_no_inventions(void **state)
 }
 
 /* Where the edges say nothing the plan stays near what is usual. */
-static void nonsense_is_bounded(void **state)
+static void plans_with_invalid_edge_counts_are_bounded(void **state)
 {
     (void)state;
     level_plan none = {.count = 2, .particles = {250, 1000}}, many = none;
@@ -47,8 +47,8 @@ static void nonsense_is_bounded(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(corrected_plans_need_no_inventions),
-        cmocka_unit_test(nonsense_is_bounded),
+        cmocka_unit_test(corrected_plans_match_the_refined_counts),
+        cmocka_unit_test(plans_with_invalid_edge_counts_are_bounded),
     };
     return cmocka_run_group_tests_name("levels", tests, NULL, NULL);
 }

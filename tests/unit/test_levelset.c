@@ -192,7 +192,7 @@ static void good_meshes_have_no_notes(void **state)
 }
 
 /* As many solids as balls, of so many triangles that all threads look for them. */
-static void many_triangles_hang_together(void **state)
+static void many_connected_triangles_are_one_part(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5);
@@ -286,7 +286,7 @@ static void seams_are_closed(void **state)
     assert_note(&j, "vertices of other triangles on their open edges: they are split there");
 }
 
-static void walls_within_are_refused(void **state)
+static void inner_walls_are_refused(void **state)
 {
     (void)state;
     /* two boxes with a wall in common: where they touch twelve triangles are one wall of two */
@@ -305,7 +305,7 @@ static void walls_within_are_refused(void **state)
     assert_int_equal(j.solids, 1);
 }
 
-static void edges_of_four_are_noted(void **state)
+static void edges_of_four_triangles_are_reported(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 4, 4}, 0);
@@ -316,7 +316,7 @@ static void edges_of_four_are_noted(void **state)
     assert_int_equal(j.solids, 2);
 }
 
-static void orientation_is_mended(void **state)
+static void orientation_is_repaired(void **state)
 {
     (void)state;
     mesh m = ball_at(10);
@@ -330,7 +330,7 @@ static void orientation_is_mended(void **state)
     assert_note(&j, "1 of 1 shells are inside out: turned");
 }
 
-static void odd_triangles_are_noted(void **state)
+static void degenerate_and_duplicate_triangles_are_reported(void **state)
 {
     (void)state;
     mesh m = ball_at(10);
@@ -644,7 +644,7 @@ static void cavities_are_empty(void **state)
 }
 
 /* What is inside and beyond the band has tiles, small and large: every voxel has the right side. */
-static void the_deep_inside_is_filled(void **state)
+static void the_interior_beyond_the_band_is_filled(void **state)
 {
     (void)state;
     enum { SIDE = 300 };
@@ -692,7 +692,7 @@ static mesh mesh_of(const vec3 *corners, size_t corner_count, const uint32_t (*f
 
 /* The projective plane of six vertices, which has one side only; of one of its faces the middle is cut out
  * as a triangle of its own, which comes first and is joined last, when the contradiction has been seen. */
-static void one_sided_shells(void **state)
+static void one_sided_shells_are_reported(void **state)
 {
     (void)state;
     static const uint32_t faces[16][3] = {{6, 7, 8}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}, {0, 1, 5}, {1, 2, 4},
@@ -741,7 +741,7 @@ static size_t random_cycle(uint64_t *seed, uint32_t faces[35][3])
     return count;
 }
 
-static void closed_however_tangled(void **state)
+static void tangled_closed_surfaces_have_consistent_signs(void **state)
 {
     (void)state;
     uint64_t seed = SEED;
@@ -762,7 +762,7 @@ static void closed_however_tangled(void **state)
     }
 }
 
-static void zeros_of_either_sign_are_one(void **state)
+static void zeros_of_either_sign_are_equal(void **state)
 {
     (void)state;
     const vec3 corners[7] = {{0, 0, 0},    {9, 0.0, 0},     {0, 9, 0},      {0, 0, 9},
@@ -848,15 +848,15 @@ int main(void)
         cmocka_unit_test(winding_through_corners),
         cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
-        cmocka_unit_test(many_triangles_hang_together),
+        cmocka_unit_test(many_connected_triangles_are_one_part),
         cmocka_unit_test(holes_are_counted),
         cmocka_unit_test(holes_are_placed),
         cmocka_unit_test(near_vertices_are_joined),
         cmocka_unit_test(seams_are_closed),
-        cmocka_unit_test(walls_within_are_refused),
-        cmocka_unit_test(edges_of_four_are_noted),
-        cmocka_unit_test(orientation_is_mended),
-        cmocka_unit_test(odd_triangles_are_noted),
+        cmocka_unit_test(inner_walls_are_refused),
+        cmocka_unit_test(edges_of_four_triangles_are_reported),
+        cmocka_unit_test(orientation_is_repaired),
+        cmocka_unit_test(degenerate_and_duplicate_triangles_are_reported),
         cmocka_unit_test(shells_in_shells),
         cmocka_unit_test(many_shells_in_any_order),
         cmocka_unit_test(boxes_are_exact),
@@ -864,10 +864,10 @@ int main(void)
         cmocka_unit_test(the_inside_of_a_ball_is_exact),
         cmocka_unit_test(overlapping_shells_are_united),
         cmocka_unit_test(cavities_are_empty),
-        cmocka_unit_test(the_deep_inside_is_filled),
-        cmocka_unit_test(one_sided_shells),
-        cmocka_unit_test(closed_however_tangled),
-        cmocka_unit_test(zeros_of_either_sign_are_one),
+        cmocka_unit_test(the_interior_beyond_the_band_is_filled),
+        cmocka_unit_test(one_sided_shells_are_reported),
+        cmocka_unit_test(tangled_closed_surfaces_have_consistent_signs),
+        cmocka_unit_test(zeros_of_either_sign_are_equal),
         cmocka_unit_test(sizes_and_limits),
         cmocka_unit_test(voxels_follow_the_points),
     };

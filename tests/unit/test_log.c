@@ -67,7 +67,7 @@ static void test_lines(void **state)
     assert_string_equal(lines + strlen("2026-01-01T00:00:00.000Z"), " warning one line  job=x\n");
 }
 
-static void test_long_records_are_cut(void **state)
+static void test_long_records_are_truncated(void **state)
 {
     (void)state;
     char longest[5000];
@@ -97,7 +97,7 @@ static void test_fields(void **state)
     assert_string_equal(taken, "PRIORITY=6\nSYSLOG_IDENTIFIER=hexad\nMESSAGE=nothing of the kind\n");
 }
 
-static void test_values_that_are_none_of_ours_are_left_out(void **state)
+static void test_invalid_field_values_are_omitted(void **state)
 {
     (void)state;
     log_set_journal(write_journal);
@@ -107,7 +107,7 @@ static void test_values_that_are_none_of_ours_are_left_out(void **state)
     assert_non_null(strstr(taken, "HEXAD_ATTEMPT=1\n"));
 }
 
-static void test_a_journal_that_is_gone(void **state)
+static void test_a_missing_journal_falls_back_to_lines(void **state)
 {
     (void)state;
     log_set_journal(write_journal);
@@ -122,10 +122,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines),
-        cmocka_unit_test(test_long_records_are_cut),
+        cmocka_unit_test(test_long_records_are_truncated),
         cmocka_unit_test(test_fields),
-        cmocka_unit_test(test_values_that_are_none_of_ours_are_left_out),
-        cmocka_unit_test(test_a_journal_that_is_gone),
+        cmocka_unit_test(test_invalid_field_values_are_omitted),
+        cmocka_unit_test(test_a_missing_journal_falls_back_to_lines),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

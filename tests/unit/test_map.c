@@ -54,7 +54,7 @@ static void linear_functions_are_exact(void **state)
     }
 }
 
-static void beyond_the_painted_part(void **state)
+static void undefined_regions_have_the_background_value(void **state)
 {
     (void)state;
     error e = {0};
@@ -90,7 +90,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(linear_functions_are_exact),
-        cmocka_unit_test(beyond_the_painted_part),
+        cmocka_unit_test(undefined_regions_have_the_background_value),
         cmocka_unit_test(faults_name_the_grid),
     };
     return cmocka_run_group_tests_name("map", tests, NULL, NULL);

@@ -153,7 +153,7 @@ static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **stat
 }
 
 /* Distances are exactly 1 in space; cells on the faces of a prism are as large as each other, but for those of the two rings at the ends. */
-static void an_open_tube_is_perfect(void **state)
+static void an_open_tube_has_ideal_measures(void **state)
 {
     (void)state;
     const measures got = measure(scene_tube(24, 11));
@@ -416,7 +416,7 @@ int main(void)
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),
         cmocka_unit_test(a_plate_is_measured_on_each_of_its_walls),
         cmocka_unit_test(a_cube_with_a_square_grid_has_four_neighbours_everywhere),
-        cmocka_unit_test(an_open_tube_is_perfect),
+        cmocka_unit_test(an_open_tube_has_ideal_measures),
         cmocka_unit_test(a_torus_has_six_neighbours_everywhere),
         cmocka_unit_test(the_ten_points_of_a_tetrahedron_are_perfect),
         cmocka_unit_test(lattices_on_regular_solids_are_perfect),

@@ -44,7 +44,7 @@ static void test_arrays_are_zeroed(void **state)
     check((32 << 20) + 4097); /* in huge pages */
 }
 
-static void test_a_part_is_given_back(void **state)
+static void test_a_part_is_returned_to_the_kernel(void **state)
 {
     (void)state;
     const size_t size = 8 << 20, from = 1000001, bytes = 3 << 20;
@@ -61,7 +61,7 @@ static void test_a_part_is_given_back(void **state)
     free(p);
 }
 
-static void test_what_cannot_be_had(void **state)
+static void test_too_large_arrays_are_errors(void **state)
 {
     (void)state;
     error e = {0};
@@ -71,7 +71,7 @@ static void test_what_cannot_be_had(void **state)
     assert_null(mem_array(SIZE_MAX / 64, 63, "a test", NULL));
 }
 
-static void test_growing_keeps_what_is_there(void **state)
+static void test_growing_keeps_the_elements(void **state)
 {
     (void)state;
     error e = {0};
@@ -98,7 +98,7 @@ static size_t peak_bytes(void)
 }
 
 /* Memory of moved elements is returned before the whole array is copied. */
-static void test_growing_gives_back_the_old_place(void **state)
+static void test_growing_releases_the_old_array(void **state)
 {
     (void)state;
     error e = {0};
@@ -116,7 +116,7 @@ static void test_growing_gives_back_the_old_place(void **state)
 }
 
 /* Arrays of the size of a small job are populated before they are accessed. */
-static void test_first_touches_are_few(void **state)
+static void test_page_faults_are_few(void **state)
 {
     (void)state;
     enum { COUNT = 20, BYTES = 100000 };
@@ -175,7 +175,7 @@ static void *use_memory(void *argument)
 }
 
 /* Threads use 32 MB one after another, while earlier threads still exist. */
-static void test_a_program_of_many_threads_keeps_little_of_what_they_freed(void **state)
+static void test_a_program_with_many_threads_keeps_little_freed_memory(void **state)
 {
     (void)state;
 #ifdef __SANITIZE_ADDRESS__
@@ -201,13 +201,13 @@ static void test_a_program_of_many_threads_keeps_little_of_what_they_freed(void 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_first_touches_are_few),
+        cmocka_unit_test(test_page_faults_are_few),
         cmocka_unit_test(test_arrays_are_zeroed),
-        cmocka_unit_test(test_a_part_is_given_back),
-        cmocka_unit_test(test_what_cannot_be_had),
-        cmocka_unit_test(test_growing_keeps_what_is_there),
-        cmocka_unit_test(test_growing_gives_back_the_old_place),
-        cmocka_unit_test(test_a_program_of_many_threads_keeps_little_of_what_they_freed),
+        cmocka_unit_test(test_a_part_is_returned_to_the_kernel),
+        cmocka_unit_test(test_too_large_arrays_are_errors),
+        cmocka_unit_test(test_growing_keeps_the_elements),
+        cmocka_unit_test(test_growing_releases_the_old_array),
+        cmocka_unit_test(test_a_program_with_many_threads_keeps_little_freed_memory),
     };
     return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }

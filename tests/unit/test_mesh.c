@@ -123,7 +123,7 @@ static void balls_of_every_format(void **state)
 }
 
 /* Maps and machines have coordinates of millions: in single precision this ball is 24 steps across. */
-static void places_far_from_the_origin(void **state)
+static void positions_far_from_the_origin_keep_their_precision(void **state)
 {
     (void)state;
     static const char *const formats[] = {"obj", "stl"};
@@ -174,7 +174,7 @@ static void cavities_and_hidden_shells(void **state)
     mesh_free(&m);
 }
 
-static void thin_walls_are_told(void **state)
+static void thin_walls_are_reported(void **state)
 {
     (void)state;
     error e = {0};
@@ -238,7 +238,7 @@ static void open_meshes_are_refused(void **state)
     mesh_free(&m);
 }
 
-static void files_that_are_no_meshes(void **state)
+static void files_that_are_no_meshes_are_refused(void **state)
 {
     (void)state;
     static const struct {
@@ -366,7 +366,7 @@ static int fake(int kind)
     return 0;
 }
 
-static void answers_are_not_believed(void **state)
+static void invalid_answers_of_a_reader_are_refused(void **state)
 {
     (void)state;
     static const char *const words[] = {"",
@@ -501,7 +501,7 @@ static void the_first_of_equal_vertices_is_kept(void **state)
 }
 
 /* Far vertices of no triangle are outside of it, and any number of threads find the same. */
-static void boxes_hold_what_triangles_use(void **state)
+static void boxes_contain_the_vertices_of_triangles_only(void **state)
 {
     (void)state;
     uint64_t seed = 1;
@@ -609,7 +609,7 @@ static void fidelity_by_any_number_of_threads(void **state)
 }
 
 /* Of a mesh of so many triangles that trees are made where places are looked for. */
-static void places_on_many_triangles(void **state)
+static void closest_points_on_many_triangles_are_found(void **state)
 {
     (void)state;
     error e = {0};
@@ -648,19 +648,19 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(balls_of_every_format),
         cmocka_unit_test(cavities_and_hidden_shells),
-        cmocka_unit_test(thin_walls_are_told),
+        cmocka_unit_test(thin_walls_are_reported),
         cmocka_unit_test(open_meshes_are_refused),
-        cmocka_unit_test(files_that_are_no_meshes),
+        cmocka_unit_test(files_that_are_no_meshes_are_refused),
         cmocka_unit_test(damaged_files),
         cmocka_unit_test(other_files_are_not_opened),
         cmocka_unit_test(limits_hold),
-        cmocka_unit_test(answers_are_not_believed),
+        cmocka_unit_test(invalid_answers_of_a_reader_are_refused),
         cmocka_unit_test(voxels_follow_the_thickness),
-        cmocka_unit_test(places_on_many_triangles),
-        cmocka_unit_test(places_far_from_the_origin),
+        cmocka_unit_test(closest_points_on_many_triangles_are_found),
+        cmocka_unit_test(positions_far_from_the_origin_keep_their_precision),
         cmocka_unit_test(clean_meshes_are_welded_once),
         cmocka_unit_test(the_first_of_equal_vertices_is_kept),
-        cmocka_unit_test(boxes_hold_what_triangles_use),
+        cmocka_unit_test(boxes_contain_the_vertices_of_triangles_only),
         cmocka_unit_test(fans_are_welded_too),
         cmocka_unit_test(faces_that_cancel_leave_no_hole),
         cmocka_unit_test(a_contact_of_solids_is_dropped),

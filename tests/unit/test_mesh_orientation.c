@@ -53,7 +53,7 @@ static void a_box_that_is_inside_out_gets_outward_normals(void **state)
     mesh_patches_free(&p);
 }
 
-static void a_box_that_is_right_stays_as_it_is(void **state)
+static void a_box_with_outward_normals_is_unchanged(void **state)
 {
     (void)state;
     mesh_patches p = oriented(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3));
@@ -87,7 +87,7 @@ static void mixed_faces_of_closed_parts_get_outward_normals(void **state)
 }
 
 /* A shell in another: inwards it is a cavity, outwards another solid; either stays so when the whole file is inside out. */
-static void a_shell_inside_another_keeps_its_orientation_to_it(void **state)
+static void an_inner_shell_keeps_its_relative_orientation(void **state)
 {
     (void)state;
     for (int k = 0; k < 4; k++) {
@@ -137,9 +137,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_box_that_is_inside_out_gets_outward_normals),
-        cmocka_unit_test(a_box_that_is_right_stays_as_it_is),
+        cmocka_unit_test(a_box_with_outward_normals_is_unchanged),
         cmocka_unit_test(mixed_faces_of_closed_parts_get_outward_normals),
-        cmocka_unit_test(a_shell_inside_another_keeps_its_orientation_to_it),
+        cmocka_unit_test(an_inner_shell_keeps_its_relative_orientation),
         cmocka_unit_test(an_open_part_agrees_along_its_edges),
         cmocka_unit_test(a_moebius_strip_stays_one_sided),
     };

@@ -105,7 +105,7 @@ static vec3 folded(double u, double v)
     return vec3_make(u, fabs(v - 0.5), 0.1 * (v - 0.5));
 }
 
-static void test_curves_know_how_sharp_they_are(void **state)
+static void test_curves_have_the_cosine_of_their_sharpest_angle(void **state)
 {
     (void)state;
     mesh_patches p = make(mesh_fixture_sheet(4, 4, folded), 2);
@@ -142,7 +142,7 @@ static void test_scan_has_no_features(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_one_sided(void **state)
+static void test_one_sided_surfaces(void **state)
 {
     (void)state;
     mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_AUTOMATIC);
@@ -156,7 +156,7 @@ static void test_one_sided(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_three_sheets_at_an_edge(void **state)
+static void test_three_surfaces_meet_in_an_edge(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(4, 4, flat);
@@ -170,7 +170,7 @@ static void test_three_sheets_at_an_edge(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_orientation_follows_most(void **state)
+static void test_orientation_follows_the_majority(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(6, 6, flat);
@@ -186,7 +186,7 @@ static void test_orientation_follows_most(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_double_faces_count_once(void **state)
+static void test_duplicate_faces_count_once(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(3, 3, flat), back = mesh_fixture_sheet(3, 3, flat);
@@ -215,7 +215,7 @@ static void test_t_junctions(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_soup(void **state)
+static void test_disconnected_triangles_are_patches(void **state)
 {
     (void)state;
     mesh m = {0};
@@ -229,7 +229,7 @@ static void test_soup(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_nothing_is_left(void **state)
+static void test_a_mesh_without_area_has_no_surface(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(1, 1, flat);
@@ -247,16 +247,16 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_square_sheet),
         cmocka_unit_test(test_box),
-        cmocka_unit_test(test_curves_know_how_sharp_they_are),
+        cmocka_unit_test(test_curves_have_the_cosine_of_their_sharpest_angle),
         cmocka_unit_test(test_smooth_ball_has_no_curves),
         cmocka_unit_test(test_scan_has_no_features),
-        cmocka_unit_test(test_one_sided),
-        cmocka_unit_test(test_three_sheets_at_an_edge),
-        cmocka_unit_test(test_orientation_follows_most),
-        cmocka_unit_test(test_double_faces_count_once),
+        cmocka_unit_test(test_one_sided_surfaces),
+        cmocka_unit_test(test_three_surfaces_meet_in_an_edge),
+        cmocka_unit_test(test_orientation_follows_the_majority),
+        cmocka_unit_test(test_duplicate_faces_count_once),
         cmocka_unit_test(test_t_junctions),
-        cmocka_unit_test(test_soup),
-        cmocka_unit_test(test_nothing_is_left),
+        cmocka_unit_test(test_disconnected_triangles_are_patches),
+        cmocka_unit_test(test_a_mesh_without_area_has_no_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -104,7 +104,7 @@ static void test_newton_ends_on_mesh(void **state)
 }
 
 /* Places in lanes, each by a hint of the one before or by none, are told as one by one. */
-static void test_lanes_of_patches(void **state)
+static void test_lanes_of_patches_equal_single_samples(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 4), 0, 0.2);
@@ -172,7 +172,7 @@ static void test_ball(void **state)
 }
 
 /* Blocks that touch, so that many places are as near to two patches: the whole is what the first of the nearest is. */
-static void test_the_whole_is_the_nearest_patch(void **state)
+static void test_the_whole_field_equals_the_nearest_patch(void **state)
 {
     (void)state;
     enum { SIDE = 6, ALL = SIDE * SIDE * SIDE };
@@ -221,7 +221,7 @@ static vec3 flat(double u, double v)
 }
 
 /* Beyond its rim a sheet goes on, but not within. */
-static void test_beyond_the_rim(void **state)
+static void test_a_patch_is_extrapolated_beyond_its_boundary(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_sheet(3, 3, flat), MESH_PATCHES_AUTOMATIC, 0.2);
@@ -268,7 +268,7 @@ static void test_cells(void **state)
 }
 
 /* A spacing that is far too small is refused before memory is out. */
-static void test_pieces_keep_to_the_memory(void **state)
+static void test_a_spacing_beyond_memory_is_refused(void **state)
 {
     (void)state;
     const vec3 half = {1, 2, 3}, center = {4, 5, 6};
@@ -320,7 +320,7 @@ static void test_elements_of_a_patch(void **state)
 
 /* Two flat pyramids back to back, of eight triangles: the normals between their corners turn over whole faces, so that near
  * the edge they face aside. The medial axis is the base between them. */
-static void test_feature_sizes_are_of_the_faces(void **state)
+static void test_feature_sizes_use_face_normals(void **state)
 {
     (void)state;
     static const vec3 corner[] = {{1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}, {0, 0, 0.3}, {0, 0, -0.3}};
@@ -410,7 +410,7 @@ static void assert_hints_change_nothing(mesh_surface *s, double off)
     mesh_surface_free(s);
 }
 
-static void test_hints_change_nothing(void **state)
+static void test_hints_do_not_change_results(void **state)
 {
     (void)state;
     assert_hints_change_nothing(make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 3), 0, 0.2), 0.1);
@@ -420,7 +420,7 @@ static void test_hints_change_nothing(void **state)
 }
 
 /* Between two sheets of a patch, nearer to the other one, a hint keeps to its own; without a hint the nearest is told. */
-static void test_hint_keeps_to_its_sheet(void **state)
+static void test_a_hint_stays_on_its_side_of_a_fold(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_sheet(22, 6, folded), 0, 0.2);
@@ -443,7 +443,7 @@ static vec3 level(double u, double v)
 
 /* A vertex of a level sheet is moved beyond its neighbours, so that triangles are turned over: normals there are still those of the
  * sheet around them, and not of an opposite wall. */
-static void test_normals_in_a_small_fold_are_those_around_it(void **state)
+static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(10, 10, level);
@@ -496,18 +496,18 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_newton_ends_on_mesh),
-        cmocka_unit_test(test_lanes_of_patches),
-        cmocka_unit_test(test_hints_change_nothing),
-        cmocka_unit_test(test_hint_keeps_to_its_sheet),
-        cmocka_unit_test(test_normals_in_a_small_fold_are_those_around_it),
+        cmocka_unit_test(test_lanes_of_patches_equal_single_samples),
+        cmocka_unit_test(test_hints_do_not_change_results),
+        cmocka_unit_test(test_a_hint_stays_on_its_side_of_a_fold),
+        cmocka_unit_test(test_normals_in_a_small_fold_equal_those_around_it),
         cmocka_unit_test(test_refined_patches_meet),
         cmocka_unit_test(test_ball),
-        cmocka_unit_test(test_beyond_the_rim),
-        cmocka_unit_test(test_the_whole_is_the_nearest_patch),
+        cmocka_unit_test(test_a_patch_is_extrapolated_beyond_its_boundary),
+        cmocka_unit_test(test_the_whole_field_equals_the_nearest_patch),
         cmocka_unit_test(test_cells),
-        cmocka_unit_test(test_pieces_keep_to_the_memory),
+        cmocka_unit_test(test_a_spacing_beyond_memory_is_refused),
         cmocka_unit_test(test_elements_of_a_patch),
-        cmocka_unit_test(test_feature_sizes_are_of_the_faces),
+        cmocka_unit_test(test_feature_sizes_use_face_normals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -181,7 +181,7 @@ static void stop(int signal)
 }
 
 /* A build that is stopped anywhere on its way says so; one that does not has all lists. */
-static void a_stopped_build_is_no_build(void **state)
+static void a_stopped_build_is_reported(void **state)
 {
     (void)state;
     enum { MANY = 40000, STEPS = 40 };
@@ -229,7 +229,7 @@ int main(void)
         cmocka_unit_test(lists_of_many_graded_points_hold_every_pair),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
-        cmocka_unit_test(a_stopped_build_is_no_build),
+        cmocka_unit_test(a_stopped_build_is_reported),
     };
     return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);
 }

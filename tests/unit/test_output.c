@@ -126,7 +126,7 @@ static void test_a_copy_over_another(void **state)
 }
 
 /* The file that marks a set as complete must not exist while the set is incomplete. */
-static void test_a_copy_that_fails_is_not_whole(void **state)
+static void test_a_failed_copy_is_not_marked_complete(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -140,7 +140,7 @@ static void test_a_copy_that_fails_is_not_whole(void **state)
     free(report);
 }
 
-static void test_paths_that_are_refused(void **state)
+static void test_invalid_paths_are_refused(void **state)
 {
     place *p = *state;
     char *outside = mem_printf("%s/other", p->base), *beside = mem_printf("%sx/a", p->root);
@@ -175,7 +175,7 @@ static int open_nearest(place *p, const char *where, bool *whole, error *e)
 }
 
 /* The check of a directory at a submission creates nothing. */
-static void test_the_nearest_directory_is_tried(void **state)
+static void test_the_nearest_existing_directory_is_tried(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -246,7 +246,7 @@ static void test_a_directory_that_cannot_be_written(void **state)
     close(directory);
 }
 
-static void test_what_was_cut_off_is_cleared(void **state)
+static void test_files_of_an_interrupted_copy_are_removed(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -280,12 +280,12 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_a_copy_with_mode_and_group, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_failed_copy_is_not_marked_complete, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_invalid_paths_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_nearest_existing_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
-        cmocka_unit_test_setup_teardown(test_what_was_cut_off_is_cleared, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);
 }

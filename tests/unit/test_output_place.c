@@ -130,7 +130,7 @@ static void *copy_often(void *argument)
     return NULL;
 }
 
-static void test_copies_into_one_directory_are_whole_one_after_the_other(void **state)
+static void test_copies_into_one_directory_run_one_after_another(void **state)
 {
     place *p = *state;
     outputs o;
@@ -223,7 +223,7 @@ static void test_a_directory_belongs_to_the_user_whose_report_is_there(void **st
     end(&o);
 }
 
-static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
+static void test_a_report_that_no_job_delivered_has_no_owner(void **state)
 {
     place *p = *state;
     outputs o;
@@ -236,7 +236,7 @@ static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
     end(&o);
 }
 
-static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
+static void test_a_file_system_that_does_not_respond_is_unwritable(void **state)
 {
     place *p = *state;
     outputs o;
@@ -260,10 +260,10 @@ static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_copies_into_one_directory_are_whole_one_after_the_other),
+        CASE(test_copies_into_one_directory_run_one_after_another),
         CASE(test_a_directory_belongs_to_the_user_whose_report_is_there),
-        CASE(test_a_report_that_no_job_delivered_belongs_to_nobody),
-        CASE(test_a_file_system_that_does_not_answer_is_unwritable),
+        CASE(test_a_report_that_no_job_delivered_has_no_owner),
+        CASE(test_a_file_system_that_does_not_respond_is_unwritable),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about the root that is not writable */

@@ -39,7 +39,7 @@ static int count_turns(place *p, const queue_resources *resources, const char *o
     return count;
 }
 
-static void test_who_comes_later_is_next(void **state)
+static void test_the_user_that_came_later_is_next(void **state)
 {
     place *p = *state;
     put_for(p, "ann", 0, 400);
@@ -72,7 +72,7 @@ static void test_priority_comes_first(void **state)
     expect_turn(p, &wide, "ann");
 }
 
-static void test_turns_go_by_weight(void **state)
+static void test_turns_are_proportional_to_weights(void **state)
 {
     place *p = *state;
     static const char *const given[] = {"alice:2", "*:0.5", "bob:1"};
@@ -89,7 +89,7 @@ static void test_turns_go_by_weight(void **state)
 }
 
 /* A user that was idle for a long time gets no additional turns afterwards. */
-static void test_idle_time_saves_no_turns(void **state)
+static void test_idle_users_accumulate_no_turns(void **state)
 {
     place *p = *state;
     put_for(p, "bob", 0, 1);
@@ -102,7 +102,7 @@ static void test_idle_time_saves_no_turns(void **state)
 }
 
 /* A user that waited with a low priority gets no additional turns among users of that priority. */
-static void test_waiting_behind_a_priority_saves_no_turns(void **state)
+static void test_users_of_lower_priority_accumulate_no_turns(void **state)
 {
     place *p = *state;
     put_for(p, "low", 0, 50);
@@ -113,7 +113,7 @@ static void test_waiting_behind_a_priority_saves_no_turns(void **state)
 }
 
 /* A user that always has one job, and submits the next one when it has ended, gets an equal share. */
-static void test_going_away_ends_no_debt(void **state)
+static void test_leaving_and_returning_keeps_the_turn(void **state)
 {
     place *p = *state;
     static const char *const busy[] = {"a", "b", "c", "d"};
@@ -160,7 +160,7 @@ static void test_an_array_has_a_turn_for_each_task(void **state)
 }
 
 /* A user at the limit of running tasks is skipped, and continues afterwards without additional turns. */
-static void test_a_limit_saves_no_turns(void **state)
+static void test_users_at_a_limit_accumulate_no_turns(void **state)
 {
     place *p = *state;
     queue_resources one_each = wide;
@@ -200,7 +200,7 @@ static void test_newcomers_do_not_starve_a_large_task(void **state)
 }
 
 /* A pause, an edit or a dependency changes the first job of a user. */
-static void test_the_first_job_follows_what_changes_it(void **state)
+static void test_changes_of_a_job_update_the_first_job(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -279,18 +279,18 @@ int main(void)
 {
     sqlite3_auto_extension((void (*)(void))note_connection);
     const struct CMUnitTest tests[] = {
-        CASE(test_who_comes_later_is_next),
+        CASE(test_the_user_that_came_later_is_next),
         CASE(test_users_take_turns),
         CASE(test_priority_comes_first),
-        CASE(test_turns_go_by_weight),
-        CASE(test_idle_time_saves_no_turns),
-        CASE(test_waiting_behind_a_priority_saves_no_turns),
-        CASE(test_going_away_ends_no_debt),
+        CASE(test_turns_are_proportional_to_weights),
+        CASE(test_idle_users_accumulate_no_turns),
+        CASE(test_users_of_lower_priority_accumulate_no_turns),
+        CASE(test_leaving_and_returning_keeps_the_turn),
         CASE(test_turns_outlive_a_restart),
         CASE(test_an_array_has_a_turn_for_each_task),
-        CASE(test_a_limit_saves_no_turns),
+        CASE(test_users_at_a_limit_accumulate_no_turns),
         CASE(test_newcomers_do_not_starve_a_large_task),
-        CASE(test_the_first_job_follows_what_changes_it),
+        CASE(test_changes_of_a_job_update_the_first_job),
         CASE(test_a_hold_outlives_a_restart),
         cmocka_unit_test(test_numbers_of_users),
     };

@@ -75,7 +75,7 @@ static void test_origins(void **state)
     pages_free(p);
 }
 
-static void test_what_is_no_origin(void **state)
+static void test_texts_that_are_no_origins_are_refused(void **state)
 {
     (void)state;
     static const char *const bad[] = {"",           "*",          "null",      "gui.example",
@@ -93,7 +93,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_hosts),
         cmocka_unit_test(test_origins),
-        cmocka_unit_test(test_what_is_no_origin),
+        cmocka_unit_test(test_texts_that_are_no_origins_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -52,7 +52,7 @@ static particles *filled(void)
     return p;
 }
 
-static void test_new_particles_are_even(void **state)
+static void test_new_particles_have_unit_amplitude_and_size(void **state)
 {
     (void)state;
     error e = {0};
@@ -62,7 +62,7 @@ static void test_new_particles_are_even(void **state)
 }
 
 /* Even ones have no arrays of ones until they are asked for; they grow and are copied as others. */
-static void test_even_particles_share_what_is_one(void **state)
+static void test_uniform_particles_have_no_arrays_of_ones(void **state)
 {
     (void)state;
     error e = {0};
@@ -100,7 +100,7 @@ static void test_a_permutation_arranges_all_arrays(void **state)
     particles_free(p);
 }
 
-static void test_growing_keeps_those_there(void **state)
+static void test_growing_keeps_the_particles(void **state)
 {
     (void)state;
     particles *p = filled();
@@ -117,10 +117,10 @@ static void test_growing_keeps_those_there(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_new_particles_are_even),
-        cmocka_unit_test(test_even_particles_share_what_is_one),
+        cmocka_unit_test(test_new_particles_have_unit_amplitude_and_size),
+        cmocka_unit_test(test_uniform_particles_have_no_arrays_of_ones),
         cmocka_unit_test(test_a_permutation_arranges_all_arrays),
-        cmocka_unit_test(test_growing_keeps_those_there),
+        cmocka_unit_test(test_growing_keeps_the_particles),
     };
     return cmocka_run_group_tests_name("particles", tests, NULL, NULL);
 }

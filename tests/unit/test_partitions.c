@@ -67,7 +67,7 @@ static size_t count_near(const neighbours *near, size_t i, const vec3 *position,
     return count;
 }
 
-static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **state)
+static void test_each_point_has_one_owner_with_all_its_neighbours(void **state)
 {
     fixture *f = *state;
     error e = {0};
@@ -99,7 +99,7 @@ static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **s
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_each_point_has_one_owner_that_knows_all_its_neighbours, set_up,
+        cmocka_unit_test_setup_teardown(test_each_point_has_one_owner_with_all_its_neighbours, set_up,
                                         tear_down),
     };
     return cmocka_run_group_tests_name("partitions", tests, NULL, NULL);

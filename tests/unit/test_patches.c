@@ -124,7 +124,7 @@ static void check_places(const solved *x)
     assert_true(on[SOLVER_ON_PATCH] + on[SOLVER_ON_CURVE] + on[SOLVER_ON_CORNER] == x->points->count);
 }
 
-static void a_cube_has_rows_along_its_edges(void **state)
+static void a_cube_has_curve_samples_along_its_edges(void **state)
 {
     (void)state;
     static faces cube;
@@ -148,7 +148,7 @@ static void a_cube_has_rows_along_its_edges(void **state)
 }
 
 /* The same bytes for any number of threads. */
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     static faces cube;
@@ -176,7 +176,7 @@ static size_t count_on_patch(const solved *x, uint32_t patch)
 }
 
 /* Two squares so near to each other that their points would not be told apart, had they no labels. */
-static void two_sheets_do_not_see_each_other(void **state)
+static void close_parallel_patches_do_not_interact(void **state)
 {
     (void)state;
     static faces two;
@@ -199,7 +199,7 @@ static void two_sheets_do_not_see_each_other(void **state)
 }
 
 /* Three sheets that meet in one edge, which is in three triangles everywhere. */
-static void three_sheets_share_a_row(void **state)
+static void three_patches_share_the_samples_of_their_edge(void **state)
 {
     (void)state;
     static faces three;
@@ -222,7 +222,7 @@ static void three_sheets_share_a_row(void **state)
 }
 
 /* The method of the paper, from random places and with insertion: rows become denser as the count rises. */
-static void rows_follow_the_count(void **state)
+static void curve_samples_follow_the_count(void **state)
 {
     (void)state;
     static faces cube;
@@ -247,7 +247,7 @@ static double finer_to_one_side(const void *context, vec3 x)
 }
 
 /* With a grading the steps of rows follow the spacing, as the packing does. */
-static void rows_are_graded(void **state)
+static void curve_samples_are_graded(void **state)
 {
     (void)state;
     static faces sheet;
@@ -297,7 +297,7 @@ static void make_holed_face(faces *s)
     for (int k = 4; k < 7; k++) s->curve_patch[k] = 0;
 }
 
-static void a_loop_without_a_place_takes_no_room(void **state)
+static void a_loop_without_samples_uses_no_points(void **state)
 {
     (void)state;
     static faces s;
@@ -314,7 +314,7 @@ static void a_loop_without_a_place_takes_no_room(void **state)
 }
 
 /* With two its patches would meet twice along one edge. */
-static void a_loop_has_never_two_places(void **state)
+static void a_loop_never_has_two_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -334,7 +334,7 @@ static void a_loop_has_never_two_places(void **state)
     }
 }
 
-static void loops_and_short_curves_have_places(void **state)
+static void loops_and_short_curves_have_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -388,7 +388,7 @@ static double least_distance(const curve_samples *r)
 }
 
 /* Two rows a tenth of a spacing apart, as of a low step, would have slivers between them. */
-static void rows_of_a_low_step_are_one(void **state)
+static void curve_samples_of_a_low_step_are_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -443,7 +443,7 @@ static void too_many_corners_have_no_samples(void **state)
 
 /* What is left out of an edge's row is cut off by the one beside it: by less than a third of a spacing, with room for what steps
  * cut. */
-static void rows_that_become_one_cut_off_less_than_a_third(void **state)
+static void merging_curve_samples_cuts_off_less_than_a_third(void **state)
 {
     (void)state;
     static faces s;
@@ -460,7 +460,7 @@ static void rows_that_become_one_cut_off_less_than_a_third(void **state)
 }
 
 /* Two rows that part at seven degrees begin as one. */
-static void rows_that_part_slowly_begin_as_one(void **state)
+static void curves_with_a_small_angle_share_their_first_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -477,7 +477,7 @@ static void rows_that_part_slowly_begin_as_one(void **state)
 
 /* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. What joins a and b then is
  * the curve from a to c. */
-static void corners_joined_by_way_of_a_merged_one_are_one(void **state)
+static void corners_connected_through_a_merged_corner_are_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -501,7 +501,7 @@ static void corners_joined_by_way_of_a_merged_one_are_one(void **state)
 }
 
 /* A row that folds back between two samples, which would be a fifth of a spacing apart, or at a sample. */
-static void a_row_that_folds_back_has_no_close_samples(void **state)
+static void a_curve_that_folds_back_has_no_close_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -526,7 +526,7 @@ static void a_row_that_folds_back_has_no_close_samples(void **state)
 }
 
 /* A crease that begins half a spacing from another is no corner there. */
-static void ends_of_creases_keep_apart(void **state)
+static void ends_of_creases_keep_their_distance(void **state)
 {
     (void)state;
     static faces s;
@@ -542,7 +542,7 @@ static void ends_of_creases_keep_apart(void **state)
 }
 
 /* On a scan curves bend for no reason: a corner where two of them go on is no other place than those between. */
-static void bends_of_rough_curves_keep_apart(void **state)
+static void bends_of_rough_curves_are_no_corners(void **state)
 {
     (void)state;
     static faces s;
@@ -560,7 +560,7 @@ static void bends_of_rough_curves_keep_apart(void **state)
 }
 
 /* What ends a patch on one side of a sheet is not what ends it on the other, however thin it is. */
-static void rows_on_two_sides_of_a_sheet_stay(void **state)
+static void curve_samples_on_opposite_sides_are_not_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -581,7 +581,7 @@ static void rows_on_two_sides_of_a_sheet_stay(void **state)
 }
 
 /* Nor where one patch is on both sides: what counts is where it faces. */
-static void rows_of_one_patch_merge_on_one_side_only(void **state)
+static void curve_samples_of_one_patch_merge_on_one_side_only(void **state)
 {
     (void)state;
     enum { PLACES = 10 };
@@ -658,7 +658,7 @@ static void make_circles(circles *c, size_t count, uint32_t places, const double
 
 /* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls, but once the edge of the wedge
  * is merged both have copies for both faces of the wedge. */
-static void rows_at_a_wedge_between_opposite_walls_are_one(void **state)
+static void curve_samples_at_a_wedge_between_opposite_walls_are_merged(void **state)
 {
     (void)state;
     enum { PLACES = 10 };
@@ -675,7 +675,7 @@ static void rows_at_a_wedge_between_opposite_walls_are_one(void **state)
 }
 
 /* A closed curve of one sample has no neighbours along it. */
-static void single_samples_of_two_closed_curves_are_one(void **state)
+static void single_samples_of_two_closed_curves_are_merged(void **state)
 {
     (void)state;
     const double height[2] = {0, 0.3};
@@ -691,7 +691,7 @@ static void single_samples_of_two_closed_curves_are_one(void **state)
 }
 
 /* A closed curve of two straight parts close together: their rows are one, but for a place at each bend. */
-static void row_of_a_curve_that_folds_back_is_one(void **state)
+static void samples_of_a_curve_that_folds_back_are_merged(void **state)
 {
     (void)state;
     enum { PART = 20, PLACES = 2 * PART };
@@ -721,7 +721,7 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
 }
 
 /* Points go to given places of their patches and stay there; the others come to rest around them. */
-static void points_are_held_where_they_are_wanted(void **state)
+static void points_are_held_at_given_positions(void **state)
 {
     (void)state;
     static faces cube;
@@ -784,29 +784,29 @@ static void points_are_held_where_they_are_wanted(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_cube_has_rows_along_its_edges),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(two_sheets_do_not_see_each_other),
-        cmocka_unit_test(three_sheets_share_a_row),
-        cmocka_unit_test(rows_follow_the_count),
-        cmocka_unit_test(rows_are_graded),
-        cmocka_unit_test(rows_of_a_low_step_are_one),
-        cmocka_unit_test(points_are_held_where_they_are_wanted),
-        cmocka_unit_test(rows_that_become_one_cut_off_less_than_a_third),
-        cmocka_unit_test(rows_that_part_slowly_begin_as_one),
-        cmocka_unit_test(corners_joined_by_way_of_a_merged_one_are_one),
-        cmocka_unit_test(a_row_that_folds_back_has_no_close_samples),
-        cmocka_unit_test(ends_of_creases_keep_apart),
-        cmocka_unit_test(bends_of_rough_curves_keep_apart),
-        cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
-        cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
-        cmocka_unit_test(rows_at_a_wedge_between_opposite_walls_are_one),
-        cmocka_unit_test(single_samples_of_two_closed_curves_are_one),
+        cmocka_unit_test(a_cube_has_curve_samples_along_its_edges),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(close_parallel_patches_do_not_interact),
+        cmocka_unit_test(three_patches_share_the_samples_of_their_edge),
+        cmocka_unit_test(curve_samples_follow_the_count),
+        cmocka_unit_test(curve_samples_are_graded),
+        cmocka_unit_test(curve_samples_of_a_low_step_are_merged),
+        cmocka_unit_test(points_are_held_at_given_positions),
+        cmocka_unit_test(merging_curve_samples_cuts_off_less_than_a_third),
+        cmocka_unit_test(curves_with_a_small_angle_share_their_first_samples),
+        cmocka_unit_test(corners_connected_through_a_merged_corner_are_merged),
+        cmocka_unit_test(a_curve_that_folds_back_has_no_close_samples),
+        cmocka_unit_test(ends_of_creases_keep_their_distance),
+        cmocka_unit_test(bends_of_rough_curves_are_no_corners),
+        cmocka_unit_test(curve_samples_on_opposite_sides_are_not_merged),
+        cmocka_unit_test(curve_samples_of_one_patch_merge_on_one_side_only),
+        cmocka_unit_test(curve_samples_at_a_wedge_between_opposite_walls_are_merged),
+        cmocka_unit_test(single_samples_of_two_closed_curves_are_merged),
         cmocka_unit_test(too_many_corners_have_no_samples),
-        cmocka_unit_test(row_of_a_curve_that_folds_back_is_one),
-        cmocka_unit_test(loops_and_short_curves_have_places),
-        cmocka_unit_test(a_loop_without_a_place_takes_no_room),
-        cmocka_unit_test(a_loop_has_never_two_places),
+        cmocka_unit_test(samples_of_a_curve_that_folds_back_are_merged),
+        cmocka_unit_test(loops_and_short_curves_have_samples),
+        cmocka_unit_test(a_loop_without_samples_uses_no_points),
+        cmocka_unit_test(a_loop_never_has_two_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

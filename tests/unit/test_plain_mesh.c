@@ -59,7 +59,7 @@ static void numbers_are_exact(void **state)
     }
 }
 
-static void places_keep_their_precision(void **state)
+static void positions_keep_their_precision(void **state)
 {
     (void)state;
     static const char *const files[][2] = {
@@ -157,7 +157,7 @@ static void binary_files(void **state)
 }
 
 /* Rows as most files have them, in which another kind may stand. */
-static void rows_of_triangles(void **state)
+static void rows_of_triangles_and_polygons_are_read(void **state)
 {
     (void)state;
     static const float vertex[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
@@ -194,7 +194,7 @@ static void rows_of_triangles(void **state)
 }
 
 /* What an OBJ file has beside polygons does not change them. */
-static void lines_of_obj_are_passed_over(void **state)
+static void other_lines_of_obj_are_ignored(void **state)
 {
     (void)state;
     static const char *const files[][2] = {
@@ -214,7 +214,7 @@ static void lines_of_obj_are_passed_over(void **state)
 }
 
 /* Each cut of a file is left or refused, and no byte behind it is read. */
-static void cut_files_are_not_taken(void **state)
+static void truncated_files_are_refused(void **state)
 {
     (void)state;
     static const char
@@ -345,7 +345,7 @@ static void ways_to_write_a_triangle_are_read(void **state)
 }
 
 /* A byte 0 ends a text only where nothing else follows. */
-static void zeros_behind_a_text_are_passed_over(void **state)
+static void zeros_after_a_text_are_ignored(void **state)
 {
     (void)state;
     static const char padded[] = CORNERS "f 1 2 3\n\0\0", within[] = CORNERS "# \0\nf 1 2 3\n";
@@ -385,15 +385,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(polygons_are_kept_on_request),
         cmocka_unit_test(numbers_are_exact),
-        cmocka_unit_test(places_keep_their_precision),
+        cmocka_unit_test(positions_keep_their_precision),
         cmocka_unit_test(polygons_become_triangles),
         cmocka_unit_test(binary_files),
-        cmocka_unit_test(rows_of_triangles),
+        cmocka_unit_test(rows_of_triangles_and_polygons_are_read),
         cmocka_unit_test(damaged_files_are_refused_with_the_place),
         cmocka_unit_test(ways_to_write_a_triangle_are_read),
-        cmocka_unit_test(zeros_behind_a_text_are_passed_over),
-        cmocka_unit_test(lines_of_obj_are_passed_over),
-        cmocka_unit_test(cut_files_are_not_taken),
+        cmocka_unit_test(zeros_after_a_text_are_ignored),
+        cmocka_unit_test(other_lines_of_obj_are_ignored),
+        cmocka_unit_test(truncated_files_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -80,7 +80,7 @@ static size_t hold_file_equal(int fd)
     return read;
 }
 
-static void what_is_written_is_read(void **state)
+static void written_files_are_read_back(void **state)
 {
     (void)state;
     const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated,
@@ -99,7 +99,7 @@ static void what_is_written_is_read(void **state)
     }
 }
 
-static void other_files_are_left_to_the_library(void **state)
+static void other_files_are_passed_to_the_library(void **state)
 {
     (void)state;
     vdb_listing list;
@@ -187,8 +187,8 @@ static void real_files_are_read_as_the_library_does(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_written_is_read),
-        cmocka_unit_test(other_files_are_left_to_the_library),
+        cmocka_unit_test(written_files_are_read_back),
+        cmocka_unit_test(other_files_are_passed_to_the_library),
         cmocka_unit_test(damaged_files_do_no_harm),
         cmocka_unit_test(real_files_are_read_as_the_library_does),
     };

@@ -110,7 +110,7 @@ static void the_limit_that_a_message_recommends_is_sufficient(void **state)
     assert_false(plan_check_memory(&plain, false, 1e6, enough - mib - used, enough - mib, &e));
 }
 
-static void mending_is_planned(void **state)
+static void memory_includes_defect_repair(void **state)
 {
     (void)state;
     const spec plain = {.method = SPEC_METHOD_SIZED},
@@ -125,7 +125,7 @@ static void mending_is_planned(void **state)
 }
 
 /* Where patches are asked for, of one spacing. */
-static void patches_are_mended(void **state)
+static void defects_of_patches_are_repaired(void **state)
 {
     (void)state;
     const spec labels = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS},
@@ -152,8 +152,8 @@ int main(void)
         cmocka_unit_test(a_count_out_of_range_recommends_a_value_that_is_accepted),
         cmocka_unit_test(the_limit_that_a_message_recommends_is_sufficient),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
-        cmocka_unit_test(mending_is_planned),
-        cmocka_unit_test(patches_are_mended),
+        cmocka_unit_test(memory_includes_defect_repair),
+        cmocka_unit_test(defects_of_patches_are_repaired),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
 }

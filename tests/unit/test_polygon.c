@@ -326,7 +326,7 @@ static void cut_and_sort(const double (*place)[3], const uint32_t *corner, size_
     qsort(out, count - 2, sizeof *out, by_numbers);
 }
 
-static void copies_of_a_polygon_are_cut_alike(void **state)
+static void copies_of_a_polygon_are_cut_in_the_same_way(void **state)
 {
     (void)state;
     static const double square[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}},
@@ -350,7 +350,7 @@ static void copies_of_a_polygon_are_cut_alike(void **state)
     }
 }
 
-static void crossed_polygons_are_told(void **state)
+static void crossed_polygons_are_reported(void **state)
 {
     (void)state;
     static const double bow[4][3] = {{0, 0, 0}, {2, 2, 0}, {2, 0, 0}, {0, 1, 0}},
@@ -404,8 +404,8 @@ int main(void)
         cmocka_unit_test(spikes_have_no_area),
         cmocka_unit_test(straight_corners_give_no_flat_triangles),
         cmocka_unit_test(quadrangles_are_cut_along_the_shorter_diagonal_within),
-        cmocka_unit_test(copies_of_a_polygon_are_cut_alike),
-        cmocka_unit_test(crossed_polygons_are_told),
+        cmocka_unit_test(copies_of_a_polygon_are_cut_in_the_same_way),
+        cmocka_unit_test(crossed_polygons_are_reported),
         cmocka_unit_test(large_polygons_are_cut),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

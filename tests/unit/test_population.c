@@ -49,7 +49,7 @@ static int sum(const int *times, int begin, int end)
     return all;
 }
 
-static void test_the_bias_is_towards_the_energy_asked_for(void **state)
+static void test_the_bias_selects_the_requested_energies(void **state)
 {
     (void)state;
     int high[COUNT] = {0}, low[COUNT] = {0}, random[COUNT] = {0};
@@ -65,7 +65,7 @@ static void test_the_bias_is_towards_the_energy_asked_for(void **state)
 }
 
 /* With amplitudes that vary an energy is large where they are: what counts is what is around a particle. */
-static void test_amplitudes_do_not_count(void **state)
+static void test_amplitudes_do_not_affect_the_choice(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -84,7 +84,7 @@ static void test_amplitudes_do_not_count(void **state)
     particles_free(p);
 }
 
-static void test_all_may_be_chosen(void **state)
+static void test_all_particles_can_be_chosen(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -123,7 +123,7 @@ static void test_twins_are_on_the_surface_on_either_side(void **state)
     analytic_free(sphere);
 }
 
-static void test_those_that_stay_keep_their_order(void **state)
+static void test_remaining_particles_keep_their_order(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -141,11 +141,11 @@ static void test_those_that_stay_keep_their_order(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_bias_is_towards_the_energy_asked_for),
-        cmocka_unit_test(test_amplitudes_do_not_count),
-        cmocka_unit_test(test_all_may_be_chosen),
+        cmocka_unit_test(test_the_bias_selects_the_requested_energies),
+        cmocka_unit_test(test_amplitudes_do_not_affect_the_choice),
+        cmocka_unit_test(test_all_particles_can_be_chosen),
         cmocka_unit_test(test_twins_are_on_the_surface_on_either_side),
-        cmocka_unit_test(test_those_that_stay_keep_their_order),
+        cmocka_unit_test(test_remaining_particles_keep_their_order),
     };
     return cmocka_run_group_tests_name("population", tests, NULL, NULL);
 }

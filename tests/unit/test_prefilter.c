@@ -148,7 +148,7 @@ static void the_spline_has_the_known_values(void **state)
 }
 
 /* Its coefficients are its values less a sixth of its second differences, at the ends of runs too. */
-static void a_parabola_goes_on(void **state)
+static void a_parabola_is_extrapolated(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -177,7 +177,7 @@ static void a_parabola_goes_on(void **state)
     assert_true(seen > 500);
 }
 
-static void threads_do_not_matter(void **state)
+static void filter_does_not_depend_on_threads(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -191,7 +191,7 @@ static void threads_do_not_matter(void **state)
 }
 
 /* All voxels of a band's blocks get a value, on their side of the surface. */
-static void threads_continue_alike(void **state)
+static void extrapolation_does_not_depend_on_threads(void **state)
 {
     (void)state;
     static const int workers[] = {1, 2, 3, 8};
@@ -231,7 +231,7 @@ static void threads_continue_alike(void **state)
 
 /* A plane's band, three voxels on either side, in any direction: layers and lines are exact for it, so that voxels of every block
  * beside it come to have its values, wherever these are within what is allowed. */
-static void a_plane_goes_on(void **state)
+static void a_plane_is_extrapolated(void **state)
 {
     (void)state;
     enum { BAND = 3, PLANES = 24 };
@@ -276,10 +276,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spline_has_the_known_values),
-        cmocka_unit_test(a_parabola_goes_on),
-        cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(threads_continue_alike),
-        cmocka_unit_test(a_plane_goes_on),
+        cmocka_unit_test(a_parabola_is_extrapolated),
+        cmocka_unit_test(filter_does_not_depend_on_threads),
+        cmocka_unit_test(extrapolation_does_not_depend_on_threads),
+        cmocka_unit_test(a_plane_is_extrapolated),
     };
     return cmocka_run_group_tests_name("prefilter", tests, NULL, NULL);
 }

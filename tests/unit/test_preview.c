@@ -142,7 +142,7 @@ static void test_pixels_are_the_discs(void **state)
 }
 
 /* A camera that looks away sees nothing. */
-static void test_what_is_behind_is_not_seen(void **state)
+static void test_points_behind_the_camera_are_not_drawn(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
@@ -158,7 +158,7 @@ static void test_what_is_behind_is_not_seen(void **state)
 }
 
 /* A set that lies on its back, seen with y up, is the set that stands, seen with z up. */
-static void test_what_stands_along_y(void **state)
+static void test_up_axis_y_equals_a_rotated_set(void **state)
 {
     (void)state;
     point_set stands = point_set_sphere(800, vec3_make(0, 0, 0), 1),
@@ -265,7 +265,7 @@ static void test_turntables(void **state)
 }
 
 /* A pipe that points at the eye is shown from its side, whichever axis is up and wherever it lies; what is as deep as wide is not turned. */
-static void test_no_pipe_is_seen_from_its_end(void **state)
+static void test_pipes_are_shown_from_the_side(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
@@ -807,8 +807,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pixels_are_the_discs),
-        cmocka_unit_test(test_what_is_behind_is_not_seen),
-        cmocka_unit_test(test_what_stands_along_y),
+        cmocka_unit_test(test_points_behind_the_camera_are_not_drawn),
+        cmocka_unit_test(test_up_axis_y_equals_a_rotated_set),
         cmocka_unit_test(test_unresolved_discs_are_smaller),
         cmocka_unit_test(test_large_discs_show_the_packing_and_small_ones_grow_together),
         cmocka_unit_test(test_turntables),
@@ -817,7 +817,7 @@ int main(void)
         cmocka_unit_test(test_exr_basic),
         cmocka_unit_test(test_far_side_does_not_show_through),
         cmocka_unit_test(test_camera_fits_tightly),
-        cmocka_unit_test(test_no_pipe_is_seen_from_its_end),
+        cmocka_unit_test(test_pipes_are_shown_from_the_side),
         cmocka_unit_test(test_png),
         cmocka_unit_test(test_exr),
         cmocka_unit_test(test_determinism),

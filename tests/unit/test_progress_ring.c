@@ -42,7 +42,7 @@ static void test_lines_of_one_job(void **state)
     progress_ring_free(r);
 }
 
-static void test_the_oldest_go(void **state)
+static void test_the_oldest_lines_are_replaced(void **state)
 {
     (void)state;
     progress_ring *r = progress_ring_new();
@@ -66,7 +66,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines_of_one_job),
-        cmocka_unit_test(test_the_oldest_go),
+        cmocka_unit_test(test_the_oldest_lines_are_replaced),
     };
     return cmocka_run_group_tests_name("progress_ring", tests, NULL, NULL);
 }

@@ -139,7 +139,7 @@ static void graded_spacings_count_by_their_mean(void **state)
 }
 
 /* Two walls, two pieces, points on creases, coincident points, and a one-sided piece. */
-static void walls_and_pieces_and_creases_count_as_the_measures_have_them(void **state)
+static void walls_pieces_and_creases_are_treated_as_by_the_measures(void **state)
 {
     (void)state;
     static cloud c;
@@ -233,7 +233,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_point_of_a_sphere_is_the_farthest),
         cmocka_unit_test(graded_spacings_count_by_their_mean),
-        cmocka_unit_test(walls_and_pieces_and_creases_count_as_the_measures_have_them),
+        cmocka_unit_test(walls_pieces_and_creases_are_treated_as_by_the_measures),
         cmocka_unit_test(few_points_are_ordered_too),
         cmocka_unit_test(a_prefix_covers_both_walls_of_a_thin_plate),
         cmocka_unit_test(the_pool_stops_it),

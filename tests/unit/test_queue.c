@@ -65,7 +65,7 @@ static void test_claims_go_by_priority_then_age(void **state)
     queue_claimed_free(left, count);
 }
 
-static void test_only_the_current_attempt_settles(void **state)
+static void test_only_the_current_attempt_ends_a_task(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -166,7 +166,7 @@ static void test_copies_are_noted(void **state)
 }
 
 /* With a wait of years, and with a wait that is over. */
-static void test_who_crashed_waits_and_holds_nobody_up(void **state)
+static void test_a_crashed_job_waits_and_does_not_block_others(void **state)
 {
     place *p = *state;
     char crashed[ULID_SIZE], other[ULID_SIZE];
@@ -256,7 +256,7 @@ static void test_the_same_key_is_the_same_job(void **state)
     assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
-static void test_a_user_has_so_many_jobs(void **state)
+static void test_unfinished_jobs_of_a_user_are_limited(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -275,7 +275,7 @@ static void test_a_user_has_so_many_jobs(void **state)
     assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
-static void test_a_user_runs_so_many(void **state)
+static void test_running_tasks_of_a_user_are_limited(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -294,7 +294,7 @@ static void test_a_user_runs_so_many(void **state)
     claim_in(p, &resources, NULL);
 }
 
-static void test_what_fits_passes_by_but_not_for_ever(void **state)
+static void test_fitting_jobs_overtake_a_limited_number_of_times(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -345,7 +345,7 @@ static void test_jobs_wait_for_others(void **state)
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED);
 }
 
-static void test_who_depends_on_a_failure_fails(void **state)
+static void test_dependents_of_a_failed_job_fail(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -421,7 +421,7 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
 
 /* first <- second <- third. A job of bob depends on the first; the last one depends on it and on a job that is not
  * retried. */
-static void test_a_retry_takes_what_failed_behind_it(void **state)
+static void test_a_retry_includes_failed_dependents(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -847,7 +847,7 @@ static void test_tasks_in_order_begin_with_the_one_before(void **state)
     expect_state(p, id, QUEUE_RUNNING);
 }
 
-static void test_what_follows_a_failure_fails_with_it(void **state)
+static void test_tasks_after_a_failed_one_fail(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -874,7 +874,7 @@ static void test_what_follows_a_failure_fails_with_it(void **state)
     expect_state(p, id, QUEUE_SUCCEEDED);
 }
 
-static void test_a_frame_without_a_surface_is_passed_over(void **state)
+static void test_a_frame_without_a_surface_is_skipped(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -927,7 +927,7 @@ static void test_edits_have_revisions(void **state)
     queue_job_clear(&job);
 }
 
-static void test_what_is_over_is_forgotten(void **state)
+static void test_expired_jobs_are_deleted(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -1254,7 +1254,7 @@ static queue_delivery next_delivery(place *p, const char *id)
     return delivery;
 }
 
-static void test_deliveries_to_busy_hosts_are_passed_by(void **state)
+static void test_deliveries_to_busy_hosts_are_skipped(void **state)
 {
     static const char *const urls[] = {"https://farm:443/a", "https://farm:443/b", "https://farm2:443/",
                                        "https://farm:81/"};
@@ -1283,7 +1283,7 @@ static void test_deliveries_to_busy_hosts_are_passed_by(void **state)
     }
 }
 
-static void test_ends_are_told(void **state)
+static void test_ends_are_notified(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -1369,7 +1369,7 @@ static void test_figures(void **state)
 }
 
 /* The deletion of a job records its directories. The queue returns the task of a directory. */
-static void test_forgetting_notes_what_is_to_be_removed(void **state)
+static void test_deletion_records_the_directories(void **state)
 {
     place *p = *state;
     static const int two[] = {7, 3};
@@ -1424,7 +1424,7 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
 }
 
 /* For jobs in each waiting state. */
-static void test_a_result_that_is_found_ends_what_waits(void **state)
+static void test_a_found_result_ends_a_waiting_task(void **state)
 {
     place *p = *state;
     static const int two[] = {7, 3};
@@ -1520,23 +1520,23 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_a_job_survives_a_reopening),
         CASE(test_claims_go_by_priority_then_age),
-        CASE(test_only_the_current_attempt_settles),
+        CASE(test_only_the_current_attempt_ends_a_task),
         CASE(test_an_attempt_given_back_does_not_count),
-        CASE(test_who_crashed_waits_and_holds_nobody_up),
+        CASE(test_a_crashed_job_waits_and_does_not_block_others),
         CASE(test_cancel),
         CASE(test_pause_and_resume),
         CASE(test_the_same_key_is_the_same_job),
-        CASE(test_a_user_has_so_many_jobs),
-        CASE(test_a_user_runs_so_many),
-        CASE(test_what_fits_passes_by_but_not_for_ever),
+        CASE(test_unfinished_jobs_of_a_user_are_limited),
+        CASE(test_running_tasks_of_a_user_are_limited),
+        CASE(test_fitting_jobs_overtake_a_limited_number_of_times),
         CASE(test_jobs_wait_for_others),
         CASE(test_jobs_wait_for_any_end),
         CASE(test_attempts_come_in_pages),
         CASE(test_list_by_name_and_time),
         CASE(test_lists_are_sorted),
-        CASE(test_who_depends_on_a_failure_fails),
+        CASE(test_dependents_of_a_failed_job_fail),
         CASE(test_dependents_start_with_accepted_outcomes_only),
-        CASE(test_a_retry_takes_what_failed_behind_it),
+        CASE(test_a_retry_includes_failed_dependents),
         CASE(test_an_array_has_one_state),
         CASE(test_a_job_runs_at_most_max_running_tasks),
         CASE(test_frames_start_after_the_same_frames_of_another_job),
@@ -1546,21 +1546,21 @@ int main(void)
         CASE(test_dependencies_on_frames_are_checked),
         CASE(test_cancel_of_an_array),
         CASE(test_tasks_in_order_begin_with_the_one_before),
-        CASE(test_what_follows_a_failure_fails_with_it),
-        CASE(test_a_frame_without_a_surface_is_passed_over),
+        CASE(test_tasks_after_a_failed_one_fail),
+        CASE(test_a_frame_without_a_surface_is_skipped),
         CASE(test_edits_have_revisions),
-        CASE(test_what_is_over_is_forgotten),
+        CASE(test_expired_jobs_are_deleted),
         CASE(test_list_pages_newest_first),
         CASE(test_pages_visit_a_bounded_number_of_jobs),
         CASE(test_list_by_owner_and_label),
         CASE(test_attempts_that_count_add_their_time),
-        CASE(test_deliveries_to_busy_hosts_are_passed_by),
-        CASE(test_ends_are_told),
+        CASE(test_deliveries_to_busy_hosts_are_skipped),
+        CASE(test_ends_are_notified),
         CASE(test_figures),
         CASE(test_faults_of_storage_are_counted_apart),
         CASE(test_copies_are_noted),
-        CASE(test_forgetting_notes_what_is_to_be_removed),
-        CASE(test_a_result_that_is_found_ends_what_waits),
+        CASE(test_deletion_records_the_directories),
+        CASE(test_a_found_result_ends_a_waiting_task),
         CASE(test_adopted_jobs),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

@@ -147,7 +147,7 @@ static void try_refining(int more, bool narrow)
     free_ball(&b);
 }
 
-static void shortest_get_none_and_longest_two(void **state)
+static void shortest_edges_get_no_particle_and_longest_two(void **state)
 {
     (void)state;
     try_refining(0, false);
@@ -159,7 +159,7 @@ static void shortest_get_none_and_longest_two(void **state)
     try_refining(EDGES, false);
 }
 
-static void middles_are_found_from_afar(void **state)
+static void midpoints_outside_the_band_are_projected(void **state)
 {
     (void)state;
     try_refining(0, true);
@@ -198,7 +198,7 @@ static void parts_keep_their_shares(void **state)
     }
 }
 
-static void threads_do_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     const int workers[] = {2, 3, 8};
@@ -238,11 +238,11 @@ static void a_stop_ends_it(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(shortest_get_none_and_longest_two),
-        cmocka_unit_test(middles_are_found_from_afar),
+        cmocka_unit_test(shortest_edges_get_no_particle_and_longest_two),
+        cmocka_unit_test(midpoints_outside_the_band_are_projected),
         cmocka_unit_test(edges_are_counted),
         cmocka_unit_test(parts_keep_their_shares),
-        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(a_stop_ends_it),
     };
     return cmocka_run_group_tests_name("refine", tests, NULL, NULL);

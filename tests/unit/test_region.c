@@ -98,7 +98,7 @@ static void areas_of_half_a_gyroid(void **state)
         assert_close(area_of(&maze, (bbox){{low, 0, 0}, {low + 0.5, 1, 1}}) / whole, 0.5, 2e-5);
 }
 
-static void what_cuts_nothing_off_is_the_whole(void **state)
+static void a_region_that_cuts_nothing_is_the_whole_surface(void **state)
 {
     (void)state;
     const struct {
@@ -138,7 +138,7 @@ static void a_box_that_cuts_the_outer_cells_is_a_region(void **state)
     analytic_free(whole);
 }
 
-static void rims_are_where_the_surface_is_cut(void **state)
+static void boundaries_are_where_the_surface_is_cut(void **state)
 {
     (void)state;
     part p;
@@ -230,9 +230,9 @@ int main(void)
         cmocka_unit_test(areas_of_zones),
         cmocka_unit_test(areas_of_corners),
         cmocka_unit_test(areas_of_half_a_gyroid),
-        cmocka_unit_test(what_cuts_nothing_off_is_the_whole),
+        cmocka_unit_test(a_region_that_cuts_nothing_is_the_whole_surface),
         cmocka_unit_test(a_box_that_cuts_the_outer_cells_is_a_region),
-        cmocka_unit_test(rims_are_where_the_surface_is_cut),
+        cmocka_unit_test(boundaries_are_where_the_surface_is_cut),
         cmocka_unit_test(points_lie_in_the_region_and_follow_area),
         cmocka_unit_test(an_empty_region_is_named),
     };

@@ -128,7 +128,7 @@ static void test_a_sphere_does_not_spin(void **state)
     assert_close(exp(m.growth), 0.9 / 0.8, 1e-3);
 }
 
-static void test_what_vanishes_has_no_say(void **state)
+static void test_vanished_parts_do_not_affect_the_motion(void **state)
 {
     (void)state;
     vec3 x[POINTS];
@@ -142,7 +142,7 @@ static void test_what_vanishes_has_no_say(void **state)
     expect_near(registration_apply(&m, pole), vec3_add(pole, (vec3){0.05, 0, 0}), 0.01);
 }
 
-static void test_what_stands_still_is_left_alone(void **state)
+static void test_a_surface_at_rest_has_no_motion(void **state)
 {
     (void)state;
     vec3 x[POINTS];
@@ -162,8 +162,8 @@ int main(void)
         cmocka_unit_test(test_derivatives_are_those_of_the_motion),
         cmocka_unit_test(test_an_ellipsoid_that_moves_turns_and_grows_is_followed),
         cmocka_unit_test(test_a_sphere_does_not_spin),
-        cmocka_unit_test(test_what_vanishes_has_no_say),
-        cmocka_unit_test(test_what_stands_still_is_left_alone),
+        cmocka_unit_test(test_vanished_parts_do_not_affect_the_motion),
+        cmocka_unit_test(test_a_surface_at_rest_has_no_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -86,7 +86,7 @@ static void energy_never_rises(void **state)
 }
 
 /* Two of the particles in one place have an energy without bound; that of the packing hardly changes. */
-static void points_in_one_place_do_not_set_the_support(void **state)
+static void coincident_points_do_not_set_the_support(void **state)
 {
     (void)state;
     error e = {0};
@@ -145,7 +145,7 @@ static void lists_stay_valid(void **state)
 }
 
 /* From the same start, sweeps that nothing watches come to rest at the energy of those that are watched. */
-static void unwatched_sweeps_end_as_low(void **state)
+static void sweeps_without_checks_converge_to_the_same_energy(void **state)
 {
     (void)state;
     error e = {0};
@@ -170,7 +170,7 @@ static void unwatched_sweeps_end_as_low(void **state)
 }
 
 /* Two sheets closer than the support: particles see their own side only. */
-static void sheets_do_not_push_each_other(void **state)
+static void opposite_surfaces_do_not_interact(void **state)
 {
     (void)state;
     error e = {0};
@@ -195,7 +195,7 @@ static void sheets_do_not_push_each_other(void **state)
 }
 
 /* Lists that are refreshed say of the energies what new ones say. */
-static void refreshed_lists_serve_as_new_ones(void **state)
+static void refreshed_lists_give_the_energies_of_new_ones(void **state)
 {
     (void)state;
     bench b;
@@ -234,7 +234,7 @@ static void lists_that_do_not_cover_are_not_refreshed(void **state)
 }
 
 /* Who looks at the steps that are left sees the energies as well, and they hold until a particle moves. */
-static void energies_are_known_with_the_steps_left(void **state)
+static void energies_are_returned_with_the_remaining_steps(void **state)
 {
     (void)state;
     bench b;
@@ -271,7 +271,7 @@ static void energies_are_known_with_the_steps_left(void **state)
 
 /* Whom fewer than three hold may drift for ever, at next to no energy, as on a droplet: its step says nothing of rest, however many are
  * in its list beyond the support. */
-static void who_is_free_to_drift_has_no_step_left(void **state)
+static void particles_free_to_drift_have_no_remaining_step(void **state)
 {
     (void)state;
     const double side[][2] = {{0, 0}, {1.5, 0}, {-1.9, 0}, {0, 1.9}}; /* in spacings */
@@ -350,7 +350,7 @@ static void steps_of_displaced_particles_are_reported_separately(void **state)
 
 /* Particles near their rest are left out of sweeps that may do so, until one of those around has gone far; they count with the
  * energy that they had. */
-static void who_hardly_moves_is_left_out(void **state)
+static void converged_particles_are_skipped(void **state)
 {
     (void)state;
     error e = {0};
@@ -387,18 +387,18 @@ static void who_hardly_moves_is_left_out(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(energies_are_known_with_the_steps_left),
+        cmocka_unit_test(energies_are_returned_with_the_remaining_steps),
         cmocka_unit_test(divergent_share_is_that_of_all_pairs_within_the_lists),
-        cmocka_unit_test(who_is_free_to_drift_has_no_step_left),
+        cmocka_unit_test(particles_free_to_drift_have_no_remaining_step),
         cmocka_unit_test(steps_of_displaced_particles_are_reported_separately),
-        cmocka_unit_test(refreshed_lists_serve_as_new_ones),
+        cmocka_unit_test(refreshed_lists_give_the_energies_of_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
-        cmocka_unit_test(who_hardly_moves_is_left_out),
+        cmocka_unit_test(converged_particles_are_skipped),
         cmocka_unit_test(energy_never_rises),
-        cmocka_unit_test(points_in_one_place_do_not_set_the_support),
+        cmocka_unit_test(coincident_points_do_not_set_the_support),
         cmocka_unit_test(lists_stay_valid),
-        cmocka_unit_test(unwatched_sweeps_end_as_low),
-        cmocka_unit_test(sheets_do_not_push_each_other),
+        cmocka_unit_test(sweeps_without_checks_converge_to_the_same_energy),
+        cmocka_unit_test(opposite_surfaces_do_not_interact),
     };
     return cmocka_run_group_tests_name("relax", tests, NULL, NULL);
 }

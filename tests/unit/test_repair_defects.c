@@ -155,7 +155,7 @@ static solved solve(const ball *b, bool mend, int workers)
 }
 
 /* In as many points, at rest, and nearer to the requested spacing; by one thread as by several. */
-static void disorder_is_mended(void **state)
+static void defects_are_repaired(void **state)
 {
     (void)state;
     ball b;
@@ -175,7 +175,7 @@ static void disorder_is_mended(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(disorder_is_mended),
+        cmocka_unit_test(defects_are_repaired),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

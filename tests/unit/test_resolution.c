@@ -149,7 +149,7 @@ static void a_sample_has_the_fractions_of_all(void **state)
     free(s);
 }
 
-static void the_number_of_threads_does_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     scene *s = make_scene();
@@ -179,7 +179,7 @@ int main(void)
         cmocka_unit_test(a_point_far_from_all_others_is_unresolved),
         cmocka_unit_test(creases_are_resolved),
         cmocka_unit_test(a_sample_has_the_fractions_of_all),
-        cmocka_unit_test(the_number_of_threads_does_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(points_near_a_boundary_have_no_fraction),
     };
     return cmocka_run_group_tests_name("resolution", tests, NULL, NULL);

@@ -167,7 +167,7 @@ static void wait_forgotten(place *p, const char *id)
         if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the job is kept");
 }
 
-static void test_what_is_over_goes(void **state)
+static void test_expired_jobs_are_deleted(void **state)
 {
     place *p = *state;
     char over[ULID_SIZE], kept[ULID_SIZE];
@@ -268,7 +268,7 @@ static void wait_done(place *p)
 }
 
 /* The daemon crashed after the queue had deleted the job and recorded its directories. */
-static void test_a_start_removes_what_was_noted(void **state)
+static void test_a_start_removes_noted_directories(void **state)
 {
     place *p = *state;
     char gone[ULID_SIZE], kept[ULID_SIZE];
@@ -298,7 +298,7 @@ static void test_a_start_removes_what_was_noted(void **state)
 }
 
 /* A job is deleted even if its directories cannot be removed. They are removed once that is possible. */
-static void test_what_cannot_be_removed_stays_noted(void **state)
+static void test_directories_that_cannot_be_removed_stay_noted(void **state)
 {
     place *p = *state;
     char stuck[ULID_SIZE], other[ULID_SIZE];
@@ -330,7 +330,7 @@ static void test_what_cannot_be_removed_stays_noted(void **state)
     free(away);
 }
 
-static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
+static void test_unused_uploads_are_removed(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
@@ -377,7 +377,7 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
 }
 
 /* Without a retention time uploaded files are kept. The thread examines them once before it ends. */
-static void test_what_was_sent_stays_without_a_time(void **state)
+static void test_uploads_are_kept_without_a_retention_time(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
@@ -419,7 +419,7 @@ static void send_it(place *p, const char *hex)
 }
 
 /* In either order, the free space corresponds to the stored files. */
-static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void **state)
+static void test_an_upload_during_a_collection_is_counted_once(void **state)
 {
     place *p = *state;
     char hex[STORE_HASH_SIZE];
@@ -451,14 +451,15 @@ static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void *
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_expired_jobs_are_deleted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_clock_that_is_set_forward_deletes_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_start_removes_what_was_noted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_cannot_be_removed_stays_noted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_was_sent_stays_without_a_time, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_is_sent_again_while_it_is_collected_is_counted_once, set_up,
+        cmocka_unit_test_setup_teardown(test_a_start_removes_noted_directories, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_directories_that_cannot_be_removed_stay_noted, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(test_unused_uploads_are_removed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_uploads_are_kept_without_a_retention_time, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_an_upload_during_a_collection_is_counted_once, set_up,
                                         tear_down),
     };
     log_set_level(LOG_LEVEL_ERROR);

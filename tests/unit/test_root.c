@@ -134,7 +134,7 @@ static void test_escapes_are_forbidden(void **state)
     free(absolute);
 }
 
-static void test_what_is_no_readable_file_says_so(void **state)
+static void test_unreadable_files_are_errors(void **state)
 {
     place *p = *state;
     expect_error(p, "nothing", ERROR_INPUT_MISSING);
@@ -185,7 +185,7 @@ static void test_a_mistyped_root_is_explained(void **state)
     expect_not_opened("nonexistent/a", "write an absolute path");
 }
 
-static void test_a_root_is_no_file(void **state)
+static void test_a_root_cannot_be_opened_as_a_file(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -207,7 +207,7 @@ static void test_roots_that_change_at_a_restart_are_mentioned(void **state)
     }
 }
 
-static void test_a_file_is_a_root_of_itself(void **state)
+static void test_a_root_may_be_a_single_file(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -340,12 +340,12 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_links_may_lead_below_a_root, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_links_do_not_lead_elsewhere, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_sent_files_are_named_by_their_hash, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_unreadable_files_are_errors, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
         cmocka_unit_test(test_a_mistyped_root_is_explained),
-        cmocka_unit_test_setup_teardown(test_a_root_is_no_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_root_cannot_be_opened_as_a_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_roots_that_change_at_a_restart_are_mentioned, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_file_is_a_root_of_itself, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_root_may_be_a_single_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("root", tests, NULL, NULL);

@@ -23,7 +23,7 @@ static running_time *start_again(running_time *t)
     return running_time_new(periods, count);
 }
 
-static void test_the_wall_clock_decides_about_what_began_in_this_run(void **state)
+static void test_the_wall_clock_counts_for_objects_of_this_run(void **state)
 {
     (void)state;
     running_time *t = running_time_new(NULL, 0);
@@ -148,7 +148,7 @@ static void test_daily_starts_keep_longer_by_little_more_than_the_stops(void **s
     running_time_free(t);
 }
 
-static void test_a_clock_set_back_is_seen_once(void **state)
+static void test_a_clock_set_back_is_reported_once(void **state)
 {
     (void)state;
     clock_watch w = CLOCK_WATCH;
@@ -167,14 +167,14 @@ int main(void)
 {
     stop_clocks();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_wall_clock_decides_about_what_began_in_this_run),
+        cmocka_unit_test(test_the_wall_clock_counts_for_objects_of_this_run),
         cmocka_unit_test(test_a_clock_that_is_set_forward_ends_nothing),
         cmocka_unit_test(test_a_start_counts_the_time_that_the_program_ran),
         cmocka_unit_test(test_a_clock_that_is_set_back_ends_nothing_early),
         cmocka_unit_test(test_a_small_step_changes_nothing),
         cmocka_unit_test(test_more_starts_than_periods_lose_no_running_time),
         cmocka_unit_test(test_daily_starts_keep_longer_by_little_more_than_the_stops),
-        cmocka_unit_test(test_a_clock_set_back_is_seen_once),
+        cmocka_unit_test(test_a_clock_set_back_is_reported_once),
     };
     return cmocka_run_group_tests_name("running_time", tests, NULL, NULL);
 }

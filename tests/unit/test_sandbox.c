@@ -250,7 +250,7 @@ static const struct call {
     {"socket in a thread", make_socket_in_thread, false},
 };
 
-static void test_calls_of_no_worker_are_not_there(void **state)
+static void test_other_system_calls_return_enosys(void **state)
 {
     for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
         if (SANITIZED && calls[i].sanitizers_need_it) {
@@ -465,7 +465,7 @@ static int landlock_version(void)
     return at ? atoi(at + strlen("Landlock version ")) : 0;
 }
 
-static void test_files_lie_where_they_were_named(void **state)
+static void test_only_the_given_places_are_accessible(void **state)
 {
     int version = landlock_version();
     assert_int_equal(sandbox_check(SANDBOX_REQUIRED, NULL), version > 0);
@@ -496,9 +496,9 @@ int main(int argc, char **argv)
     if (argc == 2 && strcmp(argv[1], AGAIN) == 0) _exit(STARTED_AGAIN);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_modes_have_names),
-        cmocka_unit_test_setup_teardown(test_calls_of_no_worker_are_not_there, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_other_system_calls_return_enosys, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_new_privileges, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_files_lie_where_they_were_named, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_only_the_given_places_are_accessible, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -104,7 +104,7 @@ static void extra_sweeps_do_not_raise_the_gain(void **state)
     }
 }
 
-static void steps_are_free_until_a_level_is_shaken(void **state)
+static void steps_are_unlimited_until_a_level_is_shaken(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -126,7 +126,7 @@ static bool ends(const schedule *s, schedule_position at, double rms_step, doubl
     return schedule_round_end(s, &at, &seen);
 }
 
-static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
+static void a_paced_level_has_its_sweeps_before_it_converges(void **state)
 {
     (void)state;
     schedule_position at = finest(0, 10000);
@@ -153,7 +153,7 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_true(ends(&schedule_multilevel, at, 0.04, 0));
 }
 
-static void the_paper_goes_by_lambda(void **state)
+static void the_paper_method_ends_by_lambda(void **state)
 {
     (void)state;
     schedule_position at = {.levels = 1, .sweeps = 50, .count = 1000};
@@ -166,7 +166,7 @@ static void the_paper_goes_by_lambda(void **state)
     assert_true(schedule_round_end(&schedule_paper, &at, &gradient));
 }
 
-static void patience_ends_once_and_again(void **state)
+static void patience_ends_at_regular_intervals(void **state)
 {
     (void)state;
     int times = 0;
@@ -178,7 +178,7 @@ static void patience_ends_once_and_again(void **state)
 }
 
 /* A gain with which a solve has not converged is the last resort. */
-static void the_coarsest_gain_lasts(void **state)
+static void the_coarsest_gain_is_the_limit(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -222,7 +222,7 @@ static void a_level_that_may_have_many_defects_is_expected_to_take_longer(void *
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
 }
 
-static void lists_wait_for_many_or_for_long(void **state)
+static void lists_are_rebuilt_for_many_limited_particles_or_at_an_age(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -246,14 +246,14 @@ int main(void)
         cmocka_unit_test(levels_with_many_defects_take_more_sweeps),
         cmocka_unit_test(surfaces_with_patches_take_more_sweeps_for_fewer_defects),
         cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
-        cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
-        cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
-        cmocka_unit_test(the_paper_goes_by_lambda),
-        cmocka_unit_test(patience_ends_once_and_again),
-        cmocka_unit_test(the_coarsest_gain_lasts),
+        cmocka_unit_test(steps_are_unlimited_until_a_level_is_shaken),
+        cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_converges),
+        cmocka_unit_test(the_paper_method_ends_by_lambda),
+        cmocka_unit_test(patience_ends_at_regular_intervals),
+        cmocka_unit_test(the_coarsest_gain_is_the_limit),
         cmocka_unit_test(expected_sweeps_approach_those_spent),
         cmocka_unit_test(a_level_that_may_have_many_defects_is_expected_to_take_longer),
-        cmocka_unit_test(lists_wait_for_many_or_for_long),
+        cmocka_unit_test(lists_are_rebuilt_for_many_limited_particles_or_at_an_age),
     };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
 }

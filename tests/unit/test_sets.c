@@ -42,7 +42,7 @@ static void make_pairs(joining *j, int run, rng *r)
     }
 }
 
-static void threads_join_as_one_does(void **state)
+static void joins_do_not_depend_on_threads(void **state)
 {
     (void)state;
     error e = {0};
@@ -66,6 +66,6 @@ static void threads_join_as_one_does(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(threads_join_as_one_does)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(joins_do_not_depend_on_threads)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

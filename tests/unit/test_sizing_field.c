@@ -127,7 +127,7 @@ static double jump(const void *context, vec3 x)
     return x.x > 0 ? 0.01 : 1;
 }
 
-static void growth_is_held(void **state)
+static void growth_is_limited(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -153,7 +153,7 @@ static void growth_is_held(void **state)
     release(&s);
 }
 
-static void bounds_are_kept_and_told(void **state)
+static void bounds_are_kept_and_reported(void **state)
 {
     (void)state;
     scanned s = scan_shape(&torus, 1);
@@ -224,7 +224,7 @@ static void maps_with_holes(void **state)
 }
 
 /* A pool that was told to stop ends the work with its code. */
-static void stops_when_told(void **state)
+static void a_stop_ends_the_work(void **state)
 {
     (void)state;
     scanned s = scan_shape(&torus, 1);
@@ -240,7 +240,7 @@ static void stops_when_told(void **state)
     release(&s);
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     scanned one = scan_shape(&torus, 1), many = scan_shape(&torus, 3);
@@ -290,7 +290,7 @@ static void features_bound_the_spacing(void **state)
 }
 
 /* A cone's tip is small: with the usual share of the area at the fine end growth leaves 5.9 of 10 there. */
-static void a_finer_end_makes_up_for_what_growth_takes(void **state)
+static void a_finer_end_compensates_the_growth_limit(void **state)
 {
     (void)state;
     const analytic_params cone = {
@@ -307,7 +307,7 @@ static void a_finer_end_makes_up_for_what_growth_takes(void **state)
 }
 
 /* The ends of a flat ellipsoid: a finer end would leave less of the ratio, and the usual one remains. */
-static void a_finer_end_that_does_not_help_is_given_up(void **state)
+static void a_finer_end_without_effect_is_discarded(void **state)
 {
     (void)state;
     const analytic_params shape = {.shape = ANALYTIC_ELLIPSOID, .radii = {1, 1, 0.2}};
@@ -322,7 +322,7 @@ static void a_finer_end_that_does_not_help_is_given_up(void **state)
 }
 
 /* Of a curve around the tube's outside and one across it: the share there, growth from there with the distance, and the count. */
-static void curves_are_finer_than_the_rest(void **state)
+static void curves_are_finer_than_the_surface(void **state)
 {
     (void)state;
     enum { SIDES = 256 };
@@ -372,16 +372,16 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ratio_follows_the_curvature),
-        cmocka_unit_test(a_finer_end_makes_up_for_what_growth_takes),
-        cmocka_unit_test(a_finer_end_that_does_not_help_is_given_up),
+        cmocka_unit_test(a_finer_end_compensates_the_growth_limit),
+        cmocka_unit_test(a_finer_end_without_effect_is_discarded),
         cmocka_unit_test(chord_error_gives_the_spacing_of_the_larger_curvature),
-        cmocka_unit_test(growth_is_held),
-        cmocka_unit_test(bounds_are_kept_and_told),
+        cmocka_unit_test(growth_is_limited),
+        cmocka_unit_test(bounds_are_kept_and_reported),
         cmocka_unit_test(maps_with_holes),
-        cmocka_unit_test(stops_when_told),
+        cmocka_unit_test(a_stop_ends_the_work),
         cmocka_unit_test(features_bound_the_spacing),
-        cmocka_unit_test(curves_are_finer_than_the_rest),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(curves_are_finer_than_the_surface),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests_name("grading", tests, NULL, NULL);
 }

@@ -634,7 +634,7 @@ static void every_small_part_has_a_point(void **state)
 }
 
 /* A sphere that gets its first points on the finer level, and is not defined in a ball. */
-static void points_of_a_finer_level_that_are_drawn_again_are_counted(void **state)
+static void redrawn_points_of_a_finer_level_are_counted(void **state)
 {
     (void)state;
     static spheres all;
@@ -713,7 +713,7 @@ int main(void)
         cmocka_unit_test(result_after_early_stop_has_the_requested_count),
         cmocka_unit_test(unresolved_surface_is_covered_evenly),
         cmocka_unit_test(every_small_part_has_a_point),
-        cmocka_unit_test(points_of_a_finer_level_that_are_drawn_again_are_counted),
+        cmocka_unit_test(redrawn_points_of_a_finer_level_are_counted),
         cmocka_unit_test(curvature_over_a_distance_is_stated_and_sets_amplitudes),
         cmocka_unit_test(stopped_pool_leaves_a_sweep_undone),
         cmocka_unit_test(stopped_pool_cancels_the_result),

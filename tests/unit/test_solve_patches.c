@@ -81,7 +81,7 @@ static vec3 place_on_edge(const solve *x)
     return vec3_make(0, 0, 0);
 }
 
-static void nearest_particle_goes_to_a_place_and_stays(void **state)
+static void nearest_particle_is_held_at_a_position(void **state)
 {
     (void)state;
     solve x;
@@ -314,7 +314,7 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
 }
 
 /* A free point on the row of a curve goes to a gap of its patch. The patch has few points, so that random draws find a gap. */
-static void point_on_a_row_goes_to_a_gap(void **state)
+static void point_on_a_curve_moves_to_a_gap(void **state)
 {
     (void)state;
     solve x, out;
@@ -335,7 +335,7 @@ static void point_on_a_row_goes_to_a_gap(void **state)
 
 /* Without a gap it leaves the row by 0.3 spacings, towards the inside of its patch. A point that is 0.3 spacings from the curve
  * stays. */
-static void point_on_a_row_without_a_gap_goes_inwards(void **state)
+static void point_on_a_curve_without_a_gap_moves_inwards(void **state)
 {
     (void)state;
     const double off[] = {0.05, 0.28};
@@ -540,7 +540,7 @@ static void points_without_the_ideal_energy_are_separated(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nearest_particle_goes_to_a_place_and_stays),
+        cmocka_unit_test(nearest_particle_is_held_at_a_position),
         cmocka_unit_test(place_near_a_curve_is_not_held),
         cmocka_unit_test(place_off_the_patch_is_not_held),
         cmocka_unit_test(one_of_two_near_places_is_held),
@@ -548,8 +548,8 @@ int main(void)
         cmocka_unit_test(hold_needs_a_converged_solve_of_patches),
         cmocka_unit_test(place_far_from_the_points_of_its_patch_is_not_held),
         cmocka_unit_test(hold_refuses_a_given_start),
-        cmocka_unit_test(point_on_a_row_goes_to_a_gap),
-        cmocka_unit_test(point_on_a_row_without_a_gap_goes_inwards),
+        cmocka_unit_test(point_on_a_curve_moves_to_a_gap),
+        cmocka_unit_test(point_on_a_curve_without_a_gap_moves_inwards),
         cmocka_unit_test(points_on_curves_have_a_copy_for_each_patch),
         cmocka_unit_test(every_patch_has_a_point),
         cmocka_unit_test(points_of_a_mesh_at_one_place_are_separated),

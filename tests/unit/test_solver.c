@@ -290,7 +290,7 @@ static void creases_are_sampled(void **state)
 }
 
 /* Bytes, not tolerances. */
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = even;
@@ -350,7 +350,7 @@ static void tiny_counts_work(void **state)
 
 /* Rest is said of the points that are delivered: their Newton steps are as short as the last sweep's. Particles whose
  * trials were refused for a normal that was off crept by damped steps, up to 0.01 h from their rest. */
-static void delivered_points_are_at_rest(void **state)
+static void delivered_points_have_converged(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 2; seed++) {
@@ -406,7 +406,7 @@ static double nearest_to(const solver_points *p, size_t i)
 }
 
 /* Of so many particles one that goes to a new place makes no rms step that shows. It comes to rest all the same. */
-static void who_goes_to_a_new_place_comes_to_rest(void **state)
+static void relocated_particles_converge(void **state)
 {
     (void)state;
     error e = {0};
@@ -484,8 +484,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lost_particles_keep_their_normals),
-        cmocka_unit_test(delivered_points_are_at_rest),
-        cmocka_unit_test(who_goes_to_a_new_place_comes_to_rest),
+        cmocka_unit_test(delivered_points_have_converged),
+        cmocka_unit_test(relocated_particles_converge),
         cmocka_unit_test(quartic_even),
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
@@ -494,7 +494,7 @@ int main(void)
         cmocka_unit_test(coarse_to_fine_leaves_few_defects),
         cmocka_unit_test(creases_are_sampled),
         cmocka_unit_test(local_spacing_follows_the_request),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(seeds_differ_and_repeat),
         cmocka_unit_test(tiny_counts_work),
     };

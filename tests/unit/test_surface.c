@@ -68,7 +68,7 @@ static void areas_of_awkward_shapes(void **state)
 }
 
 /* A sphere in cells nearly as large as its radius: what a scan takes for little less than the area of a cell's parts is that. */
-static void half_as_many_parts_tell_nearly_as_much(void **state)
+static void half_as_many_parts_give_nearly_the_same_area(void **state)
 {
     (void)state;
     enum { SIDE = 5 };
@@ -155,7 +155,7 @@ static void cell_of_kinds(const field *f, size_t k, field_cell *out)
 }
 
 /* Of so many bent cells only some are measured by their parts. What they say of the others goes by what the surface is like there. */
-static void places_of_two_kinds_have_their_areas(void **state)
+static void mixed_bent_cells_have_their_areas(void **state)
 {
     (void)state;
     enum { EVERY = 16 };
@@ -235,8 +235,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_are_right),
         cmocka_unit_test(areas_of_awkward_shapes),
-        cmocka_unit_test(half_as_many_parts_tell_nearly_as_much),
-        cmocka_unit_test(places_of_two_kinds_have_their_areas),
+        cmocka_unit_test(half_as_many_parts_give_nearly_the_same_area),
+        cmocka_unit_test(mixed_bent_cells_have_their_areas),
         cmocka_unit_test(area_does_not_depend_on_threads),
         cmocka_unit_test(points_follow_area),
     };

@@ -392,7 +392,7 @@ static void corners_of_open_sheets_do_not_fold(void **state)
 }
 
 /* Triangles that cut a corner off a box leave the corner out; those of the whole box nothing. */
-static void what_triangles_leave_out_is_found(void **state)
+static void undersampled_parts_are_found(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box(vec3_make(0.1, 0.2, 0.3), vec3_make(0.5, 0.5, 0.5), 0.7);
@@ -438,7 +438,7 @@ int main(void)
         cmocka_unit_test(thorns_of_any_points_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
-        cmocka_unit_test(what_triangles_leave_out_is_found),
+        cmocka_unit_test(undersampled_parts_are_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -99,7 +99,7 @@ static void test_users_are_served_in_turn(void **state)
     assert_string_equal(seen.order, "abdfce");
 }
 
-static void test_a_user_who_runs_less_is_next(void **state)
+static void test_the_user_with_fewer_running_pieces_is_next(void **state)
 {
     piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
           rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
@@ -119,7 +119,7 @@ static void test_a_user_who_runs_less_is_next(void **state)
     assert_string_equal(seen.order, "abced");
 }
 
-static void test_a_thread_is_left_for_others(void **state)
+static void test_a_thread_remains_for_other_users(void **state)
 {
     piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
           bob = piece_of("bob", 'c', false);
@@ -242,8 +242,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
-        cmocka_unit_test_setup(test_a_user_who_runs_less_is_next, set_up),
-        cmocka_unit_test_setup(test_a_thread_is_left_for_others, set_up),
+        cmocka_unit_test_setup(test_the_user_with_fewer_running_pieces_is_next, set_up),
+        cmocka_unit_test_setup(test_a_thread_remains_for_other_users, set_up),
         cmocka_unit_test_setup(test_work_runs_together_up_to_a_sum_of_weights, set_up),
         cmocka_unit_test_setup(test_the_threads_have_a_lower_priority, set_up),
         cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),

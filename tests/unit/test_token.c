@@ -101,7 +101,7 @@ static void expect_refusal(const char *words)
     assert_int_equal(set.count, 0);
 }
 
-static void test_files_that_are_refused(void **state)
+static void test_invalid_files_are_refused(void **state)
 {
     (void)state;
 #define HASH "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
@@ -174,7 +174,7 @@ static void expect_owner(gid_t group, mode_t mode)
 }
 
 /* A file that root writes can be read by the group of the service, and by no other group. */
-static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
+static void test_a_file_of_root_is_readable_for_the_group_of_the_service(void **state)
 {
     (void)state;
     if (geteuid() != 0) return; /* not skip(), which counts as a failure in cmocka's TAP */
@@ -341,8 +341,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_sessions, set_up, tear_down),
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up,
+        cmocka_unit_test_setup_teardown(test_invalid_files_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_readable_for_the_group_of_the_service, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_tokens_stay_while_their_file_cannot_be_read, set_up, tear_down),

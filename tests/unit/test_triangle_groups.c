@@ -76,7 +76,7 @@ static void voxels_are_as_far_as_the_nearest_triangle(void **state)
 }
 
 /* Triangles of all sizes and shapes, slivers and points among them. */
-static void soups_are_as_near(void **state)
+static void distances_from_disconnected_triangles_are_exact(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -99,7 +99,7 @@ static void soups_are_as_near(void **state)
 }
 
 /* Every triangle is in one group, of its own solid, and what is said of the group holds for it. */
-static void groups_hold_their_triangles(void **state)
+static void groups_contain_their_triangles(void **state)
 {
     (void)state;
     error e = {0};
@@ -137,7 +137,7 @@ static void groups_hold_their_triangles(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(voxels_are_as_far_as_the_nearest_triangle),
-                                       cmocka_unit_test(soups_are_as_near),
-                                       cmocka_unit_test(groups_hold_their_triangles)};
+                                       cmocka_unit_test(distances_from_disconnected_triangles_are_exact),
+                                       cmocka_unit_test(groups_contain_their_triangles)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -149,7 +149,7 @@ static bool is_beside_hole(vec3 x)
     return x.x < 0.97;
 }
 
-static void rims_and_holes_are_told_apart(void **state)
+static void rims_and_holes_are_distinguished(void **state)
 {
     (void)state;
     const bbox above = {{-INFINITY, -INFINITY, 0.1}, {INFINITY, INFINITY, INFINITY}};
@@ -169,7 +169,7 @@ static void rims_and_holes_are_told_apart(void **state)
 }
 
 /* Halves of a sphere that are shifted across each other, and a point alone. */
-static void what_is_no_surface_is_told(void **state)
+static void non_manifold_results_are_reported(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(2000, vec3_make(0, 0, 0), 1), alone = point_set_new(1);
@@ -195,9 +195,11 @@ static void what_is_no_surface_is_told(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(spheres_are_closed),         cmocka_unit_test(the_ratio_is_that_of_the_radii),
-        cmocka_unit_test(small_holes_are_closed),     cmocka_unit_test(rims_and_holes_are_told_apart),
-        cmocka_unit_test(what_is_no_surface_is_told),
+        cmocka_unit_test(spheres_are_closed),
+        cmocka_unit_test(the_ratio_is_that_of_the_radii),
+        cmocka_unit_test(small_holes_are_closed),
+        cmocka_unit_test(rims_and_holes_are_distinguished),
+        cmocka_unit_test(non_manifold_results_are_reported),
     };
     return cmocka_run_group_tests_name("triangulation", tests, NULL, NULL);
 }

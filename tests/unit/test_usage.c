@@ -80,7 +80,7 @@ static void test_sums_follow_jobs(void **state)
     expect_usage(p, "bob", 0, 0);
 }
 
-static void test_who_was_delivered_first_goes_first(void **state)
+static void test_the_job_delivered_first_is_deleted_first(void **state)
 {
     place *p = *state;
     char job[4][ULID_SIZE];
@@ -101,7 +101,7 @@ static void test_who_was_delivered_first_goes_first(void **state)
     expect_leaving(p, NULL); /* below the bound */
 }
 
-static void test_what_was_not_delivered_goes_last_and_only_when_told(void **state)
+static void test_undelivered_jobs_are_deleted_last_and_only_if_permitted(void **state)
 {
     place *p = *state;
     char job[3][ULID_SIZE];
@@ -186,7 +186,7 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     remove_job(p, id);
 }
 
-static void test_an_array_goes_when_all_frames_are_delivered(void **state)
+static void test_an_array_is_deleted_when_all_frames_are_delivered(void **state)
 {
     place *p = *state;
     static const int frames[] = {5, 6};
@@ -256,7 +256,7 @@ static void test_a_bound_of_all(void **state)
 }
 
 /* Older versions did not measure disk space. */
-static void test_what_is_not_measured_is_asked_for(void **state)
+static void test_unmeasured_jobs_are_returned(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], asked[ULID_SIZE];
@@ -278,14 +278,14 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         CASE(test_sums_follow_jobs),
-        CASE(test_who_was_delivered_first_goes_first),
-        CASE(test_what_was_not_delivered_goes_last_and_only_when_told),
+        CASE(test_the_job_delivered_first_is_deleted_first),
+        CASE(test_undelivered_jobs_are_deleted_last_and_only_if_permitted),
         CASE(test_copies_and_failures_are_delivered_at_the_end),
         CASE(test_a_result_whose_copy_failed_is_not_delivered),
-        CASE(test_an_array_goes_when_all_frames_are_delivered),
+        CASE(test_an_array_is_deleted_when_all_frames_are_delivered),
         CASE(test_a_bound_of_users),
         CASE(test_a_bound_of_all),
-        CASE(test_what_is_not_measured_is_asked_for),
+        CASE(test_unmeasured_jobs_are_returned),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("usage", tests, NULL, NULL);

@@ -87,7 +87,7 @@ static double noisy_ball(vec3 p)
 }
 
 /* Whatever lies beyond three voxels. */
-static void it_does_in_a_narrow_band_too(void **state)
+static void the_spline_interpolates_a_narrow_band(void **state)
 {
     (void)state;
     const double voxel = 0.1;
@@ -148,7 +148,7 @@ static double two_balls(vec3 p)
 }
 
 /* Over the ends of blocks, too. */
-static void one_part_is_told_from_two(void **state)
+static void one_part_is_distinguished_from_two(void **state)
 {
     (void)state;
     const fixture_function shape[] = {ball, two_balls};
@@ -258,7 +258,7 @@ static void measure_ball(const volume *v, double *median, double *largest, doubl
     free(k2);
 }
 
-static void a_ball_comes_out_round(void **state)
+static void a_ball_has_its_radius_and_curvature(void **state)
 {
     (void)state;
     static const struct {
@@ -361,7 +361,7 @@ static double large_ball(vec3 p)
 }
 
 /* A particle that steps off the surface must find back. */
-static void beyond_the_band_the_field_goes_on(void **state)
+static void the_field_is_extrapolated_beyond_the_band(void **state)
 {
     (void)state;
     const double voxel = 0.1, margin = 4 * voxel;
@@ -428,7 +428,7 @@ static double thin_box(vec3 p)
     return sqrt(outside) + fmin(inside, 0);
 }
 
-static void edges_and_thin_walls_stay_tame(void **state)
+static void errors_at_edges_and_thin_walls_are_bounded(void **state)
 {
     (void)state;
     /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
@@ -692,7 +692,7 @@ static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defi
 
 /* Sixteen side by side, in single precision: what `sample` says, but for rounding; to the last bit the same with any
  * instruction set and whatever the other lanes hold. */
-static void lanes_are_samples_in_single_precision(void **state)
+static void lanes_equal_samples_in_single_precision(void **state)
 {
     (void)state;
     const double tolerance =
@@ -797,7 +797,7 @@ static vec3 look_at_middle(const field *f, size_t k, double *radius)
 }
 
 /* Blocks that are near enough to a point spare looks at their cells. They hide nothing, and their cells are in them. */
-static void blocks_hide_no_bare_place(void **state)
+static void skipped_blocks_hide_no_gap(void **state)
 {
     (void)state;
     const double *const matrices[] = {fixture_uniform, fixture_rotated};
@@ -853,18 +853,18 @@ static void blocks_hide_no_bare_place(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blocks_hide_no_bare_place),
+        cmocka_unit_test(skipped_blocks_hide_no_gap),
         cmocka_unit_test(the_spline_goes_through_the_samples),
-        cmocka_unit_test(it_does_in_a_narrow_band_too),
-        cmocka_unit_test(one_part_is_told_from_two),
+        cmocka_unit_test(the_spline_interpolates_a_narrow_band),
+        cmocka_unit_test(one_part_is_distinguished_from_two),
         cmocka_unit_test(a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells),
         cmocka_unit_test(derivatives_are_those_of_the_values),
-        cmocka_unit_test(a_ball_comes_out_round),
+        cmocka_unit_test(a_ball_has_its_radius_and_curvature),
         cmocka_unit_test(the_isovalue_is_subtracted_before_doubles_become_floats),
         cmocka_unit_test(a_clamped_band_does_not_ring),
-        cmocka_unit_test(beyond_the_band_the_field_goes_on),
+        cmocka_unit_test(the_field_is_extrapolated_beyond_the_band),
         cmocka_unit_test(a_filled_inside_leaves_the_outside_clamped),
-        cmocka_unit_test(edges_and_thin_walls_stay_tame),
+        cmocka_unit_test(errors_at_edges_and_thin_walls_are_bounded),
         cmocka_unit_test(smoothing_blurs_by_what_theory_says),
         cmocka_unit_test(an_isovalue_moves_a_level_set),
         cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
@@ -874,7 +874,7 @@ int main(void)
         cmocka_unit_test(area_between_corners_counts),
         cmocka_unit_test(areas_are_right_however_cells_bend),
         cmocka_unit_test(areas_of_caps_are_right),
-        cmocka_unit_test(lanes_are_samples_in_single_precision),
+        cmocka_unit_test(lanes_equal_samples_in_single_precision),
         cmocka_unit_test(the_example_is_a_knot),
     };
     return cmocka_run_group_tests_name("volume", tests, NULL, NULL);

@@ -110,7 +110,7 @@ static void every_volume(void **state)
     for (size_t i = 0; i < sizeof vdb_files / sizeof *vdb_files; i++) check("vdb", &vdb_files[i]);
 }
 
-static void no_volume_is_left_out(void **state)
+static void every_volume_of_the_data_is_tested(void **state)
 {
     (void)state;
     char path[5000];
@@ -190,7 +190,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_volume),
-        cmocka_unit_test(no_volume_is_left_out),
+        cmocka_unit_test(every_volume_of_the_data_is_tested),
         cmocka_unit_test(hostile_volumes),
         cmocka_unit_test(the_sphere_is_a_sphere),
     };

@@ -389,7 +389,7 @@ static void the_limit_of_memory(void **state)
 }
 
 /* What a volume holds is within the least limit with which it opens, also where a fifth of its leaves, which are of no use, stay. */
-static void what_is_held_is_within_the_limit(void **state)
+static void memory_use_is_within_the_limit(void **state)
 {
     (void)state;
     enum { SIDE = 16, USED = SIDE * SIDE * SIDE, UNUSED = 1200 };
@@ -716,7 +716,7 @@ static int open_when_the_reader_is_gone(void *context, const char *path, error *
     return open(path, O_RDONLY | O_CLOEXEC);
 }
 
-static void readers_that_are_gone_before_they_are_asked(void **state)
+static void ended_readers_are_errors(void **state)
 {
     (void)state;
     const char *const paths[] = {"/proc/self/exe"};
@@ -751,13 +751,13 @@ int main(void)
         cmocka_unit_test(coordinates_at_the_limits_of_int32),
         cmocka_unit_test(transforms_that_cannot_be),
         cmocka_unit_test(the_limit_of_memory),
-        cmocka_unit_test(what_is_held_is_within_the_limit),
+        cmocka_unit_test(memory_use_is_within_the_limit),
         cmocka_unit_test(names_of_transforms),
         cmocka_unit_test(lengths_of_metadata),
         cmocka_unit_test(parts_of_trees_lie_on_their_grid),
         cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
-        cmocka_unit_test(readers_that_are_gone_before_they_are_asked),
+        cmocka_unit_test(ended_readers_are_errors),
     };
     return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);
 }

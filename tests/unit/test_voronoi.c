@@ -183,7 +183,7 @@ static void bent_sheets_agree(void **state)
 }
 
 /* All of a lattice's inner points are clear, though a little shaken; none of squares, whose diagonals tie. */
-static void lattices_are_clear_or_not(void **state)
+static void hexagonal_lattices_are_clear_and_square_ones_are_not(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -254,7 +254,7 @@ static void degenerate_sets_agree(void **state)
 
 /* The corners of a hole wider than the lists reach are joined by a triangulation of it, or not across it at
  * all. */
-static void holes_are_seen_across(void **state)
+static void holes_are_triangulated_or_left_open(void **state)
 {
     (void)state;
     enum { CORNERS = 8 };
@@ -362,9 +362,12 @@ static void corners_are_closed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bent_sheets_agree),     cmocka_unit_test(lattices_are_clear_or_not),
-        cmocka_unit_test(shapes_agree),          cmocka_unit_test(degenerate_sets_agree),
-        cmocka_unit_test(holes_are_seen_across), cmocka_unit_test(corners_are_closed),
+        cmocka_unit_test(bent_sheets_agree),
+        cmocka_unit_test(hexagonal_lattices_are_clear_and_square_ones_are_not),
+        cmocka_unit_test(shapes_agree),
+        cmocka_unit_test(degenerate_sets_agree),
+        cmocka_unit_test(holes_are_triangulated_or_left_open),
+        cmocka_unit_test(corners_are_closed),
     };
     return cmocka_run_group_tests_name("voronoi", tests, NULL, NULL);
 }

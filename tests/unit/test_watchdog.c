@@ -28,7 +28,7 @@ static void leave(void *context)
 }
 
 /* A process whose job hangs ends when it is requested to. */
-static void test_a_job_that_hangs_is_left(void **state)
+static void test_a_process_ends_although_its_job_hangs(void **state)
 {
     (void)state;
     int ready[2];
@@ -87,7 +87,7 @@ static void test_a_silent_job_has_progress(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_job_that_hangs_is_left),
+        cmocka_unit_test(test_a_process_ends_although_its_job_hangs),
         cmocka_unit_test(test_a_silent_job_has_progress),
     };
     return cmocka_run_group_tests_name("watch", tests, NULL, NULL);

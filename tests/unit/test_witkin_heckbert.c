@@ -64,7 +64,7 @@ static double energy_of(const few *f, size_t i)
     return sum;
 }
 
-static void the_push_is_the_energys_descent(void **state)
+static void displacement_follows_the_energy_gradient(void **state)
 {
     (void)state;
     const double step = 1e-5;
@@ -81,7 +81,7 @@ static void the_push_is_the_energys_descent(void **state)
     }
 }
 
-static void the_growth_is_the_energys_derivative(void **state)
+static void radius_growth_is_the_derivative_of_the_energy(void **state)
 {
     (void)state;
     const double step = 1e-5;
@@ -269,7 +269,7 @@ static double contrast(const solved *x)
     return high / low;
 }
 
-static void varied_targets_never_come_to_rest(void **state)
+static void varied_targets_never_converge(void **state)
 {
     (void)state;
     const double d[] = {1, 3};
@@ -369,7 +369,7 @@ static void creases_and_rims_hold(void **state)
     }
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = varied_targets(&defaults, 2);
@@ -385,7 +385,7 @@ static void threads_do_not_show(void **state)
 }
 
 /* Of the particles' own Gaussians, as their mean in the report. */
-static void energies_of_points_have_the_mean_that_is_told(void **state)
+static void energies_of_points_have_the_reported_mean(void **state)
 {
     (void)state;
     solver_params params = varied_targets(&defaults, 2);
@@ -415,17 +415,17 @@ static void tiny_counts_work(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_push_is_the_energys_descent),
-        cmocka_unit_test(the_growth_is_the_energys_derivative),
+        cmocka_unit_test(displacement_follows_the_energy_gradient),
+        cmocka_unit_test(radius_growth_is_the_derivative_of_the_energy),
         cmocka_unit_test(radii_make_energies_follow_their_feedback),
         cmocka_unit_test(a_lattice_of_that_packing_has_the_desired_energy),
         cmocka_unit_test(even_targets_give_an_even_sphere),
-        cmocka_unit_test(varied_targets_never_come_to_rest),
+        cmocka_unit_test(varied_targets_never_converge),
         cmocka_unit_test(hysteresis_ends_the_cycle_and_the_contrast),
         cmocka_unit_test(the_size_of_a_surface_does_not_matter),
         cmocka_unit_test(creases_and_rims_hold),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(energies_of_points_have_the_mean_that_is_told),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(energies_of_points_have_the_reported_mean),
         cmocka_unit_test(tiny_counts_work),
     };
     return cmocka_run_group_tests_name("witkin_heckbert", tests, NULL, NULL);
