@@ -1,5 +1,6 @@
-/* B-splines: against the sum over their basis functions, derivatives against finite differences and across
- * knots, the convention of knots, which faces are open, areas. */
+/* B-splines against the sum of their basis functions, derivatives against finite differences and across knots, the
+ * convention of knots, open faces, areas.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,7 +24,7 @@ typedef struct fixture {
 
 static const bbox oblong = {{-1, 2, 0.5}, {3, 3, 4}};
 
-/* Where coefficient number i of an axis stands: the knots' convention of the header, once more. */
+/* The position of coefficient i of an axis by the convention of knots in the header. */
 static double place(int axis, int i)
 {
     const int dims[3] = {NX, NY, NZ};
@@ -224,7 +225,7 @@ static void cells_have_corners_of_both_signs(void **state)
         }
         assert_in_range(inside, 1, 7);
     }
-    /* none is missing: the bound by coefficients drops no block with a crossing */
+    /* no cell is missing: the bound by coefficients drops no block with a crossing */
     for (int64_t n = 0; n < b->grid.cells[0] * b->grid.cells[1] * b->grid.cells[2]; n++) {
         int64_t at[3] = {n % b->grid.cells[0], n / b->grid.cells[0] % b->grid.cells[1],
                          n / b->grid.cells[0] / b->grid.cells[1]};

@@ -1,5 +1,6 @@
-/* Coefficient blocks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
- * as hidden_crossing says of many cells at once. */
+/* Coefficient blocks that are made at the first access equal those that are made in advance. Their flat cells equal
+ * those that hidden_crossing finds for many cells at once.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -105,7 +106,7 @@ static void blocks_built_on_first_access_equal_those_built_at_once(void **state)
     assert_int_equal(coefficient_blocks_capacity(1000000, 900000), 1000000);
 }
 
-/* Differences along an axis: at most two, so that nothing is rounded otherwise than in hidden_crossing.c. */
+/* Differences along at most two axes, so that rounding equals that of hidden_crossing.c. */
 static float change(const float *c, const int at[3], int axis, int then)
 {
     static const int step[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
@@ -114,7 +115,7 @@ static float change(const float *c, const int at[3], int axis, int then)
     return (p[step[axis] + step[then]] - p[step[then]]) - (p[step[axis]] - p[0]);
 }
 
-/* How much F bends in a cell, difference by difference. */
+/* The bend of F in a cell, one difference at a time. */
 static field_bend bend_of_cell(const float *first, double aspect)
 {
     double slope2 = 0, bend = 0;
@@ -138,8 +139,8 @@ static field_bend bend_of_cell(const float *first, double aspect)
                                                                            : FIELD_BENT;
 }
 
-/* Of a block with a bent plane, and noise here and there: cells that are all but flat, or all but not. Adds those that are flat, and
- * that are gentle. */
+/* Blocks with a bent plane and local noise: cells that are nearly flat, or nearly not. Adds the numbers of flat and
+ * of gentle cells. */
 static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, size_t *gentle)
 {
     float coefficients[COEFFICIENT_BLOCK_SIZE];
@@ -147,7 +148,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
     const coefficient_blocks b = {.map = map, .memory = coefficients, .capacity = 1};
     const double bend = 0.01 * rng_uniform(r), noise = 0.003 * rng_uniform(r), aspect = 1 + rng_uniform(r);
     const vec3 slope = {rng_uniform(r) - 0.5, rng_uniform(r) - 0.5, rng_uniform(r) - 0.5};
-    const int wild = (int)(COEFFICIENT_BLOCK_SIZE * rng_uniform(r)); /* noise from here on */
+    const int wild = (int)(COEFFICIENT_BLOCK_SIZE * rng_uniform(r)); /* noise begins here */
     for (int k = 0; k < COEFFICIENT_BLOCK_SIZE; k++) {
         const vec3 p = {k / COEFFICIENT_BLOCK_SLAB, k / COEFFICIENT_BLOCK_SIDE % COEFFICIENT_BLOCK_SIDE,
                         k % COEFFICIENT_BLOCK_SIDE};
@@ -167,7 +168,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
         cells++;
         bent += bends[k] == FIELD_BENT;
     }
-    const bool is_gentle = 100 * bent <= cells; /* but for one cell in a hundred */
+    const bool is_gentle = 100 * bent <= cells; /* at most one cell in a hundred is bent */
     assert_true(hidden_crossing_find(&b, (const int64_t[]){0, 0, 0}, aspect, pool, crossed, &found, &e));
     for (int k = 0; k < 512; k++) {
         const bool is_asked = asked[k >> 3] >> (k & 7) & 1;
@@ -190,7 +191,7 @@ static void cells_are_flat_one_by_one_or_together(void **state)
     threads *pool = threads_new(1, NULL, &e);
     assert_true(pool && block_map_init(&map, 0, &e) && block_map_find_or_add(&map, 0, 0, 0, NULL, &e));
     for (int round = 0; round < 500; round++) check_bends(&r, &map, pool, &flat, &gentle);
-    assert_in_range(flat, 500 * 512 / 100, 500 * 512 / 4 - 500 * 512 / 100); /* a fourth is asked for */
+    assert_in_range(flat, 500 * 512 / 100, 500 * 512 / 4 - 500 * 512 / 100); /* a fourth is requested */
     assert_true(gentle > 1000);
     block_map_free(&map);
     threads_free(pool);

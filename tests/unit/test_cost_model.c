@@ -1,4 +1,4 @@
-/* pace: against jobs whose cost is known. */
+/* cost_model: against jobs of known cost. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,7 +9,7 @@
 #include "base/rng.h"
 #include "run/cost_model.h"
 
-/* Seconds of a run: a part of its own, and a power of the count, more or less. */
+/* Seconds of a run: a constant part and a power of the count, with noise. */
 typedef struct cost {
     double fixed, each, power, noise;
 } cost;
@@ -19,7 +19,7 @@ static double cost_of(const cost *c, size_t count, rng *r)
     return c->fixed + c->each * pow((double)count, c->power) * (1 + c->noise * (2 * rng_uniform(r) - 1));
 }
 
-/* Time spent on runs, the last included, and the largest count that fitted. */
+/* Time spent on runs, including the last one, and the largest count that fitted. */
 static double spend(const cost *c, double budget, size_t most, rng *r, size_t *reached)
 {
     cost_model p = cost_model_begin(most);
@@ -47,14 +47,14 @@ static void most_of_the_time_is_used(void **state)
             size_t reached;
             double spent = spend(&costs[k], budget, SIZE_MAX, &r, &reached);
             if (spent < 0.5 * budget || spent > budget) fail_msg("cost %zu: %g of %g s", k, spent, budget);
-            /* no count less than half of the best that a run of the whole time would have */
+            /* at least about a third of the best count of a single run with the whole time */
             double best = pow((budget - costs[k].fixed) / costs[k].each, 1 / costs[k].power);
             if ((double)reached < 0.35 * best)
                 fail_msg("cost %zu: %zu of %g in %g s", k, reached, best, budget);
         }
 }
 
-/* A run that varies by a tenth either way fits all the same. */
+/* A run time that varies by a tenth still fits. */
 static void varying_run_times_stay_within_the_time(void **state)
 {
     (void)state;
@@ -91,7 +91,7 @@ static void no_count_fits_into_zero_time(void **state)
     assert_int_equal(cost_model_next(&p, 0), 0);
     assert_int_equal(cost_model_next(&p, -1), 0);
     assert_int_equal(cost_model_next(&p, 1), 0);
-    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* faster than the clock ticks */
+    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* shorter than the resolution of the clock */
     assert_true(cost_model_next(&p, 1) > COST_MODEL_FIRST);
 }
 

@@ -47,7 +47,7 @@ static void torus_has_a_convex_and_a_saddle_equator(void **state)
     analytic_free(a);
 }
 
-/* Curvature belongs to the surface: it does not change when F is scaled or composed. */
+/* Curvature is a property of the surface: it does not change if F is scaled or composed. */
 static void scale_of_f_does_not_matter(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Independent sets: every point is in one set, and never with a neighbour. */
+/* Independent sets: every point is in one set, and no set contains two neighbours. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -18,7 +18,7 @@ typedef struct fixture {
     neighbours *near;
 } fixture;
 
-/* Points on a bumpy sheet, crowded in places, of sizes up to `widest` to 1. */
+/* Points on a bumpy surface, partly over-dense, with sizes in a ratio of up to `widest` : 1. */
 static void set_up(fixture *f, int thread_count, double widest)
 {
     static vec3 x[COUNT];

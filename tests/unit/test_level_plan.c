@@ -1,4 +1,4 @@
-/* Plans of counts: what refining gives is what the next level wants. */
+/* Plans of counts: refinement gives the planned count of the next level. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,11 +21,11 @@ static void corrected_plans_match_the_refined_counts(void **state)
             double before = (double)plan.particles[0], n = before, b = rim;
             level_plan_correct(&plan, (size_t)(3 * (n - euler) - b), (size_t)rim);
             n = (double)plan.particles[0];
-            b = rim * sqrt(n / before); /* the rim has the same length */
+            b = rim * sqrt(n / before); /* the boundary has the same length */
             for (int k = 1; k < 4; k++) {
                 n += 3 * (n - euler) - b;
                 b *= 2;
-                /* what was rounded up is refined with the rest, and the rim's share was rounded */
+                /* rounding is refined with the rest, and the share of the boundary was rounded */
                 if (fabs(n - (double)plan.particles[k]) > 5 + 0.1 * rim)
                     fail_msg("euler %d rim %d: level %d gets %g of %zu", euler, rim, k, n, plan.particles[k]);
                 n = (double)plan.particles[k];
@@ -33,7 +33,7 @@ static void corrected_plans_match_the_refined_counts(void **state)
         }
 }
 
-/* Where the edges say nothing the plan stays near what is usual. */
+/* If the edges give no information, the plan stays near the usual counts. */
 static void plans_with_invalid_edge_counts_are_bounded(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Meshes as fields of patches: zero on their triangles, with normals and curvatures of what they stand for. */
+/* Meshes as fields of patches: zero on their triangles, with the normals and curvatures of the approximated surface. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,7 +35,7 @@ static mesh_surface *make(mesh m, double angle, double longest)
     return s;
 }
 
-/* The square of the distance from some triangles. */
+/* The squared distance from some triangles. */
 static double distance2_from(const mesh *m, size_t first, size_t end, vec3 x)
 {
     double best = INFINITY;
@@ -53,7 +53,7 @@ static double distance_from(const mesh_surface *s, vec3 x)
     return sqrt(distance2_from(m, 0, m->triangle_count, x));
 }
 
-/* A place of some cell, moved by up to `off` every way. */
+/* A place in a random cell, displaced by up to `off` along each axis. */
 static vec3 place_near(const field *f, double off, uint64_t *seed, size_t *cell)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];
@@ -66,7 +66,7 @@ static vec3 place_near(const field *f, double off, uint64_t *seed, size_t *cell)
     return x;
 }
 
-/* Newton's method from beside the mesh ends on it, in few steps. */
+/* Newton's method from a place near the mesh converges to it in few steps. */
 static void assert_newton_ends_on_mesh(mesh_surface *s, double off)
 {
     const field *f = mesh_surface_field(s);
@@ -103,7 +103,7 @@ static void test_newton_ends_on_mesh(void **state)
     mesh_surface_free(s);
 }
 
-/* Places in lanes, each by a hint of the one before or by none, are told as one by one. */
+/* Places in lanes, with the hint of the previous one or without a hint, give the results of single samples. */
 static void test_lanes_of_patches_equal_single_samples(void **state)
 {
     (void)state;
@@ -140,12 +140,12 @@ static void test_lanes_of_patches_equal_single_samples(void **state)
             x[l] = vec3_axpy(-one.value, one.gradient, x[l]);
         }
     }
-    assert_int_equal(hint[0], FIELD_NO_HINT); /* of no place */
+    assert_int_equal(hint[0], FIELD_NO_HINT); /* its place is undefined */
     mesh_surface_free(s);
 }
 
-/* Of a ball of triangles: F the distance from it, and normals and curvatures those of the sphere, but for the
- * triangles' size. */
+/* A ball of triangles: F is the distance from it, and normals and curvatures are those of the sphere, to the size of
+ * the triangles. */
 static void test_ball(void **state)
 {
     (void)state;
@@ -171,7 +171,8 @@ static void test_ball(void **state)
     mesh_surface_free(s);
 }
 
-/* Blocks that touch, so that many places are as near to two patches: the whole is what the first of the nearest is. */
+/* Touching blocks, so that many places have the same distance from two patches: the whole field equals the first of
+ * the nearest patches. */
 static void test_the_whole_field_equals_the_nearest_patch(void **state)
 {
     (void)state;
@@ -220,7 +221,7 @@ static vec3 flat(double u, double v)
     return vec3_make(u, v, 0);
 }
 
-/* Beyond its rim a sheet goes on, but not within. */
+/* A surface is extrapolated beyond its boundary, but not within. */
 static void test_a_patch_is_extrapolated_beyond_its_boundary(void **state)
 {
     (void)state;
@@ -240,7 +241,7 @@ static void test_a_patch_is_extrapolated_beyond_its_boundary(void **state)
     mesh_surface_free(s);
 }
 
-/* Cells add up to the mesh, keep to their size, and are of the patch of their triangle. */
+/* The cells add up to the mesh, do not exceed their size, and belong to the patch of their triangle. */
 static void test_cells(void **state)
 {
     (void)state;
@@ -267,7 +268,7 @@ static void test_cells(void **state)
     mesh_surface_free(s);
 }
 
-/* A spacing that is far too small is refused before memory is out. */
+/* A spacing that is far too small is refused before memory is exhausted. */
 static void test_a_spacing_beyond_memory_is_refused(void **state)
 {
     (void)state;
@@ -282,7 +283,7 @@ static void test_a_spacing_beyond_memory_is_refused(void **state)
     }
 }
 
-/* Those of one patch, where cubes hold several: what a walk along all of them finds, in its order. */
+/* The elements of one patch in cubes with several patches: those of a walk along all of them, in the same order. */
 static void test_elements_of_a_patch(void **state)
 {
     (void)state;
@@ -318,8 +319,8 @@ static void test_elements_of_a_patch(void **state)
     mesh_surface_free(s);
 }
 
-/* Two flat pyramids back to back, of eight triangles: the normals between their corners turn over whole faces, so that near
- * the edge they face aside. The medial axis is the base between them. */
+/* Two flat pyramids with a common base, of eight triangles. Interpolated normals would rotate over whole faces and
+ * be oblique near the edge. The medial axis is the common base. */
 static void test_feature_sizes_use_face_normals(void **state)
 {
     (void)state;
@@ -470,7 +471,8 @@ static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
     mesh_surface_free(s);
 }
 
-/* Patches are refined where they bend: along their curves they still have the same sides, and the area stays. */
+/* Patches are refined where they are curved. They still share the same sides along their curves, and the area is
+ * unchanged. */
 static void test_refined_patches_meet(void **state)
 {
     (void)state;

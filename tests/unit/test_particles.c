@@ -1,4 +1,4 @@
-/* Particles: one index is one particle, whatever is copied, arranged or grown. */
+/* Particles: an index denotes one particle in all arrays, after copying, permuting and growing. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -13,7 +13,7 @@
 
 enum { COUNT = 1000 };
 
-/* Every array of particle i holds a number of its own. */
+/* Sets every array of particle i to a distinct number. */
 static void fill(particles *p, size_t i)
 {
     double v = (double)i + 1;
@@ -61,7 +61,7 @@ static void test_new_particles_have_unit_amplitude_and_size(void **state)
     particles_free(p);
 }
 
-/* Even ones have no arrays of ones until they are asked for; they grow and are copied as others. */
+/* Uniform particles have no arrays of ones until these are requested. They grow and are copied like other particles. */
 static void test_uniform_particles_have_no_arrays_of_ones(void **state)
 {
     (void)state;

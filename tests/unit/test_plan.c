@@ -1,4 +1,4 @@
-/* plan: how many points a target comes to, and what memory they take. */
+/* plan: the number of points of a target, and their memory. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,7 +32,7 @@ static void targets_come_to_a_count(void **state)
     spec support = {.has_control = true};
     support.control.min_count = 4;
     support.control.max_sigma = 1.0001 * packing_support(packing_spacing(AREA, 1000));
-    assert_int_equal(count_of(&support), 1000); /* the least count that keeps the bound */
+    assert_int_equal(count_of(&support), 1000); /* the smallest count within the bound */
     support.control.min_count = 2000;
     assert_int_equal(count_of(&support), 2000);
 }
@@ -50,7 +50,7 @@ static void a_count_out_of_range_names_its_target(void **state)
     assert_int_equal(count, 7);
 }
 
-/* The number in a message after these words. */
+/* The number in a message that follows these words. */
 static double number_after(const char *message, const char *words)
 {
     const char *at = strstr(message, words);
@@ -58,7 +58,7 @@ static double number_after(const char *message, const char *words)
     return strtod(at + strlen(words), NULL);
 }
 
-/* The value that the message recommends gives a count that is allowed, near the bound. */
+/* The value that the message recommends gives a permitted count near the bound. */
 static void a_count_out_of_range_recommends_a_value_that_is_accepted(void **state)
 {
     (void)state;
@@ -124,7 +124,7 @@ static void memory_includes_defect_repair(void **state)
     assert_true(plan_bytes_per_particle(&other, false) == plan_bytes_per_particle(&plain, false));
 }
 
-/* Where patches are asked for, of one spacing. */
+/* If patches with a uniform spacing are requested. */
 static void defects_of_patches_are_repaired(void **state)
 {
     (void)state;
@@ -140,7 +140,7 @@ static void defects_of_patches_are_repaired(void **state)
                 plan_repairs_defects(&formula));
     assert_false(plan_repairs_defects(&rows) || plan_repairs_defects(&resolved) ||
                  plan_repairs_defects(&in_time) || plan_repairs_defects(&plain));
-    /* for a pass that is never made no memory is set aside */
+    /* no memory is reserved for a pass that is not made */
     assert_true(plan_bytes_per_particle(&many, false) == plan_bytes_per_particle(&plain, false));
 }
 

@@ -15,7 +15,7 @@
 #include "shapes.h"
 
 enum { MOST = 900, SIDES = 3 };
-/* As sites.h has it; written out, since the test shares no code with the order. */
+/* As in sites.h; repeated, since the test shares no code with the order. */
 static const double OPPOSITE = -0.4;
 
 typedef struct cloud {
@@ -39,7 +39,7 @@ static void add(cloud *c, vec3 x, vec3 n, double h, uint32_t piece)
     c->side[i][c->sides[i]++] = n;
 }
 
-/* The further copies follow all points. */
+/* Further copies follow all points. */
 static void add_copy(cloud *c, size_t point, vec3 normal)
 {
     if (c->copies < c->count) {
@@ -65,9 +65,9 @@ static void find(const cloud *c, uint32_t *order)
     if (!progressive_order(&in, NULL, order, &e)) fail_msg("%s", e.message);
 }
 
-/* ---- truth */
+/* ---- computation over all pairs */
 
-/* Of one piece, and a normal of each do not face apart. */
+/* Whether the points belong to one component and have normals that are not opposite. */
 static bool are_near(const cloud *c, size_t i, size_t j)
 {
     bool alike = false;
@@ -86,7 +86,7 @@ static double distance(const cloud *c, size_t i, size_t j)
     return are_near(c, i, j) ? far : PROGRESSIVE_ORDER_APART * far;
 }
 
-/* Each point comes once, and is as far from the points before it as any point of the rest. */
+/* Each point occurs once. Its distance from the points before it is at least that of any later point. */
 static void check(const cloud *c)
 {
     static uint32_t order[MOST];
@@ -138,7 +138,7 @@ static void graded_spacings_count_by_their_mean(void **state)
     check(&c);
 }
 
-/* Two walls, two pieces, points on creases, coincident points, and a one-sided piece. */
+/* Two walls, two components, points on creases, coincident points, and a one-sided surface. */
 static void walls_pieces_and_creases_are_treated_as_by_the_measures(void **state)
 {
     (void)state;
@@ -178,7 +178,8 @@ static void few_points_are_ordered_too(void **state)
     }
 }
 
-/* The walls of a plate much thinner than the spacing have nearly as many points each in every prefix, and neither wall has a hole. */
+/* In every prefix the walls of a plate much thinner than the spacing have nearly equal numbers of points, and
+ * neither wall has a hole. */
 static void a_prefix_covers_both_walls_of_a_thin_plate(void **state)
 {
     (void)state;

@@ -227,8 +227,8 @@ static void test_pause_and_resume(void **state)
     claim(p, NULL);
     assert_int_equal(apply_command(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
     int attempt = claim(p, id);
-    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true),
-                     QUEUE_RUNNING); /* the running attempt continues */
+    /* the running attempt continues */
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING);
     assert_true(requeue(p, id, attempt, true, 0, &crash));
     expect_state(p, id, QUEUE_PAUSED);
     claim(p, NULL);

@@ -1,4 +1,4 @@
-/* Whether points resolve their surface: hexagonal lattices, one above another or bent, with known answers. */
+/* Whether points resolve their surface: hexagonal lattices, opposite or bent, with known results. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,7 @@
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE, MOST = 2 * LATTICE + 1 };
 
-/* A lattice of spacing 1 that is open at its outline, and points below it that face downwards. */
+/* A lattice of spacing 1 that is open at its outline, and points below it with opposite normals. */
 typedef struct scene {
     vec3 position[MOST], normal[MOST];
     double spacing[MOST];
@@ -37,7 +37,7 @@ static scene *make_scene(void)
     return s;
 }
 
-/* The first `rows` rows of the opposite wall, `gap` below. */
+/* Adds the first `rows` rows of the opposite wall, `gap` below. */
 static void add_wall(scene *s, double gap, int rows)
 {
     for (int k = 0; k < rows * SIDE; k++) {
@@ -81,7 +81,7 @@ static void walls_closer_than_the_limit_are_ordered_but_unresolved(void **state)
     assert_true(far.resolved == 1 && far.hex == 1);
 }
 
-/* Half of the lattice has an opposite wall. Points with an unresolved neighbour are not resolved either. */
+/* Half of the lattice has an opposite wall. Points with an unresolved neighbour are unresolved, too. */
 static void a_wall_below_a_half_leaves_the_other_half_resolved(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Distances from groups of triangles are those from each triangle. */
+/* Distances from groups of triangles equal the distances from each triangle. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -50,7 +50,8 @@ static void assert_block(const triangle_groups *g, const int32_t origin[3], doub
     }
 }
 
-/* Few and many triangles, small and large beside the voxels, on planes of voxels and off them, in narrow and wide bands. */
+/* Few and many triangles, small and large compared with the voxels, on planes of voxels and off them, in narrow and
+ * wide bands. */
 static void voxels_are_as_far_as_the_nearest_triangle(void **state)
 {
     (void)state;
@@ -75,7 +76,7 @@ static void voxels_are_as_far_as_the_nearest_triangle(void **state)
     }
 }
 
-/* Triangles of all sizes and shapes, slivers and points among them. */
+/* Triangles of all sizes and shapes, including slivers and points. */
 static void distances_from_disconnected_triangles_are_exact(void **state)
 {
     (void)state;
@@ -98,7 +99,7 @@ static void distances_from_disconnected_triangles_are_exact(void **state)
     }
 }
 
-/* Every triangle is in one group, of its own solid, and what is said of the group holds for it. */
+/* Every triangle is in one group of its own solid, and the properties of the group hold for it. */
 static void groups_contain_their_triangles(void **state)
 {
     (void)state;

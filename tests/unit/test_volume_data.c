@@ -1,5 +1,6 @@
-/* Real files: every volume of the shared data, and every hostile one, gives its points or its error.
- * Where the data are absent nothing is tested, and that is said. */
+/* Real files: every volume of the shared data, and every hostile one, gives its points or its error. If the data are
+ * missing, the tests are skipped with a message.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -25,7 +26,7 @@ typedef struct expectation {
     double isovalue;        /* NAN: none is given */
     error_code code;        /* ERROR_NONE: it opens */
     const char *word;       /* in the error's message */
-    double least_projected; /* share of cells from which Newton reaches the surface */
+    double least_projected; /* fraction of the cells from which Newton's method reaches the surface */
 } expectation;
 
 static const expectation vdb_files[] = {
@@ -131,7 +132,7 @@ static void hostile_volumes(void **state)
     (void)state;
     static const expectation lfs = {"git_lfs_pointer.vdb", NULL, NAN, ERROR_INPUT_DAMAGED, "git lfs pull", 0};
     static const expectation cut = {"truncated.vdb", NULL, 0.5, ERROR_INPUT_DAMAGED, "truncated", 0};
-    /* Their bounding boxes are metadata, which nothing here believes; none of them holds a voxel. */
+    /* Their bounding boxes are metadata, which are ignored; none of the files has a voxel. */
     static const char *const boxes[] = {"bad-bbox-bomb.vdb",     "bad-bbox-huge.vdb",
                                         "bad-bbox-inverted.vdb", "bad-bbox-overflow.vdb",
                                         "bad-bbox-roundup.vdb",  "bad-bbox-empty.vdb"};
