@@ -23,14 +23,14 @@ typedef struct restricted_voronoi {
     double *area;       /* of the cell of each point */
     voronoi_side *side; /* each pair of cells once, in a fixed order */
     size_t side_count;
-    double *
-        farthest; /* of each patch: the largest distance of a place from its nearest point, over that point's spacing */
+    /* of each patch: the largest distance of a place from its nearest point, over that point's spacing */
+    double *farthest;
     double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
 } restricted_voronoi;
 
 /* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory, cancelled. */
 bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
                               error *e);
-void restricted_voronoi_free(restricted_voronoi *v); /* a zeroed one will do */
+void restricted_voronoi_free(restricted_voronoi *v); /* accepts a zeroed object */
 
 #endif
