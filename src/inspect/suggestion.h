@@ -10,10 +10,10 @@
 /* Opens and scans a surface. `shape`: the object `surface` of a spec; suggestion_append frees it. `voxels`: the
  * number that is read for each surface of the list. The amount of work is limited by numbers of voxels and cells,
  * never by time. Appends to `list`
- *      cells                number of cells that the surface crosses; null: it was not opened, since too many voxels had
- *                           been read
- *      measured             false: too many cells for a scan; then `area` is an estimate or null, and the next members are
- *                           null
+ *      cells                number of cells that the surface crosses; null: it was not opened, since too many voxels
+ *                           had been read
+ *      measured             false: too many cells for a scan; then `area` is an estimate or null, and the next members
+ *                           are null
  *      area, bounding_box   of the surface
  *      count, spacing       that resolve the surface; count null: no permitted count does
  *      slope                mean length of the gradient: 1 if values are distances in world units

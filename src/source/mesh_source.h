@@ -12,13 +12,13 @@
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;
-    /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: one-sided patches are
-     * permitted */
+    /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: it may be opened as
+     * patches */
     bool alone;
     bool as_level_set; /* a closed mesh is sampled through a level set, unless its features are requested */
     bool resolve;
-    const double (*to_world)[4]; /* transform of the mesh, if it is one of several patches; or NULL */
-    const bbox *region;          /* box to which the mesh is cut, if it is one of several patches; or NULL */
+    const double (*to_world)[4]; /* transform that is applied to patches; or NULL */
+    const bbox *region;          /* box to which patches are cut; or NULL */
     bool may_move; /* a mesh far from the origin is opened relative to a place near its middle */
     int fd;        /* the file */
     volume_mesh_request as_volume;
