@@ -1,9 +1,10 @@
 /* block_map: a sparse set of blocks of 8^3 voxels, numbered in the order in which they were added.
  *
- * The coordinates of a block are the coordinates of its lowest voxel divided by 8; any int32 is valid. A node holds the numbers of 4^3 blocks. A
- * hash table with open addressing holds the nodes: a surface crosses few of them, so that the table stays in the cache.
- * Complexity for n blocks: insertion O(1), amortised; search O(1); memory block_map_bytes(n).
- * Blocks are never removed. Reading: any number of threads, while no block is added.
+ * The coordinates of a block are the coordinates of its lowest voxel divided by 8; any int32 is valid. A node holds
+ * the numbers of 4^3 blocks. A hash table with open addressing holds the nodes: a surface crosses few of them, so
+ * that the table stays in the cache.
+ * Complexity for n blocks: insertion O(1), amortised; search O(1); memory block_map_bytes(n). Blocks are never
+ * removed. Reading: any number of threads, while no block is added.
  */
 #ifndef HEXAD_GEOMETRY_BLOCK_MAP_H
 #define HEXAD_GEOMETRY_BLOCK_MAP_H

@@ -58,7 +58,8 @@ bool label_surface_is_ragged(const label_surface *s, double radius);
 /* The smallest side of a voxel. */
 double label_surface_voxel(const label_surface *s);
 
-/* Adds the member `labels` to the report's `surface`, and the warnings of the reader and of thin labels to `warnings`. */
+/* Adds the member `labels` to the report's `surface`, and the warnings of the reader and of thin labels to
+ * `warnings`. */
 void label_surface_describe(const label_surface *s, json *surface, json *warnings);
 
 #endif

@@ -1,4 +1,6 @@
-/* label_thinness: which labels are too thin for a regular packing of points: layers, threads and specks of one voxel. */
+/* label_thinness: which labels are too thin for a regular packing of points: layers, threads and specks of one
+ * voxel.
+ */
 #ifndef HEXAD_LABELS_LABEL_THINNESS_H
 #define HEXAD_LABELS_LABEL_THINNESS_H
 

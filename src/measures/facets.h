@@ -1,11 +1,12 @@
 /* facets: a surface as triangles in a bounding-volume hierarchy, for measures of points on it.
  *
  * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when they are
- * visited. The items are in Morton order. Each node of the hierarchy bounds the items of a range: a sphere around them,
- * and a cone that contains their normals. Both kinds of surface are therefore measured by one program, and the triangles
- * of a scan are never all in memory.
+ * visited. The items are in Morton order. Each node of the hierarchy bounds the items of a range: a sphere around
+ * them, and a cone that contains their normals. Both kinds of surface are therefore measured by one program, and the
+ * triangles of a scan are never all in memory.
  *
- * Lengths are world units of the sampled space. Immutable once built; every function is safe in any number of threads.
+ * Lengths are world units of the sampled space. Immutable once built; every function is safe in any number of
+ * threads.
  */
 #ifndef HEXAD_MEASURES_FACETS_H
 #define HEXAD_MEASURES_FACETS_H
@@ -49,8 +50,8 @@ typedef struct facets {
     double area;        /* of the surface */
     facets_node *node;  /* node 0 is the root */
     size_t node_count;
-    float (*face_normal)
-        [3]; /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound angles */
+    /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound angles */
+    float (*face_normal)[3];
 } facets;
 
 /* A triangle of the surface. */

@@ -28,7 +28,8 @@ typedef struct measures_input {
     bool sized;       /* energies use the support of each pair's spacings, not that of h */
     bool achieved;    /* no spacing is requested: amplitudes grade the points */
     const bool *kept; /* per point: given; distances between two such points are not measured. NULL: none */
-    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (solver_patch_points). */
+    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order
+     * (solver_patch_points). */
     size_t copy_count;
     const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */
     const uint32_t *copy_point;        /* NULL: copy i is point i */
@@ -63,10 +64,10 @@ typedef struct measures {
 /* Minimum share of points on walls thinner than the spacing for a note in the report. */
 #define MEASURES_THIN_SHARE 0.02
 
-/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the share of a full turn
- * that the surface has at the point; of a point without a cell the requested spacing. `degree` (count values, or NULL): the number of
- * neighbours. `farthest` (one value for each patch): the coverage of each patch. Errors: limit_memory, cancelled. Deterministic for any
- * number of threads. */
+/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the
+ * share of a full turn that the surface has at the point; of a point without a cell the requested spacing. `degree`
+ * (count values, or NULL): the number of neighbours. `farthest` (one value for each patch): the coverage of each
+ * patch. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,
                    measures *out, error *e);
 

@@ -1,12 +1,14 @@
 /* progressive_order: an order of points in which each prefix is spread evenly over the surface.
  *
- * Farthest-point order (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"): each point is the one farthest from
- * the points before it. The distance of two points is their distance in space over the mean of their spacings. Points of different pieces
- * and of opposite walls (sites.h) count as PROGRESSIVE_ORDER_APART times as far apart: the walls of a thin plate get points of their own,
- * and small pieces beside a large one do not precede the points that cover it.
+ * Farthest-point order (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"): each point is
+ * the one farthest from the points before it. The distance of two points is their distance in space over the mean of
+ * their spacings. Points of different pieces and of opposite walls (sites.h) count as PROGRESSIVE_ORDER_APART times
+ * as far apart: the walls of a thin plate get points of their own, and small pieces beside a large one do not
+ * precede the points that cover it.
  *
- * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the next one; a new point changes
- * only nodes closer to it than their farthest point is to the earlier points. The sum over all points is O(n log n) on surfaces.
+ * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the next one;
+ * a new point changes only nodes closer to it than their farthest point is to the earlier points. The sum over all
+ * points is O(n log n) on surfaces.
  */
 #ifndef HEXAD_MEASURES_PROGRESSIVE_ORDER_H
 #define HEXAD_MEASURES_PROGRESSIVE_ORDER_H
@@ -18,8 +20,8 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
-/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less even in space.
- * doc/measured/order.md has both. */
+/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less
+ * even in space. doc/measured/order.md has both. */
 #define PROGRESSIVE_ORDER_APART 3.0
 
 typedef struct progressive_order_input {
@@ -35,8 +37,8 @@ typedef struct progressive_order_input {
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
 } progressive_order_input;
 
-/* order[k]: the k-th point; order[0] is 0. Among equally far points the one with the lowest index comes first. Runs on the calling thread; the
- * pool can stop it. Errors: limit_memory, cancelled. */
+/* order[k]: the k-th point; order[0] is 0. Among equally far points the one with the lowest index comes first. Runs
+ * on the calling thread; the pool can stop it. Errors: limit_memory, cancelled. */
 bool progressive_order(const progressive_order_input *in, const threads *pool, uint32_t *order, error *e);
 
 #endif

@@ -1,9 +1,10 @@
 /* restricted_voronoi: the Voronoi diagram of points, restricted to the surface on which they lie.
  *
- * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece that are not of an opposite
- * wall, is this one. Triangles are clipped by the bisectors of the points near them (Yan, Levy, Liu, Sun and Wang 2009, "Isotropic remeshing
- * with fast and exact computation of restricted Voronoi diagram"). Those points are found by descending the hierarchy of facets: a node
- * keeps the points that can be nearest to a place in its sphere.
+ * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece that
+ * are not of an opposite wall, is this one. Triangles are clipped by the bisectors of the points near them (Yan,
+ * Levy, Liu, Sun and Wang 2009, "Isotropic remeshing with fast and exact computation of restricted Voronoi
+ * diagram"). Those points are found by descending the hierarchy of facets: a node keeps the points that can be
+ * nearest to a place in its sphere.
  */
 #ifndef HEXAD_MEASURES_RESTRICTED_VORONOI_H
 #define HEXAD_MEASURES_RESTRICTED_VORONOI_H

@@ -1,7 +1,8 @@
 /* sites: the delivered points as the measures of a surface use them.
  *
- * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on opposite walls if
- * n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's. Pure functions.
+ * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on
+ * opposite walls if n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's. Pure
+ * functions.
  */
 #ifndef HEXAD_MEASURES_SITES_H
 #define HEXAD_MEASURES_SITES_H
@@ -14,7 +15,8 @@
 #include "geometry/vec3.h"
 #include "voronoi/resolution.h"
 
-/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above it. */
+/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above
+ * it. */
 #define SITES_OPPOSITE RESOLUTION_OPPOSITE
 
 typedef struct sites {
@@ -33,7 +35,8 @@ typedef struct sites {
     const cell_list *near; /* of `position` */
 } sites;
 
-/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in their order. */
+/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in
+ * their order. */
 typedef struct sites_copies {
     size_t count;          /* of copies */
     const vec3 *normal;    /* NULL: not known */
@@ -42,8 +45,8 @@ typedef struct sites_copies {
     const uint8_t *flags;  /* of packing.h; NULL: none */
 } sites_copies;
 
-/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for each copy), and
- * normal if normals are known. */
+/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for
+ * each copy), and normal if normals are known. */
 void sites_gather(const sites_copies *copies, size_t points, uint32_t *side, vec3 *normal, bool *one_sided,
                   uint32_t *patch);
 

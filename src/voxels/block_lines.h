@@ -14,7 +14,8 @@ _Static_assert(LANES == GRID_VIEW_SIDE, "a row of a block is what one instructio
 /* Offset from a voxel to the next one along each axis. */
 static const int block_stride[3] = {64, 8, 1};
 
-/* Prefetches the voxels of the next block: blocks are scattered in memory, which a hardware prefetcher cannot predict. */
+/* Prefetches the voxels of the next block: blocks are scattered in memory, which a hardware prefetcher cannot
+ * predict. */
 ISA_INLINE void block_fetch(const float *f)
 {
 #pragma GCC unroll 8

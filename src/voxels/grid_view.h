@@ -58,7 +58,8 @@ typedef struct grid_view_block {
 /* Results do not depend on the pool, which may be NULL. Errors: limit_memory, input_damaged, cancelled. */
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e);
-/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same time. */
+/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same
+ * time. */
 enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 
