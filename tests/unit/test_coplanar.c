@@ -139,9 +139,9 @@ static void overlapping_open_faces_are_kept_once(void **state)
     assert_true(unfinished <= 5);
 }
 
-/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut there leaves a triangle
- * whose blunt corner is the second one; the shared corner is within rounding of the side beyond. A cut there would give the flat triangle
- * back. The third triangle only sets the size of coordinates. */
+/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut
+ * there leaves a triangle whose blunt corner is the second one; the shared corner is within rounding of the side
+ * beyond. A cut there would give the flat triangle back. The third triangle only sets the size of coordinates. */
 static void cuts_beside_a_blunt_corner_end(void **state)
 {
     (void)state;

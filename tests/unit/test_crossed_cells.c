@@ -1,4 +1,4 @@
-/* crossed_cells: whether each cell comes back with its place, its block and F at its corners, whatever cells there are. */
+/* crossed_cells: each cell is returned with its place, its block and F at its corners, for any set of cells. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

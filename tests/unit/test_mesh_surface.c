@@ -375,7 +375,7 @@ static void assert_same_sample(const field_sample *a, const field_sample *b)
                 1e-12 * size);
 }
 
-/* Of a surface whose sheets are far apart: what a field tells with a hint, of whatever place, is what it tells without. */
+/* On a surface whose sheets are far apart, the samples of the field do not depend on the hint. */
 static void assert_hints_change_nothing(mesh_surface *s, double off)
 {
     const field *f = mesh_surface_field(s);
@@ -420,7 +420,8 @@ static void test_hints_do_not_change_results(void **state)
     assert_hints_change_nothing(make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2), 0.05);
 }
 
-/* Between two sheets of a patch, nearer to the other one, a hint keeps to its own; without a hint the nearest is told. */
+/* Between two sheets of a patch, a sample with a hint is of the sheet of the hint, also if the other one is nearer;
+ * without a hint it is of the nearest sheet. */
 static void test_a_hint_stays_on_its_side_of_a_fold(void **state)
 {
     (void)state;
@@ -442,8 +443,8 @@ static vec3 level(double u, double v)
     return vec3_make(u, v, 0);
 }
 
-/* A vertex of a level sheet is moved beyond its neighbours, so that triangles are turned over: normals there are still those of the
- * sheet around them, and not of an opposite wall. */
+/* A vertex of a level sheet is moved beyond its neighbours, which reverses triangles. The normals at these triangles
+ * remain those of the sheet around them. */
 static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
 {
     (void)state;

@@ -1,4 +1,6 @@
-/* Surfaces of patches that meet in curves, from the start to the triangles: flat faces, whose curves and corners are known. */
+/* Surfaces of patches that meet in curves, from the random start to the triangles. The faces are flat, so that curves
+ * and corners are known.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,6 @@
-/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods, opposite walls,
- * uniform and varying spacing. */
+/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods,
+ * opposite walls, uniform and varying spacing.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
