@@ -68,14 +68,14 @@ static address read_node(const char *text)
 }
 
 /* Parses "for=..." or another parameter. An element has at most one "for". */
-static bool read_pair(const char **at, address *from, bool *told)
+static bool read_pair(const char **at, address *from, bool *has_for)
 {
     char name[WORD_SIZE], value[WORD_SIZE];
     if (!read_token(at, name) || *(*at)++ != '=') return false;
     if (!(**at == '"' ? read_quoted(at, value) : read_token(at, value))) return false;
     if (strcasecmp(name, "for") != 0) return true;
-    if (*told) return false;
-    *told = true;
+    if (*has_for) return false;
+    *has_for = true;
     *from = read_node(value);
     return true;
 }
@@ -83,12 +83,12 @@ static bool read_pair(const char **at, address *from, bool *told)
 /* Parses the element of one proxy: pairs separated by semicolons. */
 static bool read_element(const char **at, hops *h)
 {
-    bool told = false;
+    bool has_for = false;
     address from = {0};
     if (h->count == MOST_HOPS) return false;
     do {
         *at += **at == ';';
-        if (!read_pair(at, &from, &told)) return false;
+        if (!read_pair(at, &from, &has_for)) return false;
     } while (**at == ';');
     h->from[h->count++] = from;
     return true;
