@@ -28,7 +28,7 @@ typedef enum field_order { FIELD_GRADIENT = 1, FIELD_HESSIAN = 2 } field_order;
 typedef struct field_sample {
     double value;  /* F */
     vec3 gradient; /* grad F, per world unit */
-    sym3 hessian;  /* second derivatives; untouched with FIELD_GRADIENT */
+    sym3 hessian;  /* second derivatives; unchanged with FIELD_GRADIENT */
 } field_sample;
 
 /* The largest second difference of F over the edges of a cell, divided by its slope along the longest edge. FLAT: at

@@ -74,7 +74,7 @@ void grid_view_around(const grid_view *l, const int32_t block[3], grid_view_bloc
 /* F of all 512 voxels; `f` may be the leaf's own values. */
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 
-/* The signs of any block. `constant` is filled in and returned where there is no leaf. */
+/* Returns the signs of a block. For a constant block they are written to *constant, which is returned. */
 const grid_view_signs *grid_view_find_signs(const grid_view *l, grid_view_block b, grid_view_signs *constant);
 
 #endif
