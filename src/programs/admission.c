@@ -457,7 +457,7 @@ static void tell_reach(const change *w)
                 " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
                 prefix, w->name, closed, (unsigned)mode, w->socket);
     else
-        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", who, w->name, w->socket);
+        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", prefix, w->name, w->socket);
     free(closed);
 }
 
