@@ -28,7 +28,7 @@ typedef struct view {
     engine_attempt *a;
     char *directory;
     bool waits; /* it is not submitted */
-    bool refused, cancelled, forced, told;
+    bool refused, cancelled, forced, notified;
     slurm_task task; /* as reported by Slurm */
     bool began, taken, late;
     int64_t over_ms, stopped_ms, offset;
@@ -79,7 +79,7 @@ static view take_view(const slurm *s, engine_attempt *a)
               .refused = a->refused,
               .cancelled = a->cancelled,
               .forced = a->forced,
-              .told = a->told,
+              .notified = a->notified,
               .began = a->began_ms != INT64_MAX,
               .taken = a->taken,
               .late = a->late,
@@ -255,9 +255,9 @@ static void follow_cancel(view *v)
     attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
         end_lost(v, ENGINE_GIVEN_BACK, "its worker had not started");
-    } else if (!v->told && attempt_files_cancel(v->directory, &e)) {
+    } else if (!v->notified && attempt_files_cancel(v->directory, &e)) {
         pthread_mutex_lock(&v->a->place->mutex);
-        v->a->told = true;
+        v->a->notified = true;
         pthread_mutex_unlock(&v->a->place->mutex);
     } else if (v->forced) {
         end_lost(v, ENGINE_INTERRUPTED, "it was abandoned while its worker may still have run");

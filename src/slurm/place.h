@@ -51,18 +51,18 @@ struct engine_attempt {
     char *name, *directory, *out;
     /* options of sbatch, one per line; attempts with equal options may be submitted together */
     char *needs;
-    double timeout_s;             /* 0: none */
-    bool small, alone;            /* may share a task; must be submitted separately */
-    int64_t since_ms;             /* arrival, monotonic */
-    bool resumed;                 /* an earlier daemon had started it */
-    int64_t not_before_ms;        /* earliest time of the next submission, monotonic; 0: at once */
-    slurm_batch *batch;           /* NULL: not submitted */
-    size_t task;                  /* the task that has claimed it or was assigned to it */
-    bool taken;                   /* the task is known to have claimed it */
-    bool late;                    /* the task had run other attempts before */
-    bool refused;                 /* by sbatch; ending.why has the reason */
-    bool cancelled, forced, told; /* must end; must be killed; the node has been notified */
-    int64_t began_ms;             /* start of the worker, monotonic; INT64_MAX: not yet */
+    double timeout_s;                 /* 0: none */
+    bool small, alone;                /* may share a task; must be submitted separately */
+    int64_t since_ms;                 /* arrival, monotonic */
+    bool resumed;                     /* an earlier daemon had started it */
+    int64_t not_before_ms;            /* earliest time of the next submission, monotonic; 0: at once */
+    slurm_batch *batch;               /* NULL: not submitted */
+    size_t task;                      /* the task that has claimed it or was assigned to it */
+    bool taken;                       /* the task is known to have claimed it */
+    bool late;                        /* the task had run other attempts before */
+    bool refused;                     /* by sbatch; ending.why has the reason */
+    bool cancelled, forced, notified; /* must end; must be killed; the node has been notified */
+    int64_t began_ms;                 /* start of the worker, monotonic; INT64_MAX: not yet */
     /* time at which the end of its task, or of its worker, was noticed; 0: not yet */
     int64_t over_ms, stopped_ms;
     /* time since which its ending cannot be read; 0: it can be read. Used by the files thread only */

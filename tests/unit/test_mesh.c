@@ -423,7 +423,7 @@ static void clean_meshes_are_welded_once(void **state)
     error e = {0};
     for (int kind = 0; kind < 5; kind++) {
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3), usual;
-        mesh_notes notes = {0}, told = {0};
+        mesh_notes notes = {0}, weld_notes = {0};
         const uint32_t *t = m.triangle[7];
         if (kind == 1) mesh_fixture_add(&m, t[1], t[2], t[0]); /* a duplicate */
         if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* with the opposite orientation */
@@ -435,8 +435,8 @@ static void clean_meshes_are_welded_once(void **state)
         assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e));
         assert_int_equal(m.welded, kind == 0 || kind == 4);
         assert_int_equal(m.triangle_count, all);
-        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &told, &e));
-        assert_true(m.welded && told.count == notes.count && notes.count == (kind > 0 && kind < 4));
+        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &weld_notes, &e));
+        assert_true(m.welded && weld_notes.count == notes.count && notes.count == (kind > 0 && kind < 4));
         assert_same_mesh(&m, &usual);
         mesh_free(&m);
         mesh_free(&usual);

@@ -1287,16 +1287,16 @@ static void test_ends_are_notified(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
-    char told[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
+    char notified[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
     s.webhook = "https://farm/done";
-    submit_for(p, &s, told);
+    submit_for(p, &s, notified);
     put(p, "quiet", 0, quiet);
     submit_for(p, &s, failed);
     next_delivery(p, NULL);
-    assert_true(finish(p, told, 0, claim(p, told), &success));
+    assert_true(finish(p, notified, 0, claim(p, notified), &success));
     assert_true(finish(p, quiet, 0, claim(p, quiet), &success));
     reopen(p);
-    queue_delivery delivery = next_delivery(p, told);
+    queue_delivery delivery = next_delivery(p, notified);
     assert_string_equal(delivery.url, "https://farm/done");
     assert_int_equal(delivery.state, QUEUE_SUCCEEDED);
     assert_int_equal(delivery.outcome, QUEUE_CONVERGED);
@@ -1307,7 +1307,7 @@ static void test_ends_are_notified(void **state)
     assert_true(ulid_is_valid(event) && ulid_time_ms(event) == delivery.ended_ms);
     assert_true(queue_end_delivery(p->q, delivery.number, INT64_C(1) << 42, NULL));
     queue_delivery_clear(&delivery);
-    delivery = next_delivery(p, told);
+    delivery = next_delivery(p, notified);
     assert_string_equal(delivery.event, event);
     assert_true(delivery.due_ms == INT64_C(1) << 42);
     assert_int_equal(delivery.tries, 1);
@@ -1318,10 +1318,10 @@ static void test_ends_are_notified(void **state)
     assert_int_equal(delivery.state, QUEUE_FAILED);
     assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
     queue_delivery_clear(&delivery);
-    delivery = next_delivery(p, told);
+    delivery = next_delivery(p, notified);
     queue_delivery_clear(&delivery);
     bool found, deleted;
-    assert_true(queue_delete(p->q, told, &found, &deleted, NULL));
+    assert_true(queue_delete(p->q, notified, &found, &deleted, NULL));
     next_delivery(p, NULL);
 }
 

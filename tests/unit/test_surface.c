@@ -182,7 +182,7 @@ static void mixed_bent_cells_have_their_areas(void **state)
     rng r = rng_seed(test_seed(), 0);
     threads *pool = threads_new(2, NULL, &e);
     surface *s = surface_scan(&f.base, pool, &e);
-    double known[2] = {0, 0}, told[2] = {0, 0};
+    double known[2] = {0, 0}, scanned[2] = {0, 0};
     assert_non_null(s);
     for (size_t k = 0; k < f.count; k++) {
         field_cell cell;
@@ -190,9 +190,9 @@ static void mixed_bent_cells_have_their_areas(void **state)
         surface_cell(s, k, &cell);
         const bool balls = is_of_balls(cell.corner[0]);
         known[balls] += cell_parts_area(&f.base, &cell, NULL);
-        told[balls] += s->area_before[k + 1] - s->area_before[k];
+        scanned[balls] += s->area_before[k + 1] - s->area_before[k];
     }
-    for (int balls = 0; balls < 2; balls++) assert_close(told[balls] / known[balls], 1, 0.03);
+    for (int balls = 0; balls < 2; balls++) assert_close(scanned[balls] / known[balls], 1, 0.03);
     surface_free(s);
     threads_free(pool);
 }

@@ -617,9 +617,9 @@ static void area_between_corners_counts(void **state)
     threads *pool = threads_new(1, NULL, &e);
     surface *s = surface_scan(volume_field(v), pool, &e);
     assert_non_null(s);
-    double told = s->area, by_chance = area_by_chance(volume_field(v), 0.02, 3000000);
-    print_message("# area of ripples %g, by chance %g\n", told, by_chance);
-    assert_true(fabs(told / by_chance - 1) < 0.01);
+    double area = s->area, by_chance = area_by_chance(volume_field(v), 0.02, 3000000);
+    print_message("# area of ripples %g, by chance %g\n", area, by_chance);
+    assert_true(fabs(area / by_chance - 1) < 0.01);
     surface_free(s);
     threads_free(pool);
     volume_close(v);
