@@ -73,7 +73,7 @@ static void put_job(service *s, char id[ULID_SIZE])
     queue_receipt receipt;
     queue_submission submission = {
         .name = "a", .labels = "[\"x\"]", .spec = spec, .priority = 1, .max_attempts = 1};
-    expect(queue_put(s->q, &submission, &receipt, &e) && receipt.verdict == QUEUE_CREATED);
+    expect(queue_put(s->q, &submission, &receipt, &e) && receipt.admission == QUEUE_CREATED);
     strcpy(id, receipt.id);
 }
 

@@ -11,13 +11,13 @@
 typedef struct upload {
     http_sink sink;     /* first member: the server passes its address */
     store_upload *file; /* NULL: the file exists and the caller may use it; the received bytes are ignored */
-    store_upload_verdict verdict;
+    store_upload_outcome outcome;
     error why;
 } upload;
 
-static void refuse(store_upload_verdict verdict, const error *why, reply *r)
+static void refuse(store_upload_outcome outcome, const error *why, reply *r)
 {
-    switch (verdict) {
+    switch (outcome) {
     case STORE_UPLOAD_GOOD:
         break;
     case STORE_UPLOAD_TOO_LARGE:
@@ -25,7 +25,7 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
                           "the file exceeds the size of an upload (setting upload_limit_bytes): "
                           "reduce it, or put it below an input root");
         break;
-    case STORE_UPLOAD_NO_ROOM:
+    case STORE_UPLOAD_NO_SPACE:
         reply_set_problem(
             r, "storage_full", NULL,
             "the file does not fit: all uploads together would exceed upload_total_bytes, or the "
@@ -77,7 +77,7 @@ static void show(const char *hex, int64_t bytes, int status, reply *r)
 static void take(http_sink *sink, const char *bytes, size_t count)
 {
     upload *u = (upload *)(void *)sink;
-    if (u->file) u->verdict = store_upload_write(u->file, bytes, count, &u->why);
+    if (u->file) u->outcome = store_upload_write(u->file, bytes, count, &u->why);
 }
 
 static void drop(http_sink *sink)
@@ -122,10 +122,10 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
         return NULL;
     }
     if (there < 0) {
-        store_upload_verdict verdict =
+        store_upload_outcome outcome =
             store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file, &e);
-        if (verdict != STORE_UPLOAD_GOOD) {
-            refuse(verdict, &e, r);
+        if (outcome != STORE_UPLOAD_GOOD) {
+            refuse(outcome, &e, r);
             return NULL;
         }
     }
@@ -139,12 +139,12 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
     upload *u = (upload *)(void *)request->sink;
     const char *hex = request->parameter[0];
     bool sent = u->file != NULL;
-    if (sent && u->verdict == STORE_UPLOAD_GOOD) u->verdict = store_upload_commit(u->file, &u->why);
-    if (sent && u->verdict == STORE_UPLOAD_GOOD &&
+    if (sent && u->outcome == STORE_UPLOAD_GOOD) u->outcome = store_upload_commit(u->file, &u->why);
+    if (sent && u->outcome == STORE_UPLOAD_GOOD &&
         !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
-        u->verdict = STORE_UPLOAD_FAILED;
-    if (u->verdict != STORE_UPLOAD_GOOD) {
-        refuse(u->verdict, &u->why, r);
+        u->outcome = STORE_UPLOAD_FAILED;
+    if (u->outcome != STORE_UPLOAD_GOOD) {
+        refuse(u->outcome, &u->why, r);
         return;
     }
     show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
@@ -199,15 +199,15 @@ static void inspect(const http_context *c, const char *path, reply *r)
     json *asked = json_new_object();
     json_put_string(asked, "path", path);
     char *text = json_print(asked);
-    estimator_verdict verdict = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
+    estimator_outcome outcome = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
                                               QUEUE_NO_FRAME, threads, memory_mb, 0, &found, &e);
-    if (verdict == ESTIMATOR_MADE)
+    if (outcome == ESTIMATOR_MADE)
         reply_set_text(r, "application/json", found);
-    else if (verdict == ESTIMATOR_FAULT)
+    else if (outcome == ESTIMATOR_FAULT)
         reply_set_error(r, &e, NULL);
     else
         reply_set_problem(r, "unavailable", NULL, "%s", e.message);
-    if (verdict == ESTIMATOR_BUSY) reply_ask_again(r);
+    if (outcome == ESTIMATOR_BUSY) reply_ask_again(r);
     free(text);
     json_free(asked);
 }

@@ -396,9 +396,9 @@ static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], co
 /* Describes why a job may not depend on this one. */
 static void describe_dependency(const queue_receipt *receipt, const char *id, char detail[256])
 {
-    if (receipt->verdict == QUEUE_UNKNOWN_DEPENDENCY)
+    if (receipt->admission == QUEUE_UNKNOWN_DEPENDENCY)
         snprintf(detail, 256, "the job %.100s does not exist: list the jobs for their IDs", id);
-    else if (receipt->verdict == QUEUE_REPEATED_DEPENDENCY)
+    else if (receipt->admission == QUEUE_REPEATED_DEPENDENCY)
         snprintf(
             detail, 256,
             "the job %.100s is listed twice, in after_frames and in depends_on, after or after_frames: remove one",
@@ -447,7 +447,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                            const queue_receipt *receipt, reply *r)
 {
     char *location = mem_printf("/v1/jobs/%s", receipt->id);
-    switch (receipt->verdict) {
+    switch (receipt->admission) {
     case QUEUE_CREATED:
         executor_wake(c->x);
         log_write(LOG_LEVEL_INFO, "job accepted job=%s user=%s trace=%s", receipt->id, put->owner,
@@ -476,9 +476,9 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         break;
     case QUEUE_RESULTS_FULL:
     case QUEUE_USER_RESULTS_FULL:
-        refuse_results(put->owner, receipt->verdict == QUEUE_USER_RESULTS_FULL, r);
+        refuse_results(put->owner, receipt->admission == QUEUE_USER_RESULTS_FULL, r);
         break;
-    case QUEUE_NO_ROOM:
+    case QUEUE_NO_SPACE:
         reply_set_storage_full(
             r, "the disk of the service is full (setting reserve_mb): delete jobs that are not "
                "needed, or try again later");
@@ -608,7 +608,7 @@ static void offer(const http_context *c, const queue_submission *put, const queu
 {
     char equal[ULID_SIZE], *inputs = NULL;
     bool found = false;
-    if (receipt->verdict != QUEUE_CREATED || !put->cache_key || put->frame_count ||
+    if (receipt->admission != QUEUE_CREATED || !put->cache_key || put->frame_count ||
         !queue_recall(c->q, put->cache_key, equal, &inputs, &found, NULL) || !found)
         return;
     if (cache_is_fresh(c->roots, inputs)) executor_offer(c->x, receipt->id);
@@ -700,7 +700,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
     int threads = o->s->threads;
     int64_t memory_mb = o->s->memory_mb;
     char *found = NULL;
-    estimator_verdict verdict = ESTIMATOR_NONE;
+    estimator_outcome outcome = ESTIMATOR_NONE;
     if (!executor_size(c->x, &threads, &memory_mb, &e)) {
         reply_set_error(r, &e, NULL);
         return false;
@@ -711,7 +711,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
     } else if (c->estimator) {
         size_t sent_count = 0;
         char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
-        verdict =
+        outcome =
             estimator_run(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent, sent_count,
                           o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads, memory_mb,
                           clock_seconds(parameter_integer(request, "within_ms", 0)), &found, &e);
@@ -721,11 +721,11 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         error_set(&e, ERROR_NONE, "this service makes no estimates: the setting estimates is 0");
     }
     job_json_put_stored(document, "estimate", found);
-    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_MADE ? NULL : e.message);
+    json_put_string(document, "estimate_missing", outcome == ESTIMATOR_MADE ? NULL : e.message);
     free(found);
-    if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
-    *busy = verdict == ESTIMATOR_BUSY;
-    return verdict != ESTIMATOR_FAULT;
+    if (outcome == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    *busy = outcome == ESTIMATOR_BUSY;
+    return outcome != ESTIMATOR_FAULT;
 }
 
 void jobs_validate(const http_context *c, const http_request *request, reply *r)

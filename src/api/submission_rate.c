@@ -19,7 +19,7 @@ struct submission_rate {
     double most;
     pthread_mutex_t mutex;
     bucket *item;
-    size_t count, room;
+    size_t count, capacity;
 };
 
 submission_rate *submission_rate_new(int64_t jobs_an_hour)
@@ -63,8 +63,9 @@ static bucket *find(submission_rate *r, const char *user, int64_t now_ms)
 {
     for (size_t i = 0; i < r->count; i++)
         if (strcmp(r->item[i].user, user) == 0) return &r->item[i];
-    if (r->count == r->room) forget(r, now_ms);
-    if (r->count == r->room) r->item = mem_resize(r->item, (r->room = r->room * 2 + 8) * sizeof *r->item);
+    if (r->count == r->capacity) forget(r, now_ms);
+    if (r->count == r->capacity)
+        r->item = mem_resize(r->item, (r->capacity = r->capacity * 2 + 8) * sizeof *r->item);
     bucket *b = &r->item[r->count++];
     *b = (bucket){mem_strdup(user), r->most, now_ms};
     return b;

@@ -1,4 +1,6 @@
-/* corners: attributes of meshes: what their vertices have, at the nearest place of the nearest triangle. As attribute.h. */
+/* corners: attributes of mesh vertices, interpolated at the nearest position of the nearest triangle. Contracts:
+ * attribute.h.
+ */
 #ifndef HEXAD_ATTRIBUTE_CORNERS_H
 #define HEXAD_ATTRIBUTE_CORNERS_H
 

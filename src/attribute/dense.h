@@ -1,5 +1,6 @@
-/* dense: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by slice: no more than four
- * slices are held. As attribute.h. */
+/* dense: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by slice; at most
+ * four slices are in memory. Contracts: attribute.h.
+ */
 #ifndef HEXAD_ATTRIBUTE_DENSE_H
 #define HEXAD_ATTRIBUTE_DENSE_H
 

@@ -1,4 +1,4 @@
-/* grid: attributes of OpenVDB files, from any grid of numbers or vectors. As attribute.h. */
+/* grid: attributes of OpenVDB files, from any grid of numbers or vectors. Contracts: attribute.h. */
 #ifndef HEXAD_ATTRIBUTE_GRID_H
 #define HEXAD_ATTRIBUTE_GRID_H
 

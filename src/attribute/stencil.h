@@ -1,5 +1,6 @@
-/* stencil: which samples of a lattice a value between them is made of, and with what weights. Index space. Pure
- * functions. */
+/* stencil: the samples of a lattice that an interpolated value depends on, and their weights. Index space. Pure
+ * functions.
+ */
 #ifndef HEXAD_ATTRIBUTE_STENCIL_H
 #define HEXAD_ATTRIBUTE_STENCIL_H
 
@@ -10,18 +11,19 @@
 
 typedef enum stencil_kind {
     STENCIL_LINEAR,
-    STENCIL_CUBIC, /* Catmull and Rom: goes through the samples, and its slope there is that of their neighbours */
+    /* Catmull-Rom: interpolates the samples; the slope at a sample is that of the neighbouring samples */
+    STENCIL_CUBIC,
     STENCIL_NEAREST
 } stencil_kind;
 
-/* `count` samples along each axis from `first` on; weights along an axis add up to 1. */
+/* `count` samples along each axis, beginning at `first`. The weights along an axis sum to 1. */
 typedef struct stencil {
     int count;
     int32_t first[3];
     double weight[3][4];
 } stencil;
 
-/* False where the place is beyond all indices. */
+/* False if the position is beyond the range of indices. */
 bool stencil_at(stencil_kind kind, vec3 index, stencil *out);
 
 #endif

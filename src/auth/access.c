@@ -17,9 +17,10 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-#define NAME_BYTES 16384 /* for a user's or a group's record, of which a large group's is long */
+#define NAME_BYTES 16384 /* for the record of a user or a group; the record of a large group is long */
 
-/* Groups of a user that are read, fewer than NGROUPS_MAX. A user with more is admitted by unix_users only. */
+/* Maximum number of groups that are read of a user; below NGROUPS_MAX. A user with more groups is admitted by
+ * unix_users only. */
 enum { MOST_GROUPS = 1024 };
 
 typedef struct numbers {
@@ -34,32 +35,32 @@ typedef struct peers {
 
 struct access_control {
     bool open_tcp;
-    session_key key; /* without a cookie's name: there are no sessions */
+    session_key key; /* the cookie's name is "" if there are no sessions */
     int64_t session_ms;
     running_time *running;
     char *token_file;
-    pthread_mutex_t mutex; /* for what follows */
+    pthread_mutex_t mutex; /* guards the members below */
     peers peers;
     token_set tokens;
     uint64_t generation;
-    bool troubled;    /* the log says that the file cannot be read */
-    struct stat seen; /* of the file that the tokens are from; zero: there was none */
+    bool troubled;    /* the log has a message that the file cannot be read */
+    struct stat seen; /* status of the file that the tokens were read from; zero: it did not exist */
 };
 
 static bool resolve_user(const char *name, unsigned *number)
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
-    if (getpwnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    if (getpwnam_r(name, &record, buffer, sizeof buffer, &found) != 0 || !found) return false;
     *number = found->pw_uid;
     return true;
 }
 
 static bool resolve_group(const char *name, unsigned *number)
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct group record, *found = NULL;
-    if (getgrnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    if (getgrnam_r(name, &record, buffer, sizeof buffer, &found) != 0 || !found) return false;
     *number = found->gr_gid;
     return true;
 }
@@ -77,7 +78,7 @@ static bool resolve(const char *name, bool group, unsigned *number, error *e)
                      group ? "group" : "user", name, group ? "group" : "passwd");
 }
 
-/* Names that do not exist are left out, with a warning. */
+/* Resolves names to numbers. Names that do not exist are ignored, with a warning. */
 static void resolve_all(const access_names *names, bool group, const char *setting, numbers *out)
 {
     out->item = mem_alloc(names->count * sizeof *out->item);
@@ -119,8 +120,8 @@ static bool is_same(const struct stat *a, const struct stat *b)
            a->st_ctim.tv_sec == b->st_ctim.tv_sec && a->st_ctim.tv_nsec == b->st_ctim.tv_nsec;
 }
 
-/* Reads the tokens if their file is another than last time. When it cannot be read at the moment (internal), they stay,
- * and it is read at the next look. When it is not a token file, no token is valid. Held: the mutex. */
+/* Reads the tokens if their file has changed. If it cannot be read at the moment (internal), the tokens are kept,
+ * and the next call reads it again. If it is not a token file, no token is valid. The caller holds the mutex. */
 static bool refresh(access_control *a, error *e)
 {
     struct stat now = {0};
@@ -187,16 +188,16 @@ bool access_check_name(const char *name, bool group, error *e)
 
 char *access_find_name(const char *number, bool group)
 {
-    char room[NAME_BYTES], *end = NULL;
+    char buffer[NAME_BYTES], *end = NULL;
     unsigned long read = strtoul(number, &end, 10);
     if (!isdigit((unsigned char)*number) || *end || read >= (unsigned)-1) return NULL;
     if (group) {
         struct group record, *found = NULL;
-        bool known = getgrgid_r((gid_t)read, &record, room, sizeof room, &found) == 0 && found;
+        bool known = getgrgid_r((gid_t)read, &record, buffer, sizeof buffer, &found) == 0 && found;
         return known ? mem_strdup(found->gr_name) : NULL;
     }
     struct passwd record, *found = NULL;
-    bool known = getpwuid_r((uid_t)read, &record, room, sizeof room, &found) == 0 && found;
+    bool known = getpwuid_r((uid_t)read, &record, buffer, sizeof buffer, &found) == 0 && found;
     return known ? mem_strdup(found->pw_name) : NULL;
 }
 
@@ -209,13 +210,13 @@ const char *access_find_same(const access_names *names, bool group, const char *
     return NULL;
 }
 
-/* The groups of a user; returns their number, or 0 where the user does not exist or has more. */
+/* Lists the groups of a user. Returns their number; 0 if the user does not exist or has more than MOST_GROUPS. */
 static int list_groups(unsigned uid, gid_t groups[MOST_GROUPS])
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
     int count = MOST_GROUPS;
-    if (getpwuid_r(uid, &record, room, sizeof room, &found) != 0 || !found) return 0;
+    if (getpwuid_r(uid, &record, buffer, sizeof buffer, &found) != 0 || !found) return 0;
     return getgrouplist(found->pw_name, found->pw_gid, groups, &count) < 0 ? 0 : count;
 }
 
@@ -253,7 +254,7 @@ bool access_has_tokens(access_control *a)
     return some;
 }
 
-/* Whether the process that connected was in one of the groups. Held: the mutex. */
+/* Whether the connected process was in one of the groups. The caller holds the mutex. */
 static bool in_groups(const access_control *a, int fd, gid_t primary)
 {
     gid_t groups[MOST_GROUPS];
@@ -266,12 +267,12 @@ static bool in_groups(const access_control *a, int fd, gid_t primary)
     return false;
 }
 
-/* uid:NUMBER where the user has no name. */
+/* The name of the user; uid:NUMBER if there is none. */
 static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 {
-    char room[NAME_BYTES];
+    char buffer[NAME_BYTES];
     struct passwd record, *found = NULL;
-    if (getpwuid_r(uid, &record, room, sizeof room, &found) == 0 && found &&
+    if (getpwuid_r(uid, &record, buffer, sizeof buffer, &found) == 0 && found &&
         strlen(found->pw_name) < ACCESS_USER_SIZE)
         strcpy(user, found->pw_name);
     else
@@ -280,8 +281,8 @@ static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
 
 void access_look(access_control *a, int fd, access_peer *peer)
 {
-    struct ucred who;
-    socklen_t size = sizeof who;
+    struct ucred peer_process;
+    socklen_t size = sizeof peer_process;
     struct sockaddr_storage address = {0};
     socklen_t length = sizeof address;
     *peer = (access_peer){.uid = (uid_t)-1};
@@ -293,15 +294,15 @@ void access_look(access_control *a, int fd, access_peer *peer)
         strcpy(peer->user, ACCESS_ANYONE);
         return;
     }
-    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return;
-    peer->uid = who.uid;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer_process, &size) != 0) return;
+    peer->uid = peer_process.uid;
     pthread_mutex_lock(&a->mutex);
-    if (who.uid == 0 || who.uid == geteuid() || holds(&a->peers.admins, who.uid))
+    if (peer_process.uid == 0 || peer_process.uid == geteuid() || holds(&a->peers.admins, peer_process.uid))
         peer->scopes = SCOPE_ALL;
-    else if (holds(&a->peers.users, who.uid) || in_groups(a, fd, who.gid))
+    else if (holds(&a->peers.users, peer_process.uid) || in_groups(a, fd, peer_process.gid))
         peer->scopes = SCOPE_USER;
     pthread_mutex_unlock(&a->mutex);
-    if (peer->scopes) name_user(who.uid, peer->user);
+    if (peer->scopes) name_user(peer_process.uid, peer->user);
 }
 
 static void take_rights(const access_control *a, const token *t, access_caller *caller)
@@ -312,7 +313,7 @@ static void take_rights(const access_control *a, const token *t, access_caller *
     caller->max_priority = t->max_priority;
 }
 
-/* The tokens as they are now, until unlock_tokens. */
+/* Returns the current tokens and locks them until unlock_tokens. */
 static const token_set *lock_tokens(access_control *a)
 {
     error e = {0};
@@ -392,7 +393,7 @@ bool access_begin_session(access_control *a, const char *token_text, char sessio
 
 bool access_session_is_over(access_control *a, int64_t session_ends_ms)
 {
-    int64_t lasts_ms = a->session_ms - 999; /* the end was rounded down to a second */
+    int64_t lasts_ms = a->session_ms - 999; /* the end is rounded down to a second */
     return session_ends_ms && running_time_is_over(a->running, session_ends_ms - lasts_ms, lasts_ms);
 }
 

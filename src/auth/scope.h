@@ -1,9 +1,9 @@
-/* scope: what a caller may do.
+/* scope: the permissions of a caller.
  *
  *     read    see jobs, their results and the service
  *     submit  submit jobs and upload inputs
  *     cancel  cancel, pause, resume, retry, change and delete jobs
- *     admin   all of that for the jobs of all users, and administer the service
+ *     admin   the three above for the jobs of all users, and administration of the service
  *
  * Constant data; any thread.
  */
@@ -23,14 +23,14 @@ enum {
 
 #define SCOPE_TEXT_SIZE 32
 
-/* "read", ... of a single scope. */
+/* The name of a single scope, such as "read". */
 const char *scope_name(unsigned scope);
 
-/* Reads "read,submit"; false, and *scopes untouched, for an empty list, an unknown or a repeated name. Admin
- * includes the others. */
+/* Parses a list such as "read,submit". admin includes the other scopes. False, with *scopes unchanged, if the list
+ * is empty or a name is unknown or repeated. */
 bool scope_parse(const char *text, unsigned *scopes);
 
-/* The list as scope_parse reads it; writes into `text` and returns it. */
+/* Prints the list in the form that scope_parse reads; writes to `text` and returns it. */
 char *scope_print(unsigned scopes, char text[SCOPE_TEXT_SIZE]);
 
 #endif

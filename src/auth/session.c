@@ -27,7 +27,7 @@ static bool make_key(const char *path, error *e)
         store_file_abort(&file);
         return false;
     }
-    fwrite(bytes, 1, sizeof bytes, file.stream); /* commit sees whether it failed */
+    fwrite(bytes, 1, sizeof bytes, file.stream); /* commit checks the stream's error flag */
     return store_file_commit(&file, e);
 }
 

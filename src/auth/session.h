@@ -1,9 +1,9 @@
-/* session: what a browser shows instead of a token, in a cookie.
+/* session: the value of the cookie that a browser presents instead of a token.
  *
- * A session is a text "ID.ENDS.MAC": the id of a token, the second of its end, and an HMAC-SHA256 over both and the hash
- * of the token, under a key of the service. Nothing is stored for it. It ends when its time has passed, when its token
- * is revoked, and when the key is removed. The key is in a file of its own, so the hashes of the tokens alone do not
- * suffice to make a session. Constant data after session_key_open; any thread.
+ * A session is a text "ID.ENDS.MAC": the id of a token, the time of its end (seconds since 1970, wall clock), and an
+ * HMAC-SHA256 of both and of the hash of the token, with a key of the service. The service stores no sessions. A
+ * session ends when its time has passed, its token is revoked, or the key is removed. The key has its own file, so
+ * the hashes of the tokens do not suffice to make a session. Constant data after session_key_open; any thread.
  */
 #ifndef HEXAD_AUTH_SESSION_H
 #define HEXAD_AUTH_SESSION_H
@@ -16,17 +16,18 @@
 
 typedef struct session_key {
     uint8_t bytes[SESSION_KEY_BYTES];
-    char cookie
-        [16]; /* the name of the cookie. Services on one host have names of their own, as cookies know no port */
+    /* Name of the cookie. It differs between services on one host: browsers do not distinguish cookies by port. */
+    char cookie[16];
 } session_key;
 
-/* Reads the key, and makes one when the file is missing. Error spec_invalid: the file has another length, or others may
- * read it. */
+/* Reads the key. If the file is missing, makes a key. Error spec_invalid: the file has another length, or other
+ * users can access it. */
 bool session_key_open(const char *path, session_key *key, error *e);
 
 void session_begin(const session_key *key, const token *of, int64_t ends_ms, char text[SESSION_SIZE]);
 
-/* The token of the session, and when it ends; NULL when the text is not a session. The caller looks whether it is over. */
+/* The token of the session, and the time of its end. NULL if the text is not a session. The caller checks whether
+ * the session has ended. */
 const token *session_find(const session_key *key, const token_set *set, const char *text, int64_t *ends_ms);
 
 #endif

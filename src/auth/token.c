@@ -19,7 +19,7 @@
 
 #define SECRET_BYTES 32
 #define LINE_BYTES 512
-#define MOST_PRIORITY 1000 /* of specs */
+#define MOST_PRIORITY 1000 /* the limit of priorities in specs */
 
 static const char user_letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._@-";
 
@@ -68,7 +68,7 @@ bool token_parse_priority(const char *text, int *priority)
     return true;
 }
 
-/* A line that is neither empty nor a comment. */
+/* Parses a line that is neither empty nor a comment. */
 static bool read_token(char *line, token *t)
 {
     char *rest = NULL, *word[6], *end = NULL;
@@ -91,7 +91,7 @@ static bool read_token(char *line, token *t)
     return !errno && !*end;
 }
 
-/* The file is there, and this process cannot read it. */
+/* Sets the error for an existing file that this process cannot read. */
 static bool fail_to_read(const char *path, error *e)
 {
     bool lasts = errno == EACCES || errno == EPERM || errno == EISDIR || errno == ENXIO;
@@ -190,13 +190,13 @@ bool token_set_remove(token_set *set, const char *id)
     return false;
 }
 
-/* The group that may read what root writes; 0: none. */
+/* The group that may read the file that root writes; 0: none. */
 static gid_t find_group(const char *path, gid_t given)
 {
     struct stat info;
     if (lstat(path, &info) == 0 && S_ISREG(info.st_mode) && info.st_gid != 0) return info.st_gid;
     if (given != TOKEN_NO_GROUP) return given;
-    char *copy = mem_strdup(path); /* dirname changes it */
+    char *copy = mem_strdup(path); /* dirname modifies its argument */
     gid_t group = stat(dirname(copy), &info) == 0 ? info.st_gid : 0;
     free(copy);
     return group;

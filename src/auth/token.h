@@ -1,14 +1,15 @@
-/* token: bearer tokens; a file keeps their hashes.
+/* token: bearer tokens; a file stores their hashes.
  *
- * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. 256 random bits cannot be guessed, so a plain
- * SHA-256 is enough to store it. The file has a line for each token,
+ * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. 256 random bits cannot be guessed, so a plain SHA-256
+ * is a safe hash. The file has a line for each token:
  *
  *     ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]
  *
- * where ID is the beginning of the hash, by which people name the token; `#` begins a comment. A line without
- * MAX_PRIORITY allows any. The file belongs to the user that runs the service, or to root. Other users may
- * not read or write it, except that the service's group may read a file of root; other files are refused
- * (store_file_check_private). A set is immutable and may be read by any thread.
+ * ID is the beginning of the hash; it names the token in commands and messages. `#` begins a comment. A line without
+ * MAX_PRIORITY permits all priorities. The file must belong to the user that runs the service, or to root. Other
+ * users must not be able to read or write it; a file of root may be readable for the service's group. Other files
+ * are refused (store_file_check_private). A set does not change after it was read, except by token_set_add and
+ * token_set_remove. Any thread may read it.
  */
 #ifndef HEXAD_AUTH_TOKEN_H
 #define HEXAD_AUTH_TOKEN_H
@@ -23,7 +24,7 @@
 #include "base/error.h"
 
 #define TOKEN_PREFIX "hexad_"
-#define TOKEN_SIZE (sizeof TOKEN_PREFIX + 64) /* of its text, with the terminator */
+#define TOKEN_SIZE (sizeof TOKEN_PREFIX + 64) /* of its text, with the final NUL */
 #define TOKEN_ID_SIZE 13
 #define TOKEN_USER_SIZE 65
 #define TOKEN_ANY_PRIORITY INT_MAX
@@ -44,31 +45,31 @@ typedef struct token_set {
     size_t count;
 } token_set;
 
-/* Reads the file; a missing file is an empty set. Error spec_invalid: a line is wrong, or other users can
- * access the file, or this process may not read it. Error internal: it cannot be read at the moment. The caller
- * clears. */
+/* Reads the file; a missing file is an empty set. Error spec_invalid: a line is not valid, other users can access
+ * the file, or this process has no permission to read it. Error internal: another failure to read it. The caller
+ * releases the set with token_set_clear. */
 bool token_set_read(const char *path, token_set *set, error *e);
 void token_set_clear(token_set *set); /* accepts an empty one */
 
-/* Finds the token with this secret, in constant time; NULL: there is none. */
+/* Finds the token with this secret, in constant time. NULL: there is none. */
 const token *token_set_find(const token_set *set, const char *text);
 
-/* Creates a token, adds it to the set and writes its secret to `text`; it is stored nowhere else. Error
- * spec_invalid: the user is not 1 to 64 letters, digits and "._@-". */
+/* Creates a token, adds it to the set and writes its secret to `text`. The secret is not stored. Error spec_invalid:
+ * the user is not 1 to 64 letters, digits and "._@-". */
 const token *token_set_add(token_set *set, const char *user, unsigned scopes, int max_priority,
                            char text[TOKEN_SIZE], error *e);
 
-/* Reads a priority, from -1000 to 1000; false for any other text. */
+/* Parses a priority, -1000 to 1000. False for any other text. */
 bool token_parse_priority(const char *text, int *priority);
 
-/* Returns false when no token has this id. */
+/* Removes the token with this id. False: there is none. */
 bool token_set_remove(token_set *set, const char *id);
 
 #define TOKEN_NO_GROUP ((gid_t)-1)
 
-/* Replaces the file. It belongs to the caller and has mode 0600. A file of root has mode 0640, so that the
- * service can read it; its group is the first of these that is not root's: that of the old file, `group`,
- * that of the directory. */
+/* Replaces the file. It belongs to the caller and has mode 0600. If the caller is root, the mode is 0640, so that
+ * the service can read the file. Its group is then the first of these that is not root: the group of the old file,
+ * `group`, the group of the directory. */
 bool token_set_write(const char *path, const token_set *set, gid_t group, error *e);
 
 #endif

@@ -7,14 +7,14 @@
 #define HEXAD_BASE_BUILD_PART_H
 
 typedef enum build_part {
-    BUILD_PART_ALWAYS, /* always built */
-    BUILD_PART_PREVIEW, /* --disable-preview: pictures, which are preview.png, preview.exr, convergence.png and contact sheets */
-    BUILD_PART_SLURM, /* --without-slurm */
-    BUILD_PART_PAGE   /* --without-page */
+    BUILD_PART_ALWAYS,  /* always built */
+    BUILD_PART_PREVIEW, /* --disable-preview: preview.png, preview.exr, convergence.png, contact sheets */
+    BUILD_PART_SLURM,   /* --without-slurm */
+    BUILD_PART_PAGE     /* --without-page */
 } build_part;
 
-/* The reason why a request for the part fails, such as "hexad was built without pictures (configure --disable-preview)";
- * NULL: it is built. */
+/* The reason why a request for the part fails, such as "hexad was built without pictures (configure
+ * --disable-preview)". NULL: the part is built. */
 const char *build_part_missing(build_part part);
 
 #endif

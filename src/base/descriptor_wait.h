@@ -14,7 +14,8 @@
 /* As poll. An interrupted call returns with all `revents` 0. */
 void descriptor_wait(struct pollfd *descriptors, nfds_t count, int timeout_ms);
 
-/* Reads one event of `size` bytes from a non-blocking eventfd or signalfd. False: there is none; *event is undefined. */
+/* Reads one event of `size` bytes from a non-blocking eventfd or signalfd. False: there is no event; *event is
+ * undefined. */
 bool descriptor_take_event(int descriptor, void *event, size_t size);
 
 #endif

@@ -15,7 +15,7 @@
 /* Maximum number of frames, which are one task each. */
 #define FRAMES_MOST 100000
 
-/* Instead of numbers: those of all files. The service replaces it by numbers. */
+/* Stands for the numbers of all existing files. The service replaces it by numbers. */
 #define FRAMES_ALL "all"
 
 /* The numbers in the given order; the caller frees them. Error: spec_invalid. */
@@ -35,11 +35,12 @@ char *frames_path(const char *path, int frame);
 /* The number of characters before the frame number; the path must be a pattern. */
 size_t frames_prefix(const char *pattern);
 
-/* The number of characters of the directory that all frames share, with its last slash; 0: they share none. The path must
- * be a pattern. */
+/* The number of characters of the longest directory prefix that all frames share, with its last slash; 0: they share
+ * none. The path must be a pattern. */
 size_t frames_shared(const char *pattern);
 
-/* The directory that contains those of all frames; the caller frees it. NULL: the path is not a pattern, or there is none. */
+/* The directory that contains the directories of all frames; the caller frees it. NULL: the path is not a pattern,
+ * or there is no such directory. */
 char *frames_above(const char *pattern);
 
 /* Whether the file with this name in the result of a frame belongs to all frames (WORKER_STAGE_ENDING). */

@@ -48,9 +48,10 @@ char *mem_printf(const char *format, ...)
     return not_null(length < 0 ? NULL : text);
 }
 
-/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since arrays
- * are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once; from SEVERAL_PAGES
- * bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual machines fifty. */
+/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since
+ * arrays are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once. From
+ * SEVERAL_PAGES bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual
+ * machines fifty. */
 static const size_t LARGE = 5 << 18, SEVERAL_PAGES = 1 << 17;
 
 /* Arrays from this size use pages of 2 MB: the kernel needs a third of a second to end a process with gigabytes in
@@ -152,14 +153,15 @@ static void move_bytes(char *to, char *from, size_t bytes)
     }
 }
 
-void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what, error *e)
+void *mem_grow(void *array, size_t count, size_t *capacity, size_t first, size_t size, const char *what,
+               error *e)
 {
-    if (count < *room) return array;
-    size_t larger = *room ? 2 * *room : first;
+    if (count < *capacity) return array;
+    size_t larger = *capacity ? 2 * *capacity : first;
     void *moved = mem_array(larger, size, what, e);
     if (!moved) return NULL;
     if (count) move_bytes(moved, array, count * size);
     free(array);
-    *room = larger;
+    *capacity = larger;
     return moved;
 }

@@ -38,7 +38,8 @@ void mem_begin(void);
  * environment overrides the number of arenas. */
 void mem_begin_threads(void);
 
-/* Returns the whole pages within an array to the kernel; their contents are lost. The array is still freed as a whole. */
+/* Returns the whole pages within an array to the kernel; their contents are lost. The array is still freed as a
+ * whole. */
 void mem_release(void *part, size_t bytes);
 
 #endif

@@ -105,14 +105,14 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
 bool reader_send(reader *r, const void *request, size_t size, int file, error *e)
 {
     union {
-        char room[CMSG_SPACE(sizeof(int))];
+        char buffer[CMSG_SPACE(sizeof(int))];
         struct cmsghdr align;
-    } control = {.room = {0}};
+    } control = {.buffer = {0}};
     struct iovec text = {(void *)request, size};
     struct msghdr message = {.msg_iov = &text, .msg_iovlen = 1};
     if (file >= 0) {
-        message.msg_control = control.room;
-        message.msg_controllen = sizeof control.room;
+        message.msg_control = control.buffer;
+        message.msg_controllen = sizeof control.buffer;
         struct cmsghdr *c = CMSG_FIRSTHDR(&message);
         c->cmsg_level = SOL_SOCKET;
         c->cmsg_type = SCM_RIGHTS;

@@ -45,12 +45,12 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e);
  * `descriptors` descriptors. Returns the memory limit; 0 unless there are four arguments. */
 size_t reader_limit(int argc, char **argv, unsigned descriptors);
 
-/* Sends a request to a process that was started with a socket (fd -1), with the descriptor of an open file beside it; `file` -1:
- * without one. Errors: input_damaged, as the process has ended. */
+/* Sends a request and the descriptor of an open file to a process that was started with a socket (fd -1). If `file`
+ * is -1, no descriptor is sent. Error: input_damaged, since the process has ended. */
 bool reader_send(reader *r, const void *request, size_t size, int file, error *e);
 
-/* In the process: the next request of this size. *file: the descriptor that came beside it, to be closed, or -1. False: there is none any
- * more. */
+/* In the process: receives the next request of this size. *file is the descriptor that came with it, which the
+ * caller closes, or -1. False: there are no further requests. */
 bool reader_receive(void *request, size_t size, int *file);
 
 /* In the process: writes all bytes to standard output. False: the other end is closed. */

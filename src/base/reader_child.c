@@ -58,14 +58,14 @@ bool reader_write(const void *from, size_t count)
 bool reader_receive(void *request, size_t size, int *file)
 {
     union {
-        char room[CMSG_SPACE(sizeof(int))];
+        char buffer[CMSG_SPACE(sizeof(int))];
         struct cmsghdr align;
     } control;
     struct iovec text = {request, size};
     struct msghdr message = {.msg_iov = &text,
                              .msg_iovlen = 1,
-                             .msg_control = control.room,
-                             .msg_controllen = sizeof control.room};
+                             .msg_control = control.buffer,
+                             .msg_controllen = sizeof control.buffer};
     ssize_t got;
     *file = -1;
     do got = recvmsg(STDIN_FILENO, &message, MSG_CMSG_CLOEXEC | MSG_WAITALL);

@@ -24,8 +24,8 @@ static int64_t time_between(const running_period *a, const running_period *b)
     return llabs(b->from_ms - a->from_ms - a->length_ms);
 }
 
-/* Merges the two neighbours with the smallest gap. The merged period starts early enough that it counts no time in which
- * the program did not run. For objects created in its later part it counts too little, by at most the gap. */
+/* Merges the two neighbours with the smallest gap. The merged period starts early enough that it counts no time in
+ * which the program did not run. For objects created in its later part it counts too little, by at most the gap. */
 static void join_two(running_time *t)
 {
     running_period *best = t->period;

@@ -1,5 +1,6 @@
-/* transfer: reads and writes blocks as a whole: repeats calls that signals interrupt or that transfer a part. On failure errno is
- * set, except after a write of 0 bytes. Any thread. */
+/* transfer: reads and writes whole blocks. Repeats calls that a signal interrupts or that transfer only a part. On
+ * failure errno is set, except after a write of 0 bytes. Any thread.
+ */
 #ifndef HEXAD_BASE_TRANSFER_H
 #define HEXAD_BASE_TRANSFER_H
 

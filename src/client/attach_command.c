@@ -1,4 +1,4 @@
-/* The command that places the points of a job on other frames of its meshes. */
+/* attach_command: the command attach of hexadctl, which places the points of a job on other frames of its meshes. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +12,8 @@
 
 static const char points_name[] = "points.ply";
 
-/* The path of the list of results of a job, or of a frame of an array; to be freed. NULL, and a message, if the arguments do not name one. */
+/* The path of the list of results of a job, or of a frame of an array; the caller frees it. NULL, after a message,
+ * if the arguments do not name one. */
 static char *list_path(client *c, const char *id, json_at job, const command_options *options)
 {
     const bool is_array = json_bool(json_member(&job, "array"), false);
@@ -32,7 +33,8 @@ static char *list_path(client *c, const char *id, json_at job, const command_opt
     return path;
 }
 
-/* Downloads the points to a temporary file, and sends them as an input, whose path in a spec is *path, to be freed. */
+/* Downloads the points to a temporary file and uploads them as an input. *path is the path of the input in a spec;
+ * the caller frees it. */
 static int send_points(client *c, json_at item, char **path)
 {
     error e = {0};
@@ -67,7 +69,7 @@ static int send_points(client *c, json_at item, char **path)
     return code;
 }
 
-/* Sends points.ply of a job as an input. */
+/* Uploads points.ply of a job as an input. */
 static int send_result(client *c, const char *list, char **path)
 {
     json *document = NULL;
@@ -86,7 +88,7 @@ static int send_result(client *c, const char *list, char **path)
     return code;
 }
 
-/* The spec of the new job as text, to be freed; NULL, and a message, if the job has no suitable spec. */
+/* The spec of the new job as text, which the caller frees. NULL, after a message, if the job has no suitable spec. */
 static char *new_spec(json_at job, const char *points, const command_options *options)
 {
     error e = {0};
@@ -99,7 +101,7 @@ static char *new_spec(json_at job, const char *points, const command_options *op
         return NULL;
     }
     json *output = json_find(spec, "/output");
-    if (output) json_remove(output, "directory"); /* of the result */
+    if (output) json_remove(output, "directory"); /* the directory of the existing result */
     if (options->frames) json_put_string(json_put_object(spec, "queue"), "frames", options->frames);
     char *text = json_print(spec);
     json_free(spec);

@@ -1,4 +1,4 @@
-/* Cancellation of one job, or of all with a label. */
+/* cancel_command: the command cancel of hexadctl, for one job or for all jobs with a label. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static void ids_free(ids *list)
     free(list->id);
 }
 
-/* Adds the unfinished jobs that the options choose. */
+/* Adds the unfinished jobs that the options select. */
 static int collect(client *c, const command_options *options, ids *list)
 {
     command_options chosen = *options;
@@ -50,7 +50,8 @@ static int collect(client *c, const command_options *options, ids *list)
     return code;
 }
 
-/* Cancels a job of the list. *cancelled is raised unless it has ended meanwhile or belongs to another user. */
+/* Cancels a job of the list. *cancelled is incremented, unless the job has ended in the meantime or belongs to
+ * another user. */
 static int cancel_one(client *c, const char *id, size_t *cancelled)
 {
     error e = {0};
@@ -74,7 +75,7 @@ static int cancel_all(client *c, const command_options *options)
     ids list = {0};
     size_t cancelled = 0;
     int code = collect(c, options, &list);
-    /* the newest first: a dependent job is cancelled before the job whose end would have it fail */
+    /* newest first: otherwise a dependent job would fail when the job that it depends on ends */
     for (size_t i = 0; code == COMMAND_OK && i < list.count; i++)
         code = cancel_one(c, list.id[i], &cancelled);
     if (options->json)

@@ -14,23 +14,23 @@
 #define HTTP "http://"
 #define HTTPS "https://"
 #define UNIX "unix:"
-/* The socket of the service that systemd runs, whose settings file `hexad --allow` finds. */
+/* The socket of the systemd service whose settings file `hexad --allow` changes. */
 #define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
 #define CONNECT_TIMEOUT_S 5L
 /* Seconds without data after which a reply is abandoned. */
 #define STALL_TIMEOUT_S 60L
-/* The largest document is a job with its spec, or a page of a listing. */
+/* Limit of a document. The largest documents are a job with its spec and a page of a listing. */
 #define REPLY_LIMIT_BYTES (64u << 20)
 
 struct client {
     CURL *curl;
-    char *server; /* as the caller named it */
+    char *server; /* as the caller gave it */
     char *base;   /* its URL without a trailing slash */
     const char *advice;
     char fault[CURL_ERROR_SIZE];
 };
 
-/* The longest line of an event stream. */
+/* Limit of a line of an event stream. */
 #define EVENT_LIMIT_BYTES (1u << 20)
 
 typedef struct buffer {
@@ -68,7 +68,7 @@ client *client_open(const char *server, const char *token, const char *authoriti
     if (authorities) curl_easy_setopt(c->curl, CURLOPT_CAINFO, authorities);
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
     curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c->curl, CURLOPT_NOPROXY, "*"); /* the service is near; a proxy is for the world */
+    curl_easy_setopt(c->curl, CURLOPT_NOPROXY, "*"); /* no proxy: the service is on the local network */
     curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, CONNECT_TIMEOUT_S);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, STALL_TIMEOUT_S);
@@ -101,7 +101,7 @@ static size_t take_text(char *data, size_t size, size_t count, void *context)
     return length;
 }
 
-/* A file that is downloaded, or the problem that comes in its place. */
+/* A file that is downloaded, or the problem document sent instead. */
 typedef struct download {
     CURL *curl;
     FILE *stream;
@@ -146,18 +146,18 @@ static bool answers_without_tls(const client *c)
     return status == 200;
 }
 
-/* The user of this process: the name, or the number where it has none. */
+/* The user of this process: its name, or its number if it has no name. */
 static void name_self(char name[64])
 {
-    char room[16384];
+    char buffer[16384];
     struct passwd record, *found = NULL;
-    if (getpwuid_r(geteuid(), &record, room, sizeof room, &found) == 0 && found)
+    if (getpwuid_r(geteuid(), &record, buffer, sizeof buffer, &found) == 0 && found)
         snprintf(name, 64, "%s", found->pw_name);
     else
         snprintf(name, 64, "%u", (unsigned)geteuid());
 }
 
-/* A Unix socket that this user may not connect to: it is not the socket of the user, or not in reach. */
+/* Sets the error for a Unix socket to which this user must not connect. */
 static bool explain_refusal(const client *c, error *e)
 {
     struct stat info;
@@ -183,7 +183,7 @@ static bool explain_refusal(const client *c, error *e)
 
 static bool explain_no_connection(const client *c, CURLcode code, error *e)
 {
-    long number = 0; /* curl's own words name a port even of a Unix socket */
+    long number = 0; /* libcurl's own message names a port even for a Unix socket */
     curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
     if (number == EACCES && strncmp(c->server, UNIX, strlen(UNIX)) == 0) return explain_refusal(c, e);
     return error_set(e, ERROR_INTERNAL, "%s: cannot connect (%s): %s", c->server,
@@ -224,7 +224,7 @@ char *client_escape(client *c, const char *text)
     return copy;
 }
 
-/* Performs a request whose text comes to a buffer, which is freed, and makes a reply of it. */
+/* Performs a request whose reply is collected in a buffer. Parses the buffer as the reply and frees it. */
 static bool perform_for_reply(client *c, const char *path, buffer *b, client_reply *reply, error *e)
 {
     long status = 0;
@@ -319,7 +319,7 @@ bool client_confirm(client *c, const char *path, const char *sha256, client_repl
 bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e)
 {
     buffer b = {0};
-    /* so that a server that has the file already answers before it is sent */
+    /* a server that already has the file answers before the file is sent */
     struct curl_slist *headers = curl_slist_append(NULL, "Expect: 100-continue");
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(c->curl, CURLOPT_UPLOAD, 1L);
@@ -342,7 +342,7 @@ typedef struct listener {
     int64_t id;
     char *line;
     size_t length;
-    buffer problem; /* that comes in its place */
+    buffer problem; /* the problem document sent instead of events */
 } listener;
 
 static void take_line(listener *l)

@@ -11,11 +11,13 @@
 
 /* Exit codes of hexadctl. */
 enum {
-    COMMAND_OK = 0,             /* done; after waiting for a job: it succeeded and converged */
-    COMMAND_FAILED = 1,         /* the job failed or timed out; or any other error */
-    COMMAND_USAGE = 2,          /* a bad command line, a token that does not do, or a refused request */
-    COMMAND_UNREACHABLE = 3,    /* no server answers */
-    COMMAND_MISSING = 4,        /* no such job, its state does not allow this, or there are no results */
+    COMMAND_OK = 0,     /* success; if the command waits for a job: it succeeded and converged */
+    COMMAND_FAILED = 1, /* the job failed or timed out; or any other error */
+    /* the command line is wrong, the token is unknown or lacks a scope, or the request was refused */
+    COMMAND_USAGE = 2,
+    COMMAND_UNREACHABLE = 3, /* no server answers */
+    /* the job does not exist, its state does not permit the command, or there are no results */
+    COMMAND_MISSING = 4,
     COMMAND_CANCELLED = 6,      /* the job was cancelled */
     COMMAND_NOT_CONVERGED = 10, /* the job succeeded but did not converge */
     COMMAND_UNRESOLVED = 11,    /* the job succeeded with the outcome unresolved */
@@ -23,16 +25,15 @@ enum {
 
 #define COMMAND_LABELS_MOST 32
 
-/* NULL: the option was not given. Only what belongs to the command is set. */
+/* The options of the command line; NULL: not given. Only options of the command are set. */
 typedef struct command_options {
     bool json, wait, dependents, yes;
-    bool
-        accept; /* of wait, and of submit and attach with wait: COMMAND_OK for an accepted outcome (queue.accept) */
-    bool several; /* whether the command line has more than one argument */
+    bool accept;  /* of wait, and of others with `wait`: COMMAND_OK for an accepted outcome (queue.accept) */
+    bool several; /* the command line has more than one argument */
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;
     const char *owner, *state, *name, *text;
-    const char *since, *until; /* of list: times, or how long ago, "90m" or "90m ago" */
+    const char *since, *until; /* of list: a time, or a duration before now such as "90m" or "90m ago" */
     const char *limit;
     const char *priority;
     const char *key;         /* of submit: the Idempotency-Key */
@@ -41,15 +42,16 @@ typedef struct command_options {
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
-    const char *output;  /* of fetch; NULL: a directory named by the job's id */
+    const char *output;  /* of fetch; NULL: a directory with the job's id as its name */
     const char *file;    /* of token: the daemon's token_file */
-    const char *picture; /* of show: a file that takes the picture; NULL: none */
-    gid_t file_group;   /* of token: the group that may read the system service's file; else TOKEN_NO_GROUP */
-    const char *scopes; /* of token add; NULL: all but admin */
+    const char *picture; /* of show: the file to write the picture to; NULL: none */
+    gid_t file_group;    /* of token: the group that may read the system service's file, or TOKEN_NO_GROUP */
+    const char *scopes;  /* of token add; NULL: all but admin */
     const char *max_priority; /* of token add; NULL: any */
 } command_options;
 
-/* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Each returns an exit code. */
+/* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Returns an exit
+ * code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_attach, command_submit, command_validate, command_estimate, command_upload, command_inspect;
@@ -60,21 +62,21 @@ command command_cancel, command_pause, command_resume, command_retry, command_de
 command command_watch, command_workers, command_drain, command_undrain;
 command command_hold, command_release, command_usage;
 
-/* These work on the token file, without a server. */
+/* Commands that change the token file; they need no server. */
 command command_token_add, command_token_list, command_token_revoke;
 
-/* ---- for the commands themselves */
+/* ---- functions that commands share */
 
-/* Returns a path below /v1/jobs for an id that a user typed, to be freed; or prints an error and returns NULL
- * when it cannot be an id. */
+/* The path below /v1/jobs for the id that a user gave; the caller frees it. NULL, after printing an error, if the
+ * text cannot be an id. */
 char *command_job_path(const char *id, const char *rest);
 
-/* Sends a request and returns an exit code, after printing why it was refused. On success the document, where there is
- * one, is the caller's. */
+/* Sends a request. Returns an exit code, after printing the reason of a refusal. On success *document is the
+ * document of the reply, which the caller frees, or NULL. */
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document);
 
-/* The next page of a job's tasks, a document to be freed. *after is TASKS_FROM_THE_FIRST before the first page. NULL after the
- * last one, or when *code is no longer COMMAND_OK. */
+/* The next page of a job's tasks, a document that the caller frees. *after is TASKS_FROM_THE_FIRST before the first
+ * page. NULL after the last page, or if *code is not COMMAND_OK. */
 #define TASKS_FROM_THE_FIRST (-1.0)
 json *command_next_tasks(client *c, const char *id, double *after, int *code);
 
@@ -82,17 +84,18 @@ json *command_next_tasks(client *c, const char *id, double *after, int *code);
  * then a line for each frame with another outcome than converged, a rating other than good, or a warning, at most ten. */
 int command_print_frame_outcomes(client *c, json_at job, FILE *file);
 
-/* Prints why jobs wait although there is room, where the service says so: the queue is held, the service drains. */
+/* Prints why jobs wait although workers are free: the queue is held, or the service drains. Prints nothing if the
+ * service does not answer so. */
 void command_explain_waiting(client *c, FILE *file);
 
 /* Waits for the end of a job, prints it, and returns its exit code. */
 int command_wait_for(client *c, const char *path, const command_options *options);
 
-/* Waits until no result of a job is to be copied to output.directory, prints the job, and returns COMMAND_FAILED when a copy
- * failed. */
+/* Waits until no result of a job remains to be copied to output.directory, and prints the job. Returns
+ * COMMAND_FAILED if a copy failed. */
 int command_wait_for_copy(client *c, const char *path, const command_options *options);
 
-/* Submits a spec given as text, as command_submit does. */
+/* Submits a spec given as text, like command_submit. */
 int command_submit_text(client *c, const char *spec, const command_options *options);
 
 /* Whether the job is in a final state. */

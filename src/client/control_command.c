@@ -1,4 +1,6 @@
-/* control_command: the commands pause, resume, retry, deliver, delete, priority, watch, workers, usage, hold, release, drain and undrain of hexadctl. */
+/* control_command: commands of hexadctl that control jobs and the service: pause, resume, retry, deliver, delete,
+ * priority, watch, workers, usage, hold, release, drain and undrain.
+ */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,8 +9,8 @@
 #include "client/command.h"
 #include "client/print.h"
 
-/* Posts a command on one job. On success *document is the job, the caller's. */
-static int tell(client *c, const char *id, const char *what, json **document)
+/* Posts a command for one job. On success *document is the job; the caller frees it. */
+static int post_command(client *c, const char *id, const char *what, json **document)
 {
     char *path = command_job_path(id, what);
     int code = path ? command_ask(c, "POST", path, NULL, document) : COMMAND_USAGE;
@@ -16,12 +18,12 @@ static int tell(client *c, const char *id, const char *what, json **document)
     return code;
 }
 
-/* Prints the job after the command, and then what `explain` (NULL: nothing) says of it. */
-static int tell_and_explain(client *c, const char *id, const char *what, void (*explain)(json_at job),
+/* Posts a command, prints the job, and calls `explain` for it unless `explain` is NULL. */
+static int post_and_explain(client *c, const char *id, const char *what, void (*explain)(json_at job),
                             const command_options *options)
 {
     json *document = NULL;
-    int code = tell(c, id, what, &document);
+    int code = post_command(c, id, what, &document);
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
@@ -34,7 +36,7 @@ static int tell_and_explain(client *c, const char *id, const char *what, void (*
 
 static int tell_and_print(client *c, const char *id, const char *what, const command_options *options)
 {
-    return tell_and_explain(c, id, what, NULL, options);
+    return post_and_explain(c, id, what, NULL, options);
 }
 
 int command_resume(client *c, const char *argument, const command_options *options)
@@ -55,13 +57,13 @@ static void print_dependents(json_at job)
 int command_retry(client *c, const char *argument, const command_options *options)
 {
     if (!options->dependents) return tell_and_print(c, argument, "/retry", options);
-    return tell_and_explain(c, argument, "/retry?dependents=1", print_dependents, options);
+    return post_and_explain(c, argument, "/retry?dependents=1", print_dependents, options);
 }
 
 int command_deliver(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = tell(c, argument, "/deliver", &document);
+    int code = post_command(c, argument, "/deliver", &document);
     json_free(document);
     if (code != COMMAND_OK) return code;
     char *path = command_job_path(argument, "");
@@ -70,7 +72,7 @@ int command_deliver(client *c, const char *argument, const command_options *opti
     return code;
 }
 
-/* What a pause means for what runs and what waits. */
+/* Prints what a pause means for running and waiting tasks. */
 static void explain_pause(json_at job)
 {
     json_at tasks = json_member(&job, "tasks");
@@ -91,7 +93,7 @@ static void explain_pause(json_at job)
 
 int command_pause(client *c, const char *argument, const command_options *options)
 {
-    return tell_and_explain(c, argument, "/pause", explain_pause, options);
+    return post_and_explain(c, argument, "/pause", explain_pause, options);
 }
 
 int command_delete(client *c, const char *argument, const command_options *options)
@@ -129,7 +131,7 @@ int command_priority(client *c, const char *argument, const command_options *opt
 
 int command_watch(client *c, const char *argument, const command_options *options)
 {
-    (void)options; /* events are JSON anyway */
+    (void)options; /* events are always JSON */
     error e = {0};
     int64_t last = 0;
     client_reply reply = {0};
@@ -241,7 +243,7 @@ int command_usage(client *c, const char *argument, const command_options *option
     return code;
 }
 
-/* Has the service begin or end a drain or a hold. */
+/* Begins or ends a drain or a hold of the service. */
 static int change_service(client *c, const char *path, const command_options *options)
 {
     if (options->json) return print_whole(c, "POST", path);

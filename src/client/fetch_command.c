@@ -1,4 +1,4 @@
-/* Downloads of results and logs. */
+/* fetch_command: the commands fetch and log of hexadctl, which download results and logs. */
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 #include "client/progress_bar.h"
 #include "store/file.h"
 
-/* Whether the file is there with these bytes already. */
+/* Whether a file with this hash is at the path. */
 static bool is_there(const char *path, const char *sha256)
 {
     char hex[STORE_HASH_SIZE] = "";
@@ -67,7 +67,7 @@ done:
     return code;
 }
 
-/* The server keeps undelivered results longer, so a file that is here already is confirmed. */
+/* Confirms a file that the client already has: the server keeps results longer until they are delivered. */
 static int confirm(client *c, const char *href, const char *sha256, error *e)
 {
     client_reply reply = {0};
@@ -76,13 +76,13 @@ static int confirm(client *c, const char *href, const char *sha256, error *e)
     return ok ? COMMAND_OK : COMMAND_UNREACHABLE;
 }
 
-/* Sets *kept where the file was there already. */
+/* Fetches a file. *kept: the file existed already. */
 static int fetch_file(client *c, const char *directory, json_at item, bool quiet, bool *kept)
 {
     const char *name = json_string(json_member(&item, "name"), "");
     const char *href = json_string(json_member(&item, "href"), "");
     const char *sha256 = json_string(json_member(&item, "sha256"), "");
-    /* the name comes from the network and becomes a file name here */
+    /* the name comes from the network and becomes a local file name */
     if (!*name || *name == '.' || strchr(name, '/') || strncmp(href, "/v1/", 4) != 0)
         return print_failure("the server lists a result whose name contains a path: report this as a fault");
     error e = {0};
@@ -99,7 +99,7 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
     return code;
 }
 
-/* Warns of the report of another job in the directory. */
+/* Prints a warning if the directory has the report of another job. */
 static void warn_of_other_result(const char *directory, json_at results)
 {
     char *path = mem_printf("%s/report.json", directory);
@@ -115,8 +115,8 @@ static void warn_of_other_result(const char *directory, json_at results)
     free(path);
 }
 
-/* Fetches the files that the server lists, report.json last. Those of all frames go to `above`. On success *document is
- * the list, the caller's. */
+/* Fetches the files that the server lists, report.json last. Files of all frames go to `above`. On success *document
+ * is the list; the caller frees it. */
 static int fetch_list(client *c, const char *list, const char *directory, const char *above, bool quiet,
                       json **document)
 {
@@ -143,15 +143,15 @@ static int fetch_list(client *c, const char *list, const char *directory, const 
     return code;
 }
 
-/* Frames of an array, on their way here. */
+/* Progress of fetching the frames of an array. */
 typedef struct fetching {
     const char *id, *directory;
     const command_options *options;
     int *wanted; /* NULL: all */
     size_t wanted_count;
-    int all, fetched, unended,
-        lost; /* frames: requested; with their files here; not ended; without results */
-    int seen; /* of the requested ones, in the job */
+    /* numbers of frames: requested, fetched, not ended, without results */
+    int all, fetched, unended, lost;
+    int seen; /* number of requested frames that the job has */
     progress_bar bar;
     json *frames; /* for --json */
 } fetching;
@@ -181,7 +181,7 @@ static int fetch_frame(client *c, fetching *f, int frame)
     return code;
 }
 
-/* One task of the job: its results, or why there are none. */
+/* Fetches the results of one task, or records why there are none. */
 static int fetch_task(client *c, fetching *f, json_at task)
 {
     int frame = (int)json_number(json_member(&task, "frame"), -1);
@@ -214,7 +214,7 @@ static int fetch_tasks(client *c, fetching *f)
     return code;
 }
 
-/* Says how much is here, and what is missing. */
+/* Prints how many frames were fetched and which are missing. */
 static int sum_up(fetching *f)
 {
     int unknown = f->wanted ? f->all - f->seen : 0;
@@ -297,7 +297,7 @@ int command_fetch(client *c, const char *argument, const command_options *option
     return code;
 }
 
-/* The path of a log, to be freed; NULL, and a message, when the arguments cannot name one. */
+/* The path of a log, which the caller frees. NULL, after a message, if the arguments do not name one. */
 static char *log_path(client *c, const char *id, const command_options *options)
 {
     char *path = command_job_path(id, "/log");

@@ -12,7 +12,7 @@ typedef struct frame_list {
     FILE *out; /* writes `text` */
     char *text;
     size_t size;
-    long first, last; /* of the range that is not written yet; first > last: there is none */
+    long first, last; /* the range that is not yet written; first > last: none */
 } frame_list;
 
 static void write_range(frame_list *l)

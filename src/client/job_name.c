@@ -32,7 +32,8 @@ bool job_name_is_short(const char *name)
            (*name && strlen(name) < ID_LENGTH && strspn(name, ULID_ALPHABET) == strlen(name));
 }
 
-/* The earliest or the latest time of a job whose id begins with the text, as a list takes it. */
+/* The earliest or the latest time of a job whose id begins with the text, in the form that a query of the list
+ * accepts. */
 static char *moment_of(const char *beginning, char filler, int64_t later_ms)
 {
     char id[ULID_SIZE], text[CLOCK_TEXT_SIZE];
@@ -54,7 +55,8 @@ static void take_matches(matches *m, json_at page)
     }
 }
 
-/* Collects the matches among the jobs that the options choose; the first page that has one is enough for `latest`. */
+/* Collects the matches among the jobs that the options select. If `first_only`, stops at the first page with a
+ * match. */
 static int collect(client *c, const command_options *chosen, bool first_only, matches *m)
 {
     char *cursor = NULL;
@@ -93,7 +95,7 @@ static int refuse_several(const matches *m)
     return COMMAND_USAGE;
 }
 
-/* The caller's only match, or its newest job. */
+/* Finds the caller's only match, or its newest job. */
 static int find(client *c, const char *user, const char *name, char **id)
 {
     bool latest = strcmp(name, JOB_NAME_LATEST) == 0;
@@ -121,7 +123,7 @@ static int find(client *c, const char *user, const char *name, char **id)
     return code;
 }
 
-/* Answers a name that is not an id, nor the beginning of one. */
+/* Prints the error for a name that is neither an id nor the beginning of one. */
 static int refuse_word(const char *name)
 {
     char *lower = mem_strdup(name);
@@ -134,7 +136,7 @@ static int refuse_word(const char *name)
         "%s",
         name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
     size_t letters = strspn(lower, "0123456789abcdefghijklmnopqrstuvwxyz");
-    bool word = *lower && letters == strlen(lower); /* a service would answer that there is no such job */
+    bool word = *lower && letters == strlen(lower); /* the exit code is the same as for an unknown id */
     free(lower);
     return word ? COMMAND_MISSING : COMMAND_USAGE;
 }

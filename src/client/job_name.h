@@ -1,4 +1,4 @@
-/* job_name: the short names by which a user may name a job, turned into its id. One thread. */
+/* job_name: finds the id of a job that is named by `latest` or by the beginning of its id. One thread. */
 #ifndef HEXAD_CLIENT_JOB_NAME_H
 #define HEXAD_CLIENT_JOB_NAME_H
 
@@ -8,15 +8,16 @@
 
 /* The newest job of the caller. */
 #define JOB_NAME_LATEST "latest"
-/* Characters of an id that name a job at least: 8 are its time in units of 1024 ms, 7 in units of 33 s. */
+/* Minimum number of characters of an id that name a job. 8 characters are its time in units of 1024 ms; 7 would be
+ * units of 33 s. */
 #define JOB_NAME_PREFIX_LEAST 8
 
-/* Whether the name is `latest`, or the beginning of an id and not all of it. */
+/* Whether the name is `latest`, or the beginning of an id without being a whole id. */
 bool job_name_is_short(const char *name);
 
-/* Sets *id, to be freed, to the id of the job: `latest`, or the one job of the caller whose id begins with the name.
- * A whole id stays as it is, for the service to find. Returns an exit code, after printing why there is no id; several
- * jobs are printed. */
+/* Sets *id to the id of the job, which the caller frees. The name is `latest` or the beginning of the id of exactly
+ * one job of the caller. A whole id is copied without a check, since the service checks it. Returns an exit code,
+ * after printing why there is no id. If several jobs match, they are printed. */
 int job_name_resolve(client *c, const char *name, char **id);
 
 #endif

@@ -9,7 +9,7 @@
 #include "client/command.h"
 #include "client/print.h"
 
-/* The attempts of a job that `show` prints. */
+/* Maximum number of attempts of a job that `show` prints. */
 #define ATTEMPTS_SHOWN 10
 
 static const char *text_of(json_at object, const char *key, const char *otherwise)
@@ -22,7 +22,7 @@ static double number_of(json_at object, const char *key)
     return json_number(json_member(&object, key), 0);
 }
 
-/* The time of this member, in milliseconds; 0: none. */
+/* The time in this member, in milliseconds; 0: none. */
 static int64_t time_of(json_at object, const char *key)
 {
     int64_t wall_ms = 0;
@@ -30,7 +30,7 @@ static int64_t time_of(json_at object, const char *key)
     return text && clock_parse_utc(text, &wall_ms) ? wall_ms : 0;
 }
 
-/* "250ms", "1.9s", "45s", "12m", "3h", "4d": two digits or more, cut off behind the last one. */
+/* Prints a duration as "250ms", "1.9s", "45s", "12m", "3h" or "4d", rounded down to two or more digits. */
 static char *print_span(int64_t ms, char *text, size_t size)
 {
     int64_t s = ms > 0 ? ms / 1000 : 0;
@@ -49,7 +49,7 @@ static char *print_span(int64_t ms, char *text, size_t size)
     return text;
 }
 
-/* How long something took, or has taken up to now; "-" when it has not begun. */
+/* Prints the duration of an object from its start to its end or to now; "-" if it has not started. */
 static char *print_duration(json_at object, char *text, size_t size)
 {
     int64_t from = time_of(object, "started"), to = time_of(object, "finished");
@@ -60,7 +60,7 @@ static char *print_duration(json_at object, char *text, size_t size)
     return print_span((to ? to : clock_wall_ms()) - from, text, size);
 }
 
-/* "12/100" frames that have ended; of a single job that runs its share, "45%". */
+/* Prints the number of ended frames, "12/100"; of a running single job its share, "45%". */
 static void print_progress(json_at job, char *text, size_t size)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
@@ -148,7 +148,7 @@ static void print_line(const char *title, const char *text)
     putchar('\n');
 }
 
-/* A list of words, where there are any. */
+/* Prints a list of words unless it is empty. */
 static void print_words(const char *title, json_at list)
 {
     for (size_t i = 0; i < json_size(list); i++) {
@@ -161,7 +161,7 @@ static void print_words(const char *title, json_at list)
     if (json_size(list)) putchar('\n');
 }
 
-/* "2026-01-31T18:00:00.000Z", and in words how far that is from another time. */
+/* Prints "2026-01-31T18:00:00.000Z" and its distance from another time. */
 static void print_moment(json_at job, const char *key, int64_t since_ms, const char *before,
                          const char *behind)
 {

@@ -1,11 +1,11 @@
-/* job_table: what the commands of hexadctl print of jobs and attempts. One thread. */
+/* job_table: prints jobs, attempts and frames for the commands of hexadctl. One thread. */
 #ifndef HEXAD_CLIENT_JOB_TABLE_H
 #define HEXAD_CLIENT_JOB_TABLE_H
 
 #include "client/table.h"
 #include "json/json.h"
 
-/* A table of jobs, of attempts, and of the frames of an array. */
+/* Tables of jobs, of attempts, and of the frames of an array. */
 table job_table_new(void);
 void job_table_add(table *t, json_at job);
 table job_table_new_attempts(void);
@@ -13,8 +13,8 @@ void job_table_add_attempt(table *t, json_at attempt);
 table job_table_new_frames(void);
 void job_table_add_frame(table *t, json_at task);
 
-/* Prints all of one job that a person wants to know, without its spec. `dependents` is a page of the list of the jobs that
- * depend on it, or no value. */
+/* Prints one job in full, without its spec. `dependents` is a page of the list of the jobs that depend on it, or no
+ * value. */
 void job_table_print(json_at job, json_at dependents);
 
 #endif

@@ -14,21 +14,21 @@
 
 #define JOBS_DEFAULT 50
 #define PAGE_MOST 500
-/* The maximum number of failed frames of an array that `show` prints. */
+/* Maximum number of failed frames of an array that `show` prints. */
 #define FAILURES_SHOWN 20
-/* The maximum number of jobs that depend on one that `show` prints. */
+/* Maximum number of dependent jobs that `show` prints. */
 #define DEPENDENTS_SHOWN 20
 
-/* A list that comes in pages: its entries as a document, with --json, or as rows of a table. */
+/* A list that is read in pages. With --json its entries are collected in a document, otherwise as rows of a table. */
 typedef struct listing {
-    const char *key; /* of the entries in a page */
+    const char *key; /* the member of a page that has the entries */
     void (*add)(table *t, json_at entry);
     table rows;
-    json *entries; /* NULL: as rows */
-    char *next;    /* the cursor of the next page; NULL: there is none */
+    json *entries; /* NULL: rows of a table */
+    char *next;    /* the cursor of the next page; NULL: this was the last page */
 } listing;
 
-/* Returns the number of entries of the page, which may be short. */
+/* Adds the entries of a page; returns their number. */
 static size_t take_page(listing *l, const json *page)
 {
     json_at root = json_root(page), list = json_member(&root, l->key), next = json_member(&root, "next");
@@ -46,7 +46,7 @@ static size_t take_page(listing *l, const json *page)
     return json_size(list);
 }
 
-/* Prints the listing, with --json as the server would as one page. */
+/* Prints the listing. With --json it has the form of a single page of the server. */
 static void print_listing(listing *l)
 {
     if (l->entries) {
@@ -68,7 +68,7 @@ static void listing_clear(listing *l)
     free(l->next);
 }
 
-/* The limit of a list; 0, and a message, when it is none. */
+/* Parses the limit of a list. 0, after a message, if the text is not a valid limit. */
 static long read_limit(const char *text)
 {
     char *end = NULL;
@@ -137,7 +137,7 @@ static bool is_failure(json_at task)
     return strcmp(state, "failed") == 0 || strcmp(state, "timed_out") == 0;
 }
 
-/* Prints the first of the `left` frames that failed. */
+/* Prints the first FAILURES_SHOWN of the `left` failed frames. */
 static int show_failures(client *c, const char *id, double left)
 {
     table rows = job_table_new_frames();
@@ -161,7 +161,8 @@ static int show_failures(client *c, const char *id, double left)
     return code;
 }
 
-/* The first of the jobs that depend on this one, as a page to be freed; NULL if the service is older and cannot list them. */
+/* The first page of the jobs that depend on this one, which the caller frees. NULL if the service is older and
+ * cannot list them. */
 static json *list_dependents(client *c, const char *id)
 {
     error e = {0};
@@ -184,7 +185,7 @@ static void show_job(client *c, json_at job, const char *id)
     json_free(dependents);
 }
 
-/* Downloads the picture of a job into a file. */
+/* Downloads the picture of a job to a file. */
 static int save_picture(client *c, const char *id, const char *path)
 {
     error e = {0};

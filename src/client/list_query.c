@@ -7,7 +7,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* The seconds of "90m" or "90m ago"; -1: it is no such text. */
+/* The seconds of "90m" or "90m ago"; -1 for any other text. */
 static int64_t seconds_of(const char *given)
 {
     static const char units[] = "smhd";
@@ -24,7 +24,8 @@ bool list_query_is_moment(const char *given)
     return seconds_of(given) >= 0 || (strspn(given, "0123456789") == 4 && given[4] == '-');
 }
 
-/* A moment as the server takes it, to be freed: "90m" and "90m ago" are 90 minutes before now; all else stays, for the server to check. */
+/* A time in the form that the server accepts; the caller frees it. "90m" and "90m ago" are 90 minutes before now.
+ * Any other text is copied, since the server checks it. */
 static char *moment_of(const char *given)
 {
     char text[CLOCK_TEXT_SIZE];

@@ -49,7 +49,8 @@ int print_refused_spec(const client_reply *reply, const char *file)
              reply->status);
     const char *token = getenv("HEXAD_TOKEN");
     bool has_token = token && *token;
-    if (reply->status == 401 && (has_token || !reply->local)) { /* a Unix socket's answer says what to do */
+    /* a refusal on a Unix socket includes the advice */
+    if (reply->status == 401 && (has_token || !reply->local)) {
         print_failure(
             "%s: set HEXAD_TOKEN to a%s token, which the administrator creates on the machine of the server "
             "with \"hexadctl token add USER\" (and --file FILE if the setting token_file or state_dir is not "
@@ -91,7 +92,7 @@ bool print_is_undelivered(json_at job)
     return strcmp(json_string(json_member(&copy, "state"), ""), "failed") == 0;
 }
 
-/* The line without its end. */
+/* Prints the line of a job without the line break. */
 static void print_job_text(json_at job)
 {
     json_at fault = json_member(&job, "error"), copy = json_member(&job, "delivery");
@@ -106,7 +107,8 @@ static void print_job_text(json_at job)
     }
     if (json_type_of(fault) == JSON_OBJECT) {
         const char *why = json_string(json_member(&fault, "code"), "?");
-        if (strcmp(why, json_string(json_member(&job, "state"), "")) != 0) { /* "cancelled" is both */
+        /* "cancelled" is a state and an error code */
+        if (strcmp(why, json_string(json_member(&job, "state"), "")) != 0) {
             putchar(' ');
             print_text(stdout, why);
         }

@@ -20,7 +20,7 @@ void progress_bar_clear(progress_bar *b)
     b->drawn = false;
 }
 
-/* " sweep 12", where the job's progress has the member. */
+/* Prints a member of the job's progress, such as " sweep 12", if it exists. */
 static void print_member(json_at progress, const char *key, const char *format)
 {
     double value = json_number(json_member(&progress, key), NAN);
@@ -46,7 +46,8 @@ void progress_bar_show_count(progress_bar *b, int done, int frames)
     fflush(stderr);
 }
 
-/* How many frames of an array have ended, and the share of them and of the running one whose progress is known. */
+/* Prints the number of ended frames of an array. Returns the completed share, including the running frame whose
+ * progress is known. */
 static double describe_array(json_at job, char *text, size_t size)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
@@ -70,7 +71,7 @@ static double describe_single(json_at job, char *text, size_t size)
     return json_number(json_member(&progress, "fraction"), 0);
 }
 
-/* The id of the job, and its name if it has one. */
+/* Prints the id of the job, and its name if it has one. */
 static void print_identity(json_at job)
 {
     const char *name = json_string(json_member(&job, "name"), "");

@@ -1,5 +1,6 @@
-/* progress_bar: shows progress on standard error: on a terminal a bar that is redrawn, otherwise, for a job, a line
- * whenever its state, its phase or the number of its frames that have ended changes. One thread. */
+/* progress_bar: shows progress on standard error. On a terminal it is a bar that is redrawn. Otherwise a line is
+ * printed for a job whenever its state, its phase or its number of ended frames changes. One thread.
+ */
 #ifndef HEXAD_CLIENT_PROGRESS_BAR_H
 #define HEXAD_CLIENT_PROGRESS_BAR_H
 
@@ -9,12 +10,13 @@
 
 typedef struct progress_bar {
     bool terminal, drawn;
-    bool identify; /* whether a job is shown with its id and name; set after the init */
-    char last[96]; /* what was shown last */
+    bool identify; /* show jobs with id and name; set it after the init */
+    char last[96]; /* the text shown last */
 } progress_bar;
 
 void progress_bar_init(progress_bar *b);
-void progress_bar_show(progress_bar *b, json_at job);                /* `job` as GET /v1/jobs/{id} gives it */
+/* `job` as in the answer to GET /v1/jobs/{id} */
+void progress_bar_show(progress_bar *b, json_at job);
 void progress_bar_show_count(progress_bar *b, int done, int frames); /* on a terminal only */
 void progress_bar_clear(progress_bar *b);                            /* removes the bar */
 

@@ -17,14 +17,15 @@
 
 #define SPEC_LIMIT_BYTES (64u << 20)
 
-/* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
+/* Reads all of standard input; the caller frees the text. NULL if it cannot be read or is longer than the limit of a
+ * spec. */
 static char *read_input(size_t *length, error *e)
 {
-    size_t room = 65536, used = 0, got;
-    char *text = mem_alloc(room);
+    size_t capacity = 65536, used = 0, got;
+    char *text = mem_alloc(capacity);
     do {
-        if (used + 1 == room) text = mem_resize(text, room *= 2);
-        got = fread(text + used, 1, room - used - 1, stdin);
+        if (used + 1 == capacity) text = mem_resize(text, capacity *= 2);
+        got = fread(text + used, 1, capacity - used - 1, stdin);
         used += got;
     } while (got > 0 && used <= SPEC_LIMIT_BYTES);
     if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
@@ -43,7 +44,8 @@ static char *read_input(size_t *length, error *e)
 }
 
 #define JOBS "/v1/jobs"
-/* What a submission may take longer for a look at its inputs. A person does not notice it, and most files are opened by then. */
+/* Maximum time, in ms, that a submission waits for the check of its inputs. Users do not notice this delay, and most
+ * files can be opened in it. */
 #define FAULTS_WITHIN_MS 200
 
 static bool is_standard_input(const char *path)
@@ -51,13 +53,13 @@ static bool is_standard_input(const char *path)
     return strcmp(path, "-") == 0;
 }
 
-/* How messages name the file of a spec. */
+/* The name of the spec's file in messages. */
 static const char *name_of(const char *path)
 {
     return is_standard_input(path) ? "standard input" : path;
 }
 
-/* The member of an object, which is made where it is missing; NULL where it is of another type. */
+/* The member of an object; it is added if it is missing. NULL if it has another type. */
 static json *member_of_type(json *object, const char *pointer, json_type type)
 {
     json *found = json_find(object, pointer);
@@ -67,7 +69,8 @@ static json *member_of_type(json *object, const char *pointer, json_type type)
     return json_type_of(json_root(found)) == type ? found : NULL;
 }
 
-/* Puts the options into the spec's group `queue`. What has the wrong type stays, for the server to refuse. */
+/* Puts the options into the group `queue` of the spec. Members of a wrong type are unchanged; the server refuses
+ * them. */
 static bool apply_options(json *document, const command_options *options)
 {
     char *end = NULL;
@@ -84,7 +87,8 @@ static bool apply_options(json *document, const command_options *options)
     return true;
 }
 
-/* Reads the spec at the path, or takes the given text, with the options put into it, as text to be freed; or prints why not. */
+/* Reads the spec at the path, or takes the given text, and applies the options. Returns text that the caller frees;
+ * NULL, after a message, on failure. */
 static char *read_spec(const char *path, const char *given, const command_options *options, size_t *length)
 {
     error e = {0};
@@ -108,7 +112,8 @@ static char *read_spec(const char *path, const char *given, const command_option
     return text;
 }
 
-/* Whether the key, if there is one, can be a header; prints why not. What else it may be, the server says. */
+/* Checks that the key, if there is one, can be the value of a header; otherwise prints a message. The server checks
+ * the rest. */
 static bool has_usable_key(const command_options *options)
 {
     const char *key = options->key;
@@ -117,7 +122,7 @@ static bool has_usable_key(const command_options *options)
     return usable;
 }
 
-/* Requests a check of the job's inputs, before the job waits in the queue. The wait for the answer is bounded. */
+/* Requests a check of the job's inputs before the job waits in the queue. The time for the answer is limited. */
 static void look_for_faults(client *c, const char *body, size_t length, client_reply *found)
 {
     error e = {0};
@@ -139,7 +144,7 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
-/* Posts the spec at the path, or the given text. On success *document is the caller's. */
+/* Posts the spec at the path, or the given text. On success the caller frees *document. */
 static int post_spec(client *c, const char *to, const char *path, const char *given,
                      const command_options *options, json **document)
 {
@@ -178,7 +183,8 @@ static int submit(client *c, const char *from, const char *given, const command_
     const char *id = json_string(json_member(&job, "id"), "");
     if (code == COMMAND_OK && options->wait) {
         char *path = command_job_path(id, "");
-        fprintf(stderr, "job %s\n", id); /* so that the user knows it when the wait is interrupted */
+        /* printed first, so that the id is known if the wait is interrupted */
+        fprintf(stderr, "job %s\n", id);
         code = path ? command_wait_for(c, path, options) : COMMAND_FAILED;
         free(path);
     } else if (code == COMMAND_OK && options->json) {
@@ -214,7 +220,7 @@ int command_validate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-/* The estimate of a single job, or of the first frame of an array. */
+/* Prints the estimate of a single job, or of the first frame of an array. */
 static void print_estimate(json_at document)
 {
     json_at estimate = json_member(&document, "estimate"), spec = json_member(&document, "spec"),
@@ -259,7 +265,7 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-/* The ending by which readers tell formats apart, ".obj" or ".nii.gz"; "" when the name has none. */
+/* The extension that identifies the format, such as ".obj" or ".nii.gz"; "" if the name has none. */
 static const char *ending_of(const char *path)
 {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
@@ -270,7 +276,7 @@ static const char *ending_of(const char *path)
     return dot;
 }
 
-/* Sends an open file of this hash, unless the server has it. */
+/* Uploads an open file with this hash, unless the server has it. */
 static int send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
                      json **document)
 {
@@ -317,7 +323,7 @@ static int upload_file(client *c, const char *argument, const command_options *o
     return code;
 }
 
-/* The numbers of the files of the pattern, in order, to be freed. */
+/* The numbers of the files that match the pattern, ascending; the caller frees them. */
 static int *list_frames(const char *pattern, size_t *count)
 {
     glob_t found = {0};
@@ -366,8 +372,8 @@ int command_inspect(client *c, const char *argument, const command_options *opti
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        fputs(json_string(json_member(&root, "text"), ""),
-              stdout); /* made by the worker, without control characters */
+        /* the worker writes no control characters */
+        fputs(json_string(json_member(&root, "text"), ""), stdout);
     free(body);
     json_free(asked);
     json_free(document);

@@ -1,4 +1,4 @@
-/* table: texts in columns, each as wide as its widest text. One thread. */
+/* table: prints texts in columns; each column is as wide as its widest text. One thread. */
 #ifndef HEXAD_CLIENT_TABLE_H
 #define HEXAD_CLIENT_TABLE_H
 
@@ -11,10 +11,10 @@ typedef struct table {
     char **cell;
 } table;
 
-/* A table with a row of titles. table_clear frees it. */
+/* Makes a table with a row of titles. The caller frees it with table_clear. */
 table table_new(const char *const *titles, size_t columns);
-void table_add(table *t, char *text); /* the next cell; takes the text over */
+void table_add(table *t, char *text); /* adds the next cell; takes over the text */
 void table_print(const table *t);
-void table_clear(table *t); /* accepts an empty one */
+void table_clear(table *t); /* accepts an empty table */
 
 #endif

@@ -1,4 +1,4 @@
-/* token_command: the command token of hexadctl, which adds tokens to a token file, lists and revokes them. */
+/* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes them. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -25,15 +25,14 @@ static int fail(const error *e)
     return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
 }
 
-/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. That of the
- * system service is made. */
+/* Locks the directory of the file, so that of two concurrent changes none is lost; -1 and an error on failure. The
+ * directory of the system service is made if it is missing. */
 static int lock_file(const command_options *options, error *e)
 {
     const char *path = options->file, *slash = strrchr(path, '/');
     char *directory = slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
     if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
-        chmod(directory,
-              0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
+        chmod(directory, 0755); /* whatever root's umask: the service reads it. open reports failures */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
         error_set(e, ERROR_SPEC_INVALID, "%s: %s. Give the daemon's token file with --file.", directory,

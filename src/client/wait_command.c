@@ -1,4 +1,4 @@
-/* Waiting for the end of a job, and for copies of its results. */
+/* wait_command: waits for the end of a job, and for copies of its results. */
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,10 +8,10 @@
 #include "client/print.h"
 #include "client/progress_bar.h"
 
-/* The waits between two polls of a job grow from the first to the second. */
+/* The interval between two polls of a job grows from FIRST_WAIT_MS to LONGEST_WAIT_MS. */
 #define FIRST_WAIT_MS 50
 #define LONGEST_WAIT_MS 1000
-/* How long `wait` tolerates an unreachable server, so that it outlives a restart of the daemon. */
+/* How long `wait` tolerates an unreachable server. A restart of the daemon takes less. */
 #define UNREACHABLE_MS 15000
 
 static int code_of_end(json_at job)
@@ -25,7 +25,7 @@ static int code_of_end(json_at job)
                                                 : COMMAND_NOT_CONVERGED;
 }
 
-/* Prints the job that has ended, and returns its exit code. */
+/* Prints the ended job and returns its exit code. */
 static int end_wait(client *c, const json *document, const command_options *options)
 {
     json_at job = json_root(document);
@@ -57,8 +57,8 @@ static int end_wait_for_copy(client *c, const json *document, const command_opti
     return print_is_undelivered(job) ? COMMAND_FAILED : COMMAND_OK;
 }
 
-/* What is waited for, whether the progress of the job is shown meanwhile, and what prints the job then and returns the exit
- * code. */
+/* What the wait is for, whether it shows the progress of the job, and the function that prints the job and returns
+ * the exit code. */
 typedef struct goal {
     bool shows_progress;
     bool (*is_reached)(json_at job);

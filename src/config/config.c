@@ -332,7 +332,8 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     return true;
 }
 
-/* Whether --check or --backup are meant for the installed service: no other settings file or state directory is given. */
+/* Whether --check or --backup is meant for the installed service: no other settings file or state directory is
+ * given. */
 static bool maintains_service(int argc, char *const *argv)
 {
     bool maintains = false;
@@ -485,11 +486,11 @@ bool config_find_node(config *c, error *e)
 /* Prints a text in lines of at most 78 characters after a prefix. */
 static void print_wrapped(FILE *file, const char *prefix, const char *prose)
 {
-    size_t room = 78 - strlen(prefix);
+    size_t width = 78 - strlen(prefix);
     while (*prose) {
         size_t length = strlen(prose);
-        if (length > room) {
-            length = room;
+        if (length > width) {
+            length = width;
             while (length > 0 && prose[length] != ' ') length--;
         }
         fprintf(file, "%s%.*s\n", prefix, (int)length, prose);

@@ -72,13 +72,13 @@ static bool check_room(const char *path, int64_t bytes, int64_t free_bytes, erro
     if (slash) slash[slash == directory] = '\0';
     bool ok = statvfs(slash ? directory : ".", &info) == 0 ||
               error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    int64_t room = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
-    if (ok && room < bytes + free_bytes)
+    int64_t available = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
+    if (ok && available < bytes + free_bytes)
         ok = error_set(e, ERROR_STORAGE_FULL,
                        "%s: a copy of the database requires %lld MiB plus %lld MiB that remain free, and "
                        "%lld MiB are free: free some space",
                        path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20),
-                       (long long)(room >> 20));
+                       (long long)(available >> 20));
     free(directory);
     return ok;
 }
@@ -111,8 +111,8 @@ static bool copy_online(database *d, sqlite3 *target, const char *path, int fd, 
 {
     database *reader = database_begin_read(d);
     sqlite3 *source = database_connection(reader);
-    sqlite3_db_release_memory(
-        source); /* empties the page cache, so that the copy shows what is on the disk */
+    /* empties the page cache, so that the copy shows what is on the disk */
+    sqlite3_db_release_memory(source);
     /* without a read transaction, each step would restart after a change */
     int code = sqlite3_get_autocommit(source)
                    ? SQLITE_ERROR

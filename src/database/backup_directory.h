@@ -7,10 +7,11 @@
 
 #include "base/error.h"
 
-/* To be freed. */
+/* The path of the directory; the caller frees it. */
 char *backup_directory_path(const char *state_dir);
 
-/* Creates it if it does not exist. Created by root, it gets the owner of the state directory. Error: internal. */
+/* Creates the directory if it does not exist. If root creates it, it gets the owner of the state directory. Error:
+ * internal. */
 bool backup_directory_make(const char *state_dir, error *e);
 
 #endif

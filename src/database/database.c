@@ -55,12 +55,14 @@ struct database {
         const char *sql;
         sqlite3_stmt *prepared;
     } statement[STATEMENTS];
-    health *health;   /* a reader's is that of its origin */
+    health *health;   /* in a reader: the health of its origin */
     database *origin; /* in a reader, which has only the members up to here: its database; otherwise NULL */
     database *next;   /* next idle reader */
 
     int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
-    int file_fd; /* for flushes; -1: a copy. Closed after all connections, because that ends the locks of the process on the file */
+    /* for flushes; -1: a copy. Closed after all connections, because closing it ends the locks of the process on the
+     * file */
+    int file_fd;
     char *state_dir, *path;
     atomic_uint copies;                /* number of copies begun; used for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
@@ -310,7 +312,7 @@ static bool apply_all(database *d, change *first)
     return false;
 }
 
-/* Commits all waiting changes. The caller holds the gate, which is open meanwhile. */
+/* Commits all waiting changes. The caller holds the gate, which is released during the commit. */
 static void lead(database *d)
 {
     d->leading = true;
@@ -399,7 +401,7 @@ static void close_connection(database *d)
     sqlite3_close(d->connection);
 }
 
-/* NULL: no descriptors or no memory. */
+/* NULL if descriptors or memory are exhausted. */
 static database *open_reader(database *d, error *e)
 {
     database *r = mem_alloc(sizeof *r);
@@ -487,7 +489,8 @@ static int write_back(database *d, int mode)
     return code == SQLITE_OK || code == SQLITE_BUSY ? written : 0;
 }
 
-/* While no change is stored: checkpoints the last pages. The next change then restarts the log if no reader needs it. */
+/* Called while no change is stored: checkpoints the last pages. The next change then restarts the log if no reader
+ * needs it. */
 static void end_log(database *d)
 {
     const bool waits = d->log_pages >= d->log_most;
@@ -676,7 +679,7 @@ void database_reserve(database *d, int64_t bytes)
     pthread_mutex_unlock(&d->mutex);
 }
 
-bool database_has_room(database *d)
+bool database_has_space(database *d)
 {
     int64_t wanted = atomic_load(&d->reserve_bytes);
     struct statvfs disk;

@@ -22,9 +22,9 @@
 
 typedef struct database database;
 
-/* Opens or creates the database in an existing directory, which is locked until database_close. Error, if another
- * process has locked the directory, if it is on a network file system, or if a newer version of the program created the
- * database; the message has the reason. */
+/* Opens or creates the database in an existing directory, which is locked until database_close. Fails if another
+ * process has locked the directory, if it is on a network file system, or if a newer version of the program created
+ * the database; the message has the reason. */
 database *database_open(const char *state_dir, error *e);
 /* Opens a copy of a database (database/backup) for reading. The copy is migrated if it has an older version. */
 database *database_open_copy(const char *path, error *e);
@@ -100,7 +100,7 @@ void database_end(sqlite3_stmt *s);
 bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e);
 
 /* Whether the free disk space is at least the reserve of database_reserve, which a new job requires. */
-bool database_has_room(database *d);
+bool database_has_space(database *d);
 
 /* Reserves disk space for changes that must succeed on a full disk (database/reserve). 0: none. If the space cannot be
  * reserved, a warning is logged. */

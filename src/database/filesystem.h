@@ -13,7 +13,7 @@
 /* The name of a network file system by the f_type of statfs(2). NULL for any other file system. */
 const char *filesystem_network_name(uint64_t type);
 
-/* An error when the directory is on a network file system. */
+/* Checks that the directory is not on a network file system. Otherwise returns false and an error. */
 bool filesystem_check(const char *directory, error *e);
 
 #endif

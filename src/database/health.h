@@ -1,8 +1,8 @@
 /* health: whether the database is damaged, and the result of the last check.
  *
- * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage others: changes
- * fail with code database_damaged, and reads still work as far as possible. This lasts until the next start. A read
- * error counts as damage until a check has read the whole database (database/checker).
+ * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage other
+ * pages. Changes fail with the code database_damaged; reads still work if possible. This lasts until the next start.
+ * A read error counts as damage until a check has read the whole database (database/checker).
  */
 #ifndef HEXAD_DATABASE_HEALTH_H
 #define HEXAD_DATABASE_HEALTH_H
@@ -20,10 +20,10 @@
 
 typedef struct health_report {
     bool damaged, checking;
-    int64_t damaged_ms;    /* wall clock: when it was found */
+    int64_t damaged_ms;    /* time at which the damage was found, wall clock */
     const char *found_by;  /* "statement", "copy", "quick_check" or "integrity_check" */
-    char damage[240];      /* what was found */
-    int64_t checked_ms;    /* wall clock: the end of the last check; 0: there was none */
+    char damage[240];      /* description of the damage */
+    int64_t checked_ms;    /* end of the last check, wall clock; 0: no check has ended */
     int64_t check_took_ms; /* its duration */
 } health_report;
 
@@ -40,7 +40,8 @@ void health_note_damage(health *h, const char *found_by, const char *what, bool 
 bool health_allows_changes(health *h, error *e);
 
 void health_begin_check(health *h);
-/* `what` is the damage that was found, or NULL. `done` is false when the check could not be made. */
+/* Records the end of a check. `what` is the damage that was found, or NULL. `done` is false if the check could not
+ * be made. */
 void health_end_check(health *h, const char *name, bool done, const char *what);
 
 void health_get(health *h, health_report *known);

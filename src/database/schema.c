@@ -17,7 +17,8 @@
     ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);"
 
-/* What the executor needs of a spec, read from it once, at the submission. Limits of 0: the service's own. */
+/* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0: the
+ * service's own. */
 #define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
 #define STALL "stall_ms INTEGER NOT NULL DEFAULT 0"
 #define DIRECTORY "directory TEXT"
@@ -38,15 +39,15 @@
     "  directory TEXT NOT NULL" \
     ") STRICT, WITHOUT ROWID;"
 
-/* For whom the last report was delivered into an output directory. */
+/* The user for whom the last report was delivered to an output directory. */
 #define OUTPUTS                     \
     "CREATE TABLE output ("         \
     "  directory TEXT PRIMARY KEY," \
     "  owner TEXT NOT NULL"         \
     ") STRICT, WITHOUT ROWID;"
 
-/* The service instance (one row), and the deleted tasks whose directories are to be removed: those of the result, and
- * of the attempts up to the stored number. */
+/* The service instance (one row), and the deleted tasks whose directories must be removed: the directory of the
+ * result, and the directories of the attempts up to the stored number. */
 #define INSTANCE                    \
     "CREATE TABLE instance ("       \
     "  id TEXT NOT NULL,"           \
@@ -60,7 +61,7 @@
     ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
-/* How many jobs are in each state, for a meter that looks often. */
+/* Number of jobs in each state, for frequent measurements. */
 #define STATE_COUNT                                                                              \
     "CREATE TABLE state_count ("                                                                 \
     "  state TEXT PRIMARY KEY,"                                                                  \
@@ -80,12 +81,12 @@
 #define OUTCOME "outcome TEXT CHECK (outcome IN ('converged', 'unresolved', 'not_converged'))"
 #define UNRESOLVED "unresolved INTEGER NOT NULL DEFAULT 0"
 
-/* The id of a notification, and the time of the end of the job that it reports. */
+/* The id of a notification, and the end of the job that it reports. */
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
 
-/* Users who have unfinished jobs or owe a turn, in the order of their turns (queue/owner); and what is true of the whole
- * queue, in one row. */
+/* Users that have unfinished jobs or owe a turn, in the order of their turns (queue/owner). The table service has
+ * one row with the values of the whole queue. */
 #define OWNER                                                       \
     "CREATE TABLE owner ("                                          \
     "  name TEXT PRIMARY KEY,"                                      \
@@ -113,8 +114,8 @@
     "CREATE INDEX job_by_priority ON job (priority, seq);"
 #define FOUND SORTED "CREATE INDEX job_by_time ON job (created_ms);"
 
-/* What ended jobs leave: the sums of each user, and of all in the table service. The indexes have the order in which jobs
- * are deleted when a bound is met (queue/usage). */
+/* The results of ended jobs: the sums of each user, and the sums of all users in the table service. The indexes have
+ * the order in which jobs are deleted when a bound is reached (queue/usage). */
 #define ADD_TO_USAGE \
     " ON CONFLICT DO UPDATE SET results = results + excluded.results, bytes = bytes + excluded.bytes;"
 #define USAGE                                                                                            \
@@ -157,7 +158,7 @@
 #define DELIVERED_MS "delivered_ms INTEGER"
 #define IS_DELIVERED "is_delivered INTEGER NOT NULL DEFAULT 0"
 
-/* How long a delayed task or a notification had to wait when its last try ended (queue/running). */
+/* The wait of a delayed task or a notification that was set when its last try ended (queue/running). */
 #define WAIT_MS "wait_ms INTEGER NOT NULL DEFAULT 0"
 /* The periods in which the daemon ran (base/running_time), oldest first. */
 #define RUNNING                     \
@@ -166,7 +167,8 @@
     "  from_ms INTEGER NOT NULL,"   \
     "  length_ms INTEGER NOT NULL"  \
     ") STRICT;"
-/* What became of the copy to output.directory, and why it failed. A code of a task: it has to be copied (again). */
+/* copy_state of a job: state of the copy to output.directory. copy_code and copy_message: reason of a failure. A task
+ * has a copy_code if its result could not be copied or must still be copied ('pending'). */
 #define COPY_STATE "copy_state TEXT CHECK (copy_state IN ('delivered', 'failed', 'pending'))"
 #define COPY_CODE "copy_code TEXT"
 #define COPY_MESSAGE "copy_message TEXT"
@@ -178,7 +180,8 @@
 
 /* The maximum number of tasks of a job that run at the same time; 0: any number. */
 #define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
-/* Tasks that wait for frames of other jobs (queue/frame_needs), and whether the first queued task of an ordered job does. */
+/* Number of tasks that wait for frames of other jobs (queue/frame_needs), and whether the first queued task of an
+ * ordered job waits so. */
 #define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"
 #define FIRST_HELD "first_held INTEGER NOT NULL DEFAULT 0"
 #define WAITS "waits INTEGER NOT NULL DEFAULT 0"
@@ -460,16 +463,16 @@ static const char find_usage[] =
 /* Migration from version 9, in which lists were not sorted. */
 static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
 
-/* Migration from version 10, in which nothing was known of an attempt's time but when it began and ended. */
+/* Migration from version 10, which stored only the start and the end of an attempt. */
 static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
                                             "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
 
-/* Migration from version 11, in which the wall clock alone decided when a retention or a wait was over. A task that is
- * delayed then starts at once after the clock is set back. */
+/* Migration from version 11, in which only the wall clock determined the end of a retention or a wait. A delayed
+ * task then starts at once after the clock was set back. */
 static const char add_running[] =
     RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
-/* Migration from version 11, in which a job that reused a result had the report of the other job, and a result replaced
- * that of any user in its output directory. */
+/* Migration from version 11, in which a job that reused a result had the report of the other job, and a result
+ * replaced the results of all other users in its output directory. */
 static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " COPY_STATE ";"
                                                   "ALTER TABLE job ADD COLUMN " COPY_CODE ";"
                                                   "ALTER TABLE job ADD COLUMN " COPY_MESSAGE ";"
@@ -487,12 +490,12 @@ static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
                                       "ALTER TABLE task ADD COLUMN " WAITS ";"
                                       "ALTER TABLE dependency ADD COLUMN " BY_FRAME ";"
                                       "DROP INDEX job_ready; DROP INDEX task_ready;" READY TASK_READY;
-/* A job failed when its result could not be copied. */
+/* Migration from versions in which a job failed if its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
-/* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
+/* The migrations from the versions `first` to `last`, in this order. Version 0: an empty database. */
 static const struct step {
     int first, last;
     const char *sql;

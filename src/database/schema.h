@@ -27,8 +27,8 @@
     " (is_ordered = 0 OR running + delayed + first_held = 0)" \
     " AND (max_running = 0 OR running < max_running)"
 
-/* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has the
- * bit 1 << queue_outcome for each accepted outcome. */
+/* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has
+ * the bit 1 << queue_outcome for each accepted outcome. */
 #define SCHEMA_ACCEPTED                                                                                       \
     "(job.state = 'succeeded' AND (job.accept & 2 OR job.succeeded = job.unresolved + job.not_converged) AND" \
     " (job.accept & 4 OR job.unresolved = 0) AND (job.accept & 8 OR job.not_converged = 0))"
@@ -42,7 +42,8 @@
 #define SCHEMA_KEPT "finished_ms IS NOT NULL AND succeeded + failed + timed_out > 0"
 #define SCHEMA_UNMEASURED "result_bytes IS NULL AND finished_ms IS NOT NULL"
 
-/* SQL condition on a row of job: results could not be copied to output.directory, and their owner has not downloaded them. */
+/* SQL condition on a row of job: results could not be copied to output.directory, and the owner has not downloaded
+ * them. */
 #define SCHEMA_UNDELIVERED "copy_state = 'failed' AND delivered_ms IS NULL"
 
 /* Creates or migrates the tables and compares them with the expected schema. Error: database_damaged (they cannot be
@@ -55,7 +56,7 @@ bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e);
 
 /* Whether this SQLite result code means that the stored data is damaged. */
 bool schema_error_is_damage(int code);
-/* Whether it means that a file could not be read, which may be damage. */
+/* Whether this SQLite result code means that a file could not be read, which may be damage. */
 bool schema_error_is_read_fault(int code);
 
 #endif

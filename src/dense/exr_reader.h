@@ -1,11 +1,11 @@
-/* exr_reader: one channel of OpenEXR images, decoded in a process of its own (reader.h) by OpenEXR's C core.
+/* exr_reader: decodes one channel of OpenEXR images in a separate process (reader.h) with OpenEXR's C core.
  *
- * Requests come through the socket that is its descriptor 0 and 1: a request is one byte, EXR_READER_WINDOW,
- * EXR_READER_PIXELS or EXR_READER_LIST, with an open file's descriptor beside it (SCM_RIGHTS). The answer is a struct
- * exr_reader_answer, then `text_length` bytes of a message if `code` is an error, otherwise, for pixels, the channel's
- * values in the data window as floats (or, of a channel of whole numbers, as uint32_t), row by row. To EXR_READER_LIST
- * the text is a line for each channel of each part: part, storage, first and last column and row, channel, type, between
- * tabs. The machine's own byte order.
+ * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is one byte,
+ * EXR_READER_WINDOW, EXR_READER_PIXELS or EXR_READER_LIST, with the descriptor of an open file (SCM_RIGHTS). The
+ * answer is a struct exr_reader_answer. If `code` is an error, `text_length` bytes of a message follow. Otherwise,
+ * for pixels, the values of the channel in the data window follow row by row, as floats or, for a channel of whole
+ * numbers, as uint32_t. For EXR_READER_LIST the text has a line for each channel of each part: part, storage, first
+ * and last column and row, channel, type, separated by tabs. Numbers have the byte order of the machine.
  */
 #ifndef HEXAD_DENSE_EXR_READER_H
 #define HEXAD_DENSE_EXR_READER_H
@@ -28,8 +28,8 @@ typedef struct exr_reader_answer {
     float aspect;            /* the header's pixelAspectRatio */
 } exr_reader_answer;
 
-/* The program `read-exr NAMES MEMORY CPU_SECONDS`; NAMES has the channel and the part, each a line: '=' and
- * the name, or '*' for the only one. It ends when the socket is closed. */
+/* The program `read-exr NAMES MEMORY CPU_SECONDS`. NAMES has a line for the channel and one for the part: '=' and
+ * the name, or '*' for the only one. The program ends when the socket is closed. */
 int exr_reader_main(int argc, char **argv);
 
 #endif

@@ -1,4 +1,4 @@
-/* inflated: the bytes that zlib packed into a file, as a zlib stream or as gzip files after one another. */
+/* inflated: reads bytes that are compressed with zlib in a file: a zlib stream, or consecutive gzip files. */
 #ifndef HEXAD_DENSE_INFLATED_H
 #define HEXAD_DENSE_INFLATED_H
 
@@ -6,14 +6,15 @@
 
 typedef struct inflated inflated;
 
-/* Opens the data of the file from `offset` on. `fd` is read with pread only, and remains the caller's. */
+/* Opens the data of the file, beginning at `offset`. `fd` is read with pread only, and remains the caller's. */
 inflated *inflated_new(int fd, int64_t offset);
 void inflated_free(inflated *i); /* accepts NULL */
 
-/* The next bytes, fewer than `count` only at the end; -1: they cannot be read, or were not packed so. */
+/* Reads the next bytes. Returns their number, which is less than `count` only at the end; -1: they cannot be read or
+ * are not valid. */
 int64_t inflated_read(inflated *i, void *to, int64_t count);
 
-/* To the first byte again. */
+/* Returns to the first byte. */
 void inflated_rewind(inflated *i);
 
 #endif

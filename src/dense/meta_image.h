@@ -1,5 +1,6 @@
-/* meta_image: the header of a MetaImage file (.mha, or .mhd beside its data), as its fields. Runs in the process that reads
- * headers. Source: the documentation and the reader of MetaIO. */
+/* meta_image: parses the header of a MetaImage file (.mha, or .mhd with a separate data file). Runs in the process
+ * that reads headers. Source: the documentation and the reader of MetaIO.
+ */
 #ifndef HEXAD_DENSE_META_IMAGE_H
 #define HEXAD_DENSE_META_IMAGE_H
 
@@ -9,11 +10,12 @@
 
 enum { META_IMAGE_NAME_SIZE = 512, META_IMAGE_FAULT_SIZE = 256 };
 
-/* Whether the bytes, which end with a zero, begin as such a header does. */
+/* Whether the text begins like such a header. */
 bool meta_image_is(const char *text);
 
-/* Fills in what *out has of a volume, warnings included. `name`: of the file that holds the data, "" where they follow the
- * header. False: `fault` says why the file is not read, and *code whether it is damaged or not supported. */
+/* Sets the members of *out that describe a volume, including warnings. `name`: the file that holds the data; "" if
+ * they follow the header. False: `fault` has the reason why the file is not read, and *code whether it is damaged or
+ * not supported. */
 bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
                       char fault[META_IMAGE_FAULT_SIZE], error_code *code);
 

@@ -9,20 +9,22 @@
 
 enum { NUMBERS_INEXACT_SIZE = 24 };
 
-/* Bytes of a number; its name: "int8", ..., "float", "double". */
+/* The number of bytes of a number, and the name of its type: "int8", ..., "float", "double". */
 int numbers_bytes(header_type type);
 const char *numbers_name(header_type type);
 
-/* Whether a float does not hold all numbers of the type. */
+/* Whether the type has numbers that a float does not represent. */
 bool numbers_need_doubles(header_type type);
 
 /* The number in the machine's byte order, at any address. */
 double numbers_value(const unsigned char *bytes, header_type type);
 
-/* Writes to `inexact` a whole number that a double may not hold, unless there is one. */
+/* If the number is a whole number that a double may not represent, writes it to `inexact`, unless it has a number
+ * already. */
 void numbers_note_inexact(const unsigned char *bytes, header_type type, char inexact[NUMBERS_INEXACT_SIZE]);
 
-/* `count` numbers, in the other byte order if `swapped`, as doubles. `inexact` as above. */
+/* Converts `count` numbers, in the opposite byte order if `swapped`, to doubles. `inexact` as in
+ * numbers_note_inexact. */
 void numbers_convert(const unsigned char *bytes, header_type type, bool swapped, int64_t count,
                      double *values, char inexact[NUMBERS_INEXACT_SIZE]);
 

@@ -1,4 +1,4 @@
-/* slice_faults: slices of a stack with the same kind of fault, which one message names. Threads: none. */
+/* slice_faults: collects slices of a stack with the same kind of fault, for one message. One thread. */
 #ifndef HEXAD_DENSE_SLICE_FAULTS_H
 #define HEXAD_DENSE_SLICE_FAULTS_H
 
@@ -7,18 +7,19 @@
 
 #include "base/error.h"
 
-/* Begins as {0}. */
+/* Initialise with {0}. */
 typedef struct slice_faults {
     size_t count;
     char numbers[320];
-    int begin, last; /* the run of numbers at hand */
+    int begin, last; /* the current run of consecutive numbers */
     error first;     /* of the first slice */
 } slice_faults;
 
-/* `before` is the number of the slice before this one. */
+/* Adds a slice with a fault. `before` is the number of the preceding slice. */
 void slice_faults_add(slice_faults *f, int number, int before, const error *e);
 
-/* True if there is none. Otherwise an error with the code of the first slice: "3 slices are WHAT (slices 4, 7-8). The first one: ...". */
+/* True if there are no faults. Otherwise sets an error with the code of the first slice: "3 slices are WHAT (slices
+ * 4, 7-8). The first one: ...". */
 bool slice_faults_report(slice_faults *f, const char *what, error *e);
 
 #endif

@@ -1,7 +1,7 @@
-/* slices: a dense volume, read slice by slice (the source of volume/dense_grid.h).
+/* slices: reads a dense volume slice by slice (the source of volume/dense_grid.h).
  *
- * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number
- * i + size[0] j of slice k, with `components` values; its place is index_to_world (i, j, k, 1). Threads: one at a time.
+ * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number i +
+ * size[0] j of slice k, with `components` values; its position is index_to_world (i, j, k, 1). One thread at a time.
  */
 #ifndef HEXAD_DENSE_SLICES_H
 #define HEXAD_DENSE_SLICES_H
@@ -16,7 +16,7 @@
 typedef struct slices slices;
 
 typedef struct slices_ops {
-    /* begin goes to the first slice and may be called again; next reads one slice after the other. */
+    /* begin returns to the first slice and may be called repeatedly; next reads the following slice. */
     bool (*begin)(slices *s, error *e);
     bool (*next)(slices *s, double *values, error *e);
     void (*close)(slices *s);
@@ -25,8 +25,9 @@ typedef struct slices_ops {
 struct slices {
     const slices_ops *ops;
     int64_t size[3]; /* samples along each axis, at least 2 */
-    int components;  /* values at each sample, next to each other: 1, or up to 4 of raw_vectors_open */
-    double vector_to_world[9];  /* those of a vector, row by row */
+    /* number of values per sample, stored consecutively: 1, or up to 4 for raw_vectors_open */
+    int components;
+    double vector_to_world[9];  /* rotation of vectors, row by row */
     double index_to_world[16];  /* row-major, column vectors */
     char format[12], space[64]; /* as in header.h */
     const char *type;           /* of the numbers in the file, "uint8" for example; NULL: unknown */
@@ -36,11 +37,11 @@ struct slices {
     dense_warnings warnings;
 };
 
-/* Checks the number of a volume in a file with s->volumes of s->size. *index -1: none was named, which becomes 0 if there is only one.
- * Errors: grid_ambiguous, grid_missing. */
+/* Checks the number of a volume in a file with s->volumes volumes. *index -1: none was requested, which becomes 0 if
+ * there is only one. Errors: grid_ambiguous, grid_missing. */
 bool slices_choose_volume(const slices *s, int64_t *index, error *e);
 
-/* Gives the axes these lengths of a step, in the place of those of the file; their directions and the place of the first sample stay. */
+/* Replaces the step lengths of the axes by these; directions and the position of the first sample do not change. */
 void slices_set_voxel_size(slices *s, const double size[3]);
 
 /* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
@@ -50,8 +51,8 @@ typedef struct slices_files {
     void *context;
 } slices_files;
 
-/* Opens files below a directory, without following links. Returns a descriptor for reading, which the caller closes, or -1: *is_missing,
- * or an error that names the path. */
+/* Opens files below a directory without following links. Returns a descriptor for reading, which the caller closes,
+ * or -1: *is_missing is true, or *e is set and names the path. */
 typedef struct slices_directory {
     int (*open)(void *context, const char *path, bool *is_missing, error *e);
     void *context;

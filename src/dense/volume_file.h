@@ -1,4 +1,6 @@
-/* volume_file: a dense volume of any format by its path: one file, or a stack of images. The first bytes determine the format. */
+/* volume_file: opens a dense volume of any format: one file, or a stack of images. The first bytes determine the
+ * format.
+ */
 #ifndef HEXAD_DENSE_VOLUME_FILE_H
 #define HEXAD_DENSE_VOLUME_FILE_H
 
@@ -7,24 +9,25 @@
 #include "geometry/bbox.h"
 
 typedef struct volume_file {
-    int fd; /* open for reading; it, `path` and `files` stay the caller's and outlive the slices */
+    int fd; /* open for reading; `fd`, `path` and `files` remain the caller's and must outlive the slices */
     const char *path;
-    const char *program; /* that reads; NULL: this one */
-    int64_t index;       /* of several volumes; -1: the only one */
+    const char *program; /* program that reads; NULL: this one */
+    int64_t index;       /* index of the volume; -1: the only one */
     const slices_files *files;
     size_t memory_limit;               /* of the process that reads */
-    const slices_directory *directory; /* in the place of `fd`: an OME-Zarr image; or NULL */
+    const slices_directory *directory; /* an OME-Zarr image, instead of `fd`; or NULL */
     bool has_level;
-    int64_t level;          /* of its resolutions */
-    const bbox *region;     /* in the world, in and near which samples of it are read; or NULL */
-    int64_t most_chunks;    /* of it, that are read */
-    const vec3 *voxel_size; /* in the place of the file's; or NULL */
+    int64_t level;          /* index of its resolution */
+    const bbox *region;     /* in the world: only its samples in and near this box are read; or NULL */
+    int64_t most_chunks;    /* maximum number of its chunks that are read */
+    const vec3 *voxel_size; /* replaces the size in the file; or NULL */
 } volume_file;
 
-/* NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h). One value at each sample. Errors: those of these modules. */
+/* Opens NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h) with one value per
+ * sample. Errors: those of these modules. */
 slices *volume_file_open(const volume_file *file, error *e);
 
-/* The same of a file that may have several values at each sample. */
+/* As volume_file_open, for a file that may have several values per sample. */
 slices *volume_file_open_vectors(const volume_file *file, error *e);
 
 /* A stack of OpenEXR or TIFF images. Errors: those of exr_stack.h and tiff_stack.h. */

@@ -1,8 +1,9 @@
-/* zarr_reader: chunks of Zarr arrays, unpacked by zlib, blosc and zstd in a process of its own (reader.h). The only user of blosc and zstd.
+/* zarr_reader: unpacks chunks of Zarr arrays with zlib, blosc and zstd in a separate process (reader.h). The only
+ * user of blosc and zstd.
  *
- * Requests are sent to the process over the socket that is its descriptor 0 and 1: a request is a struct zarr_request with an open file's descriptor
- * beside it. The answer is a struct zarr_answer, then `text_length` bytes of a message if `code` is an error, otherwise the bytes that
- * were requested.
+ * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct zarr_request
+ * with the descriptor of an open file. The answer is a struct zarr_answer. If `code` is an error, `text_length`
+ * bytes of a message follow, otherwise the requested bytes.
  */
 #ifndef HEXAD_DENSE_ZARR_READER_H
 #define HEXAD_DENSE_ZARR_READER_H
@@ -18,7 +19,7 @@
 
 typedef struct zarr_request {
     uint64_t offset, length; /* of the packed bytes in the file */
-    uint64_t unpacked;       /* bytes that they have to be */
+    uint64_t unpacked;       /* required number of unpacked bytes */
     zarr_packing packing;
 } zarr_request;
 

@@ -47,9 +47,9 @@ typedef struct engine_attempt engine_attempt; /* defined by each engine */
 /* The cause, known to the engine, of an attempt without a regular end. */
 typedef enum engine_loss {
     ENGINE_NOT_LOST,
-    ENGINE_GIVEN_BACK,  /* its worker was never started, or was preempted: it does not count */
-    ENGINE_INTERRUPTED, /* it ended with its node, as with the daemon's host */
-    ENGINE_CRASHED,     /* killed by others, or it could not run there: it counts */
+    ENGINE_GIVEN_BACK,  /* the worker never started, or was preempted; the attempt does not count */
+    ENGINE_INTERRUPTED, /* ended together with its node, like attempts of a daemon whose host ends */
+    ENGINE_CRASHED,     /* killed by another process, or it could not run on the node; the attempt counts */
     ENGINE_OUT_OF_TIME, /* exceeded a limit of the engine */
     ENGINE_REFUSED      /* the engine permanently refuses it */
 } engine_loss;
@@ -63,7 +63,7 @@ typedef struct engine_ending {
     int64_t waited_ms;         /* in the engine's queue before the worker started; 0: none, or unknown */
     int64_t processor_ms;      /* of the worker and its readers; 0: not known */
     int64_t peak_memory_bytes; /* 0: not known */
-    bool out_of_memory;        /* the kernel killed it at its memory limit */
+    bool out_of_memory;        /* the kernel killed the worker at its memory limit */
     char *last_words;          /* last line of standard error, "" if there is none; to be freed */
 } engine_ending;
 

@@ -96,7 +96,7 @@ static char *read_document(const engine_request *request)
     return text;
 }
 
-static estimator_verdict decide(const engine_ending *ending, const engine_request *request, char **document,
+static estimator_outcome decide(const engine_ending *ending, const engine_request *request, char **document,
                                 error *e)
 {
     if (ending->exit_status == WORKER_EXIT_CONVERGED && (*document = read_document(request)))
@@ -110,7 +110,7 @@ static estimator_verdict decide(const engine_ending *ending, const engine_reques
     return ESTIMATOR_NONE;
 }
 
-static estimator_verdict ask(estimator *m, engine_request *request, double within_s, char **document,
+static estimator_outcome ask(estimator *m, engine_request *request, double within_s, char **document,
                              error *e)
 {
     engine_ending ending = {0};
@@ -120,9 +120,9 @@ static estimator_verdict ask(estimator *m, engine_request *request, double withi
     double timeout_s = asked ? within_s : m->timeout_s;
     bool ended = attempt && await(m, attempt, timeout_s);
     if (attempt) m->settings.engine->settle(attempt, &ending);
-    estimator_verdict verdict = ESTIMATOR_NONE;
+    estimator_outcome outcome = ESTIMATOR_NONE;
     if (ended)
-        verdict = decide(&ending, request, document, e);
+        outcome = decide(&ending, request, document, e);
     else if (attempt)
         error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s: %s", timeout_s,
                   asked ? "raise within_ms of the request"
@@ -131,14 +131,14 @@ static estimator_verdict ask(estimator *m, engine_request *request, double withi
                           "without an estimate");
     free(ending.last_words);
     store_remove(request->directory, NULL);
-    return verdict;
+    return outcome;
 }
 
-estimator_verdict estimator_run(estimator *m, const char *command, const char *spec,
+estimator_outcome estimator_run(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
                                 int64_t memory_mb, double within_s, char **document, error *e)
 {
-    estimator_verdict verdict = ESTIMATOR_NONE;
+    estimator_outcome outcome = ESTIMATOR_NONE;
     const executor_settings *settings = &m->settings;
     if (atomic_fetch_add(&m->running, 1) < m->at_once) {
         size_t root_count = 0;
@@ -159,14 +159,14 @@ estimator_verdict estimator_run(estimator *m, const char *command, const char *s
             .file_mb = settings->file_mb,
             .sandbox = settings->sandbox,
         };
-        verdict = ask(m, &request, within_s, document, e);
+        outcome = ask(m, &request, within_s, document, e);
         input_permissions_free(roots, root_count);
         free(directory);
     } else {
-        verdict = ESTIMATOR_BUSY;
+        outcome = ESTIMATOR_BUSY;
         error_set(e, ERROR_INTERNAL, "%d other estimates are running (setting estimates): try again later",
                   m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);
-    return verdict;
+    return outcome;
 }

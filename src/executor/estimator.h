@@ -19,18 +19,19 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
 void estimator_dismiss(estimator *m);
 void estimator_close(estimator *m); /* after the last estimator_run has returned; accepts NULL */
 
-typedef enum estimator_verdict {
+typedef enum estimator_outcome {
     ESTIMATOR_MADE,
     ESTIMATOR_FAULT, /* the job would fail; the error has the reason */
     ESTIMATOR_BUSY,  /* the maximum number is running */
     ESTIMATOR_NONE   /* no estimate could be made; the error has the reason */
-} estimator_verdict;
+} estimator_outcome;
 
-/* `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` has a path (base/worker_contract.h).
- * The worker is stopped after `within_s` seconds, or after the time of the setting if that is shorter or `within_s` is
- * 0. `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document
- * is one JSON object (run/run.h, inspect/inspection.h); the caller frees it. */
-estimator_verdict estimator_run(estimator *m, const char *command, const char *spec,
+/* Runs a worker. `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT with a `spec` that contains a path
+ * (base/worker_contract.h). The worker is stopped after `within_s` seconds, or after the time of the setting if that
+ * is shorter or `within_s` is 0. `threads` and `memory_mb` are limits as of an attempt. `frame` may be
+ * QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (run/run.h, inspect/inspection.h), which the
+ * caller frees. */
+estimator_outcome estimator_run(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,
                                 int64_t memory_mb, double within_s, char **document, error *e);
 

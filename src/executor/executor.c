@@ -36,10 +36,11 @@
 
 /* Delay after a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
-/* Maximum delay between two tries while no worker can be started (the program is being replaced, memory is exhausted). */
+/* Maximum delay between two tries while no worker can be started, because the program is being replaced or memory is
+ * exhausted. */
 #define START_WAIT_MOST_MS 30000
-/* Interval of checks for free space on a full disk. */
-#define ROOM_WAIT_MS 1000
+/* Interval, in ms, between checks for free space on a full disk. */
+#define SPACE_WAIT_MS 1000
 
 /* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
  * meanwhile. */
@@ -65,8 +66,8 @@ struct executor {
     meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
-    int threads;        /* maximum of an attempt; with processes of this host, of all together */
-    int64_t memory_mb;  /* likewise */
+    int threads;        /* maximum of an attempt; for processes of this host, of all attempts together */
+    int64_t memory_mb;  /* maximum of an attempt; for processes of this host, of all attempts together */
     int64_t times;      /* number of hosts with these resources: 1 with processes of this host */
     queue *q;
     progress_ring *progress;
@@ -78,7 +79,7 @@ struct executor {
     int wake_fd, drained_fd;
     atomic_bool closed, draining, forcing, stopping;
     atomic_uint_fast64_t turns;
-    _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
+    _Atomic int64_t drain_ms; /* time at which a drain stops running attempts, monotonic */
 
     pthread_mutex_t order;     /* held over a claim until a slot has it, and over a command */
     pthread_mutex_t mutex;     /* guards the next two members */
@@ -94,7 +95,7 @@ struct executor {
 
     bool may_claim;        /* supervisor: something may have become claimable */
     clock_watch watch;     /* supervisor */
-    int64_t due_ms;        /* supervisor: when the next delayed task is due, wall clock */
+    int64_t due_ms;        /* supervisor: time at which the next delayed task is due, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
     int64_t start_wait_ms; /* supervisor: doubles while no worker starts */
 };
@@ -192,7 +193,7 @@ static bool claim(executor *x, slot *s, queue_resources *free_now)
     return found;
 }
 
-/* Nothing can be claimed now: reads when the next delayed task is due. */
+/* Called when no task can be claimed: reads the time at which the next delayed task is due. */
 static void note_due(executor *x)
 {
     x->may_claim = false;
@@ -213,8 +214,8 @@ static void fill_slots(executor *x)
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
-        if (!storage_has_room(&x->storage)) {
-            x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
+        if (!storage_has_space(&x->storage)) {
+            x->claim_ms = clock_monotonic_ms() + SPACE_WAIT_MS;
             return;
         }
         if (claim(x, s, &free_now)) {
@@ -252,7 +253,7 @@ static void answer_repeats(executor *x)
         error e = {0};
         bool found = false;
         queue_claimed claimed = {0};
-        if (!executor_takes_jobs(x) || !storage_has_room(&x->storage) || !queue_is_held(x->q, &held, &e) ||
+        if (!executor_takes_jobs(x) || !storage_has_space(&x->storage) || !queue_is_held(x->q, &held, &e) ||
             held)
             continue;
         pthread_mutex_lock(&x->order);
@@ -369,7 +370,7 @@ static void executor_free(executor *x)
 }
 
 /* For an engine whose attempts run elsewhere: their number is the only limit here. */
-static void set_room_of_nodes(executor *x, const executor_settings *settings)
+static void set_resources_of_nodes(executor *x, const executor_settings *settings)
 {
     x->threads = settings->threads > 0 ? settings->threads : NODE_THREADS;
     x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb : NODE_MEMORY_MB;
@@ -395,7 +396,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
                   settings->memory_mb, x->memory_mb, x->memory_mb);
     x->workers = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
     x->times = 1;
-    if (settings->engine->resume) set_room_of_nodes(x, settings);
+    if (settings->engine->resume) set_resources_of_nodes(x, settings);
     x->slot_count = x->workers + 1;
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     for (size_t i = 0; i < x->slot_count; i++) x->slots[i] = slot_new(&x->context);

@@ -30,32 +30,33 @@ typedef struct executor_settings {
     const char *state_dir; /* absolute; of the queue and of estimates */
     const char *work_dir;  /* absolute; attempts/ and results/ are created in it */
     const engine *engine;  /* runs attempts */
-    void *engine_place;    /* the engine's own; NULL for local; must outlive the executor */
+    void *engine_place;    /* data of the engine; NULL for local; must outlive the executor */
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
     store_inputs *inputs;        /* uploaded files; must outlive the executor; NULL: none */
     double inputs_keep_s;        /* after their last use; 0: for ever */
-    int workers;                 /* attempts at once; 0: one per thread */
+    int workers;                 /* maximum number of simultaneous attempts; 0: one per thread */
     int threads;                 /* of all attempts; 0: the number of processors */
     int64_t host_memory_mb;      /* of all attempts; 0: nine tenths of the host's memory */
-    int64_t memory_mb;           /* of a job that names no limit, > 0 */
+    int64_t memory_mb;           /* of a job without a limit, > 0 */
     bool cache;                  /* equal jobs get the same result */
     int64_t file_mb;             /* maximum size of a file that a worker writes; 0: no limit */
-    sandbox_mode sandbox;        /* that workers enter */
+    sandbox_mode sandbox;        /* sandbox that workers enter */
     control_groups *groups;      /* of attempts; must outlive the executor; NULL: none */
-    int most_of_owner;           /* attempts of one owner at once; 0: any number */
-    const user_numbers *weights; /* as queue_resources's; must outlive the executor */
-    double timeout_s, stall_s;   /* of a job that names no limit; 0: none */
+    int most_of_owner;           /* maximum number of simultaneous attempts of one owner; 0: no limit */
+    const user_numbers *weights; /* see queue_resources; must outlive the executor */
+    double timeout_s, stall_s;   /* of a job without limits; 0: none */
     /* permitted destinations of result copies; must outlive the executor; NULL: none */
     output_place *outputs;
     double grace_s;               /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* first and longest delay after a crash */
     /* minimum free space on the state directory's disks to start an attempt; 0: none */
     int64_t free_space_mb;
-    int storage_retries;   /* of a task, because a disk was full or failed */
-    int max_interruptions; /* of a task, by the end of the daemon or the host; 0: any number */
-    bool adopt;            /* results that are missing in the queue are added to it */
+    int storage_retries; /* maximum number of retries of a task because a disk was full or failed */
+    /* maximum number of interruptions of a task by the end of the daemon or the host; 0: no limit */
+    int max_interruptions;
+    bool adopt; /* add results that are missing in the queue to it */
 } executor_settings;
 
 /* Settles tasks that a crash left, compares results/ and attempts/ with the queue (results/inventory), gives both the

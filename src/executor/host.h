@@ -5,7 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The main memory in MiB, or the limit of this process' control group (version 2, with its parents) if that is lower. */
+/* The main memory in MiB, or the limit of this process's control group (version 2, with its parents) if that is
+ * lower. */
 int64_t host_memory_mb(void);
 
 /* The memory limit of the control group "/a/b" in the tree at `root`. INT64_MAX: no limit. Public so that tests can use

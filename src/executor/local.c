@@ -25,7 +25,7 @@
 #include "store/file.h"
 
 #define PROGRESS_FD 3
-/* Descriptors for the child are put above the ones they will be copied to. */
+/* Descriptors for the child are opened above the numbers to which they will be copied. */
 #define FIRST_SAFE_FD 10
 #define OOM_SCORE_FILE "/proc/self/oom_score_adj"
 
@@ -39,7 +39,7 @@ struct engine_attempt {
     control_group *group; /* NULL: none */
     char *log;            /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
-    bool log_fresh;              /* it has more than its file */
+    bool log_fresh;              /* it has more text than its file */
     int64_t log_shown_ms;        /* monotonic */
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
@@ -339,10 +339,10 @@ static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
 }
 
 /* Reads once. 0: no data, or the end, at which the descriptor is closed. */
-static size_t read_some(int *fd, char *buffer, size_t room)
+static size_t read_some(int *fd, char *buffer, size_t size)
 {
     if (*fd < 0) return 0;
-    ssize_t got = read(*fd, buffer, room);
+    ssize_t got = read(*fd, buffer, size);
     if (got > 0) return (size_t)got;
     if (got == 0 || (errno != EAGAIN && errno != EINTR)) close_fd(fd);
     return 0;
@@ -475,7 +475,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
     struct rusage usage = {0};
     kill(-a->pid, SIGKILL); /* kills what the worker may have started */
     while (wait4(a->pid, &status, 0, &usage) < 0 && errno == EINTR) continue;
-    /* pipes hold 64 KiB each, so this reads all that the worker left */
+    /* a pipe holds 64 KiB, so this reads the rest of the worker's output */
     take_in(a, READS_A_TURN);
     ending->exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;

@@ -1,4 +1,6 @@
-/* meter: counters of attempts, retries and ends since the daemon started, for /metrics. Any thread may read and write. */
+/* meter: counters of attempts, retries and ends since the daemon started, for /metrics. Any thread may read and
+ * write.
+ */
 #ifndef HEXAD_EXECUTOR_METER_H
 #define HEXAD_EXECUTOR_METER_H
 

@@ -32,8 +32,9 @@ void progress_ring_free(progress_ring *r); /* accepts NULL */
 void progress_ring_add(progress_ring *r, const char *id, const char *owner, int frame, int attempt,
                        const char *text);
 
-/* Lists the lines of the job `id` and of the jobs of `owner` (NULL: of all) with numbers above `after`, oldest first, at most `limit`.
- * *newest is the value of `after` for the next call. The caller frees with progress_ring_lines_free. */
+/* Lists at most `limit` lines of the job `id` and of the jobs of `owner` (NULL: of all owners) with numbers above
+ * `after`, oldest first. *newest is the value of `after` for the next call. The caller frees the lines with
+ * progress_ring_lines_free. */
 size_t progress_ring_list(progress_ring *r, const char *id, const char *owner, int64_t after, size_t limit,
                           progress_ring_line **lines, int64_t *newest);
 void progress_ring_lines_free(progress_ring_line *lines, size_t count);

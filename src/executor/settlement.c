@@ -22,7 +22,7 @@
 
 static void set_end(settlement *s, queue_state state, const error *why)
 {
-    s->verdict = SETTLEMENT_END;
+    s->decision = SETTLEMENT_END;
     s->state = state;
     s->code = why->code;
     snprintf(s->message, sizeof s->message, "%s", why->message);
@@ -30,7 +30,7 @@ static void set_end(settlement *s, queue_state state, const error *why)
 
 static void set_success(settlement *s, queue_outcome outcome)
 {
-    s->verdict = SETTLEMENT_SUCCEED;
+    s->decision = SETTLEMENT_SUCCEED;
     s->state = QUEUE_SUCCEEDED;
     s->outcome = outcome;
 }
@@ -40,12 +40,12 @@ static const char ADVICE_FAULT[] = ", a fault of hexad: report it with the spec 
                   ADVICE_STOPPED[] =
                       ": look for the cause in the logs of the job and of the machine, then retry the job";
 
-/* The task of an attempt that crashed or stalled is tried again while it has attempts left. `advice` is for the user when
- * it has none. */
+/* Retries the task of a crashed or stalled attempt if it has attempts left. Otherwise the task fails; `advice` ends
+ * the message. */
 static void set_crashed(settlement *s, const queue_claimed *c, const error *why, const char *advice)
 {
     if (c->task.spent < c->job.max_attempts) {
-        s->verdict = SETTLEMENT_RETRY_CRASHED;
+        s->decision = SETTLEMENT_RETRY_CRASHED;
         s->code = why->code;
         return;
     }
@@ -78,7 +78,7 @@ static void decide_success(const char *directory, settlement *s)
     }
     if (e.code ==
         ERROR_INTERNAL) { /* a finished job must not fail because its result cannot be read at the moment */
-        s->verdict = SETTLEMENT_UNDECIDED;
+        s->decision = SETTLEMENT_UNDECIDED;
         snprintf(s->message, sizeof s->message, "%s", e.message);
         return;
     }
@@ -88,11 +88,11 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* A fault of the host, not of the job. settlement_apply limits the number of retries. */
+/* Queues the task again because of a fault of the host. settlement_apply limits the number of such retries. */
 static void set_storage(settlement *s, const error *why)
 {
     set_end(s, QUEUE_FAILED, why); /* this is how the task ends when no retry is left */
-    s->verdict = SETTLEMENT_RETRY_STORAGE;
+    s->decision = SETTLEMENT_RETRY_STORAGE;
     snprintf(s->reason, sizeof s->reason, "%s: %.120s", error_code_name(why->code), why->message);
 }
 
@@ -101,7 +101,7 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
     error said = {0};
     bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == WORKER_EXIT_CANCELLED) {
-        /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
+        /* the executor did not request it, so another process sent the signal, which counts as a crash */
         error_set(&said, ERROR_INTERNAL, "another process stopped the worker");
         set_crashed(s, c, &said, ADVICE_STOPPED);
         return;
@@ -171,7 +171,7 @@ static void set_timed_out(settlement *s, double limit_s)
 
 static void set_interrupted(settlement *s)
 {
-    s->verdict = SETTLEMENT_RETRY_INTERRUPTED;
+    s->decision = SETTLEMENT_RETRY_INTERRUPTED;
     s->code = ERROR_INTERRUPTED;
 }
 
@@ -182,7 +182,7 @@ static void decide_loss(const queue_claimed *c, const engine_ending *ending, set
     case ENGINE_NOT_LOST:
         break;
     case ENGINE_GIVEN_BACK:
-        s->verdict = SETTLEMENT_RETRY;
+        s->decision = SETTLEMENT_RETRY;
         return;
     case ENGINE_INTERRUPTED:
         set_interrupted(s);
@@ -232,7 +232,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
                                             : "drained: ",
                  s);
         if (is_success(ending)) break;
-        s->verdict = SETTLEMENT_RETRY;
+        s->decision = SETTLEMENT_RETRY;
         return;
     case SETTLEMENT_NOT_STOPPED:
         describe(ending, "", s);
@@ -250,7 +250,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
 
 void settlement_decide_unstarted(const error *why, settlement *s)
 {
-    *s = (settlement){.verdict = SETTLEMENT_RETRY};
+    *s = (settlement){.decision = SETTLEMENT_RETRY};
     snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
@@ -306,7 +306,7 @@ void settlement_decide_unpublished(const error *why, settlement *s)
 static void bound_storage(const settlement_place *place, const queue_claimed *c, settlement *s)
 {
     error e = {.code = s->code};
-    if (s->verdict != SETTLEMENT_RETRY_STORAGE || c->task.storage_faults < place->storage_retries) return;
+    if (s->decision != SETTLEMENT_RETRY_STORAGE || c->task.storage_faults < place->storage_retries) return;
     error_set(&e, s->code, "%s (the last of %d tries, setting storage_retries)", s->message,
               c->task.storage_faults + 1);
     s->keep = false;
@@ -319,7 +319,7 @@ static void bound_interruptions(const settlement_place *place, const queue_claim
 {
     error e = {0};
     int times = c->task.interrupted + 1;
-    if (s->verdict != SETTLEMENT_RETRY_INTERRUPTED || place->max_interruptions <= 0 ||
+    if (s->decision != SETTLEMENT_RETRY_INTERRUPTED || place->max_interruptions <= 0 ||
         times <= place->max_interruptions)
         return;
     error_set(&e, ERROR_INTERRUPTED,
@@ -330,17 +330,18 @@ static void bound_interruptions(const settlement_place *place, const queue_claim
 }
 
 /* Earliest time of the next attempt, wall clock; 0: now. */
-static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, settlement_verdict verdict)
+static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c,
+                           settlement_decision decision)
 {
-    if (verdict != SETTLEMENT_RETRY_CRASHED && verdict != SETTLEMENT_RETRY_STORAGE) return 0;
+    if (decision != SETTLEMENT_RETRY_CRASHED && decision != SETTLEMENT_RETRY_STORAGE) return 0;
     double wait_s = place->backoff.first_s;
-    int times = verdict == SETTLEMENT_RETRY_STORAGE ? c->task.storage_faults + 1 : c->task.spent;
+    int times = decision == SETTLEMENT_RETRY_STORAGE ? c->task.storage_faults + 1 : c->task.spent;
     for (int i = 1; i < times && wait_s < place->backoff.most_s; i++) wait_s *= 2;
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
-/* Moves the result into place and makes that durable. It may be in place already: when the flush of an earlier try
- * failed, and at a start. */
+/* Moves the result into place and makes the move durable. The result may be in place already: at a start, or if the
+ * flush of an earlier try failed. */
 static bool move_result(const char *work_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
@@ -367,7 +368,7 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
 static queue_ending make_ending(const settlement_place *place, const queue_claimed *c, const settlement *s,
                                 const engine_ending *ending, int64_t bytes)
 {
-    bool success = s->verdict == SETTLEMENT_SUCCEED; /* a result that is kept for its copy is not reused */
+    bool success = s->decision == SETTLEMENT_SUCCEED; /* a result that is kept for its copy is not reused */
     bool uncopied = s->copy_fault.code != ERROR_NONE;
     return (queue_ending){
         .state = s->state,
@@ -380,8 +381,8 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
         .waited_ms = ending ? ending->waited_ms : 0,
         .processor_ms = ending ? ending->processor_ms : 0,
         .ran_ms = s->ran_ms,
-        .interrupted = s->verdict == SETTLEMENT_RETRY_INTERRUPTED,
-        .storage_fault = s->verdict == SETTLEMENT_RETRY_STORAGE,
+        .interrupted = s->decision == SETTLEMENT_RETRY_INTERRUPTED,
+        .storage_fault = s->decision == SETTLEMENT_RETRY_STORAGE,
         .host = ending && *ending->host ? ending->host : place->host,
         .reason = s->reason,
         .cached_from = success ? s->cached_from : NULL,
@@ -396,12 +397,12 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
     };
 }
 
-/* Moves the result into place, or removes what the attempt left. False when the disk is at fault, and not the job: the
- * caller tries again later. */
+/* Moves the result into place, or removes the attempt's files. False if the disk is at fault: the caller tries again
+ * later. */
 static bool settle_directory(const settlement_place *place, const queue_claimed *c, const settlement *s,
                              const char *directory, error *e)
 {
-    bool current = true, deliver = s->verdict == SETTLEMENT_SUCCEED;
+    bool current = true, deliver = s->decision == SETTLEMENT_SUCCEED;
     if (deliver && !check_fence(place->q, c, &current, e)) return false;
     if (deliver && current) {
         char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
@@ -413,27 +414,28 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
-/* The disk space of the attempt. A result that is kept for the next attempt counts when that ends. */
+/* The disk space of the attempt. A result that is kept for the next attempt is counted at the end of that attempt. */
 static int64_t measure_left(const settlement_place *place, const queue_claimed *c, const settlement *s,
                             const char *directory)
 {
     if (s->keep) return 0;
-    if (s->verdict != SETTLEMENT_SUCCEED) return result_disk_bytes(directory);
+    if (s->decision != SETTLEMENT_SUCCEED) return result_disk_bytes(directory);
     char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
     int64_t bytes = result_disk_bytes(results);
     free(results);
     return bytes;
 }
 
-/* Stores the decision in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
+/* Stores the decision in the queue. If the task was cancelled in the meantime, it ends as cancelled instead of being
+ * queued again. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {
-    bool requeue = s->verdict >= SETTLEMENT_RETRY, accepted = false;
+    bool requeue = s->decision >= SETTLEMENT_RETRY, accepted = false;
     queue_ending end = make_ending(place, c, s, ending, measure_left(place, c, s, directory));
     const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
-    bool ok = requeue ? queue_requeue(place->q, &fence, s->verdict == SETTLEMENT_RETRY_CRASHED,
-                                      next_try_ms(place, c, s->verdict), &end, &accepted, e)
+    bool ok = requeue ? queue_requeue(place->q, &fence, s->decision == SETTLEMENT_RETRY_CRASHED,
+                                      next_try_ms(place, c, s->decision), &end, &accepted, e)
                       : queue_finish(place->q, &fence, &end, &accepted, e);
     error_code code = s->code;
     if (ok && !accepted && requeue) {
@@ -460,7 +462,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
                       const engine_ending *ending, error *e)
 {
     settlement s = *decided;
-    assert(s.verdict != SETTLEMENT_UNDECIDED);
+    assert(s.decision != SETTLEMENT_UNDECIDED);
     bound_storage(place, c, &s);
     bound_interruptions(place, c, &s);
     char *directory = result_attempt_directory(place->work_dir, c->job.id, c->task.frame, c->task.attempt);

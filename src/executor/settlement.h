@@ -21,65 +21,70 @@ typedef enum settlement_stop {
     SETTLEMENT_TIMED_OUT,
     SETTLEMENT_STALLED,
     SETTLEMENT_DRAINED,
-    SETTLEMENT_PAUSED, /* paused before its worker started */
-    SETTLEMENT_MOVED   /* likewise; the priority of the job has changed */
+    SETTLEMENT_PAUSED, /* a pause was requested before the worker started */
+    SETTLEMENT_MOVED   /* the priority of the job changed before the worker started */
 } settlement_stop;
 
 /* The decision on the task. */
-typedef enum settlement_verdict {
-    SETTLEMENT_UNDECIDED, /* the result cannot be read at the moment (message says why): decide again later */
+typedef enum settlement_decision {
+    /* the result cannot be read at the moment, for the reason in `message`; decide again later */
+    SETTLEMENT_UNDECIDED,
     SETTLEMENT_SUCCEED, /* the attempt's directory is a result: it is delivered and the task has succeeded */
     SETTLEMENT_END,     /* the task ends without a result, in `state` */
     SETTLEMENT_RETRY,   /* queued again; the attempt does not count */
-    SETTLEMENT_RETRY_INTERRUPTED, /* the same, because the daemon or the host ended during the attempt */
-    SETTLEMENT_RETRY_CRASHED,     /* queued again after a wait; the attempt crashed or stalled, and counts */
-    SETTLEMENT_RETRY_STORAGE /* queued again after a wait, because a disk was full or failed, as code and message
-                                     say; it does not count, but the number of such retries is limited */
-} settlement_verdict;
+    /* queued again, because the daemon or the host ended during the attempt; the attempt does not count */
+    SETTLEMENT_RETRY_INTERRUPTED,
+    SETTLEMENT_RETRY_CRASHED, /* queued again after a wait; the attempt crashed or stalled, and counts */
+    /* queued again after a wait, because a disk was full or failed; `code` and `message` have the cause. The attempt
+     * does not count, but the number of such retries is limited. */
+    SETTLEMENT_RETRY_STORAGE
+} settlement_decision;
 
 typedef struct settlement {
-    settlement_verdict verdict;
-    queue_state
-        state; /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
+    settlement_decision decision;
+    /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
+    queue_state state;
     queue_outcome outcome; /* with SUCCEED */
     error_code code;       /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
     char reason[160];        /* for the attempt's record */
-    int64_t ran_ms;          /* how long the attempt ran; 0: not known */
+    int64_t ran_ms;          /* running time of the attempt; 0: unknown */
     bool in_place;           /* with SUCCEED: the result is already in results/ */
     bool keep;               /* with RETRY_STORAGE: the directory holds a result for the next attempt */
-    const char *copied;      /* as queue_ending's */
-    bool copy_pending;       /* likewise */
+    const char *copied;      /* see queue_ending */
+    bool copy_pending;       /* see queue_ending */
     error copy_fault;        /* with SUCCEED: why the result could not be copied to output.directory */
     const char *cached_from; /* with SUCCEED: the job that computed the result, or NULL */
-    const char *cache_key, *cache_inputs; /* with SUCCEED: as queue_ending's */
+    const char *cache_key, *cache_inputs; /* with SUCCEED; see queue_ending */
 } settlement;
 
-/* Parses the last line of a worker. False when it is not the JSON object of the contract (doc/worker.md). */
+/* Parses the last line of a worker. False if it is not the JSON object of the contract (doc/worker.md). */
 bool settlement_read_last_words(const char *words, error *said);
 
 /* `limit_s` is the exceeded limit when `stop` is TIMED_OUT or STALLED. */
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
-/* The worker could not be started. That is a fault of the service, so the attempt does not count. */
+/* Decides on a task whose worker could not be started. This is a fault of the service, so the attempt does not
+ * count. */
 void settlement_decide_unstarted(const error *why, settlement *s);
 
-/* The job requests more memory than this service has. */
+/* Decides on a task whose job requests more memory than this service has. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
 
-/* Earlier attempts of the task have used up its time limit. */
+/* Decides on a task whose earlier attempts have used up its time limit. */
 void settlement_decide_late(double limit_s, settlement *s);
 
-/* The attempt's directory contains a result with this outcome, which the job `from` computed. The text must outlive the
- * settlement. */
+/* Decides on a task whose directory contains a result with this outcome, which the job `from` computed. The text
+ * must outlive the settlement. */
 void settlement_decide_cached(queue_outcome outcome, const char *from, settlement *s);
 
-/* The directory contains the result of an earlier attempt, which could not be copied to output.directory. */
+/* Decides on a task whose directory contains the result of an earlier attempt that could not be copied to
+ * output.directory. */
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);
 
-/* The result could not be copied to output.directory. When a disk was at fault, the job is tried again. Otherwise it
- * succeeds, and the queue notes why the result was not delivered. */
+/* Changes the decision because the result could not be copied to output.directory. If a disk was at fault, the task
+ * is queued again. Otherwise the task succeeds, and the queue stores why the result was not delivered. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
 /* Delay after a crashed attempt: `first_s` after the first one that counts, doubled after each further one, up to

@@ -36,22 +36,22 @@ typedef struct work {
     bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
 
     /* used by the supervisor only */
-    bool repeat;     /* no worker is to be started */
+    bool repeat;     /* no worker will be started */
     bool resumed;    /* an earlier daemon has started the worker */
     char *directory; /* of the attempt */
     limits limit;
     engine_attempt *attempt; /* in RUNNING and STOPPING */
     int64_t started_wall_ms;
-    int64_t moved_ms;         /* monotonic: of the start, of the last progress */
-    settlement_stop stop;     /* why the worker was stopped */
-    int64_t force_ms;         /* when it is killed, monotonic */
+    int64_t moved_ms;         /* monotonic: start, last progress */
+    settlement_stop stop;     /* reason why the worker was stopped */
+    int64_t force_ms;         /* time at which it is killed, monotonic */
     bool forced;              /* it was killed */
     engine_ending ending;     /* with `has_ended` */
     bool has_ended;           /* a worker ran, and has ended */
     int64_t ran_ms;           /* once it has ended */
     publication *publication; /* in PUBLISHING */
-    settlement verdict;
-    int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
+    settlement settlement;
+    int64_t retry_ms; /* DECIDING, SETTLING: time of the next try, monotonic; 0: no try has failed */
     /* referenced by the settlement */
     char *copied;
     char cached_from[ULID_SIZE], *cache_inputs;
@@ -177,12 +177,12 @@ static char *copy_path(const queue_claimed *c)
                                            : frames_path(c->directory, c->task.frame);
 }
 
-/* With a result in the attempt's directory: it is first copied to output.directory, if the job names one. */
+/* Handles a result in the attempt's directory: copies it to output.directory first, if the job names one. */
 static void publish_or_settle(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
-    char *path = w->verdict.verdict == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
+    char *path = w->settlement.decision == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
     char *above = path && w->claimed.task.frame != QUEUE_NO_FRAME ? frames_above(w->claimed.directory) : NULL;
     if (path)
         w->publication =
@@ -213,7 +213,7 @@ static bool use_cached(slot *s)
     char *from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
     found = cache_is_fresh(x->roots, inputs);
     if (found && cache_link_result(from, w->directory, w->claimed.job.spec, &r, &e)) {
-        settlement_decide_cached(r.outcome, w->cached_from, &w->verdict);
+        settlement_decide_cached(r.outcome, w->cached_from, &w->settlement);
     } else if (found) {
         log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
                   w->cached_from, e.message);
@@ -226,7 +226,7 @@ static bool use_cached(slot *s)
     return found;
 }
 
-/* use_cached, with counting. */
+/* Like use_cached, and counts hits and misses. */
 static bool take_cached(slot *s)
 {
     if (!is_cacheable(s)) return false;
@@ -242,7 +242,7 @@ static bool take_kept(slot *s)
     return kept_result_take(s->context->place->work_dir, &w->claimed, w->directory) &&
            (w->claimed.task.frame != QUEUE_NO_FRAME ||
             own_report_correct(w->directory, w->claimed.job.spec, NULL)) &&
-           settlement_decide_kept(w->directory, &w->verdict, NULL);
+           settlement_decide_kept(w->directory, &w->settlement, NULL);
 }
 
 static bool start_worker(slot *s, error *e)
@@ -294,15 +294,15 @@ static bool decide_at_once(slot *s)
     work *w = &s->w;
     error e = {0};
     if (w->memory_mb > x->memory_mb) {
-        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->verdict);
+        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->settlement);
     } else if (w->limit.timeout_s > 0 && (double)w->claimed.task.ran_ms >= 1000 * w->limit.timeout_s) {
-        settlement_decide_late(w->limit.timeout_s, &w->verdict);
+        settlement_decide_late(w->limit.timeout_s, &w->settlement);
     } else if (take_kept(s) || take_cached(s)) {
         publish_or_settle(s);
         return true;
     } else if (w->repeat) {
         error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted");
-        settlement_decide_unstarted(&e, &w->verdict);
+        settlement_decide_unstarted(&e, &w->settlement);
     } else {
         return false;
     }
@@ -324,7 +324,7 @@ static unsigned step_starting(slot *s)
     if (!start_worker(s, &e)) {
         log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
                   task->attempt, e.message);
-        settlement_decide_unstarted(&e, &w->verdict);
+        settlement_decide_unstarted(&e, &w->settlement);
         enter(s, SLOT_SETTLING);
         return SLOT_NOT_STARTED;
     }
@@ -361,7 +361,7 @@ static int64_t began_ms(const slot *s)
     return s->context->engine->began_ms(s->w.attempt);
 }
 
-/* When the task has used up its time, that of earlier attempts included. */
+/* Time at which the task has used up its time limit, including the time of earlier attempts. */
 static int64_t timeout_ms(const slot *s)
 {
     int64_t began = began_ms(s);
@@ -451,11 +451,11 @@ static unsigned step_running(slot *s)
 static void describe_for_cache(slot *s)
 {
     work *w = &s->w;
-    if (w->verdict.verdict != SETTLEMENT_SUCCEED || !is_cacheable(s)) return;
+    if (w->settlement.decision != SETTLEMENT_SUCCEED || !is_cacheable(s)) return;
     w->cache_inputs = cache_describe_inputs(s->context->roots, w->directory, w->started_wall_ms);
     if (!w->cache_inputs) return;
-    w->verdict.cache_key = w->claimed.cache_key;
-    w->verdict.cache_inputs = w->cache_inputs;
+    w->settlement.cache_key = w->claimed.cache_key;
+    w->settlement.cache_inputs = w->cache_inputs;
 }
 
 static unsigned step_deciding(slot *s)
@@ -463,9 +463,9 @@ static unsigned step_deciding(slot *s)
     work *w = &s->w;
     settlement_decide(&w->claimed, w->stop,
                       w->stop == SETTLEMENT_STALLED ? w->limit.stall_s : w->limit.timeout_s, &w->ending,
-                      w->directory, &w->verdict);
-    w->verdict.ran_ms = w->ran_ms;
-    if (w->verdict.verdict == SETTLEMENT_UNDECIDED) return try_later(s, w->verdict.message);
+                      w->directory, &w->settlement);
+    w->settlement.ran_ms = w->ran_ms;
+    if (w->settlement.decision == SETTLEMENT_UNDECIDED) return try_later(s, w->settlement.message);
     describe_for_cache(s);
     publish_or_settle(s);
     return SLOT_NO_NEWS;
@@ -476,9 +476,9 @@ static void step_publishing(slot *s)
     work *w = &s->w;
     error e = {0};
     if (!publication_has_ended(w->publication)) return;
-    if (!publication_end(w->publication, &e)) settlement_decide_unpublished(&e, &w->verdict);
+    if (!publication_end(w->publication, &e)) settlement_decide_unpublished(&e, &w->settlement);
     w->publication = NULL;
-    w->verdict.copied = w->copied = publication_temporary(w->directory);
+    w->settlement.copied = w->copied = publication_temporary(w->directory);
     enter(s, SLOT_SETTLING);
 }
 
@@ -486,7 +486,8 @@ static unsigned step_settling(slot *s)
 {
     work *w = &s->w;
     error e = {0};
-    if (settlement_apply(s->context->place, &w->claimed, &w->verdict, w->has_ended ? &w->ending : NULL, &e))
+    if (settlement_apply(s->context->place, &w->claimed, &w->settlement, w->has_ended ? &w->ending : NULL,
+                         &e))
         return release(s);
     return try_later(s, e.message);
 }

@@ -30,38 +30,39 @@
 
 typedef enum slot_phase {
     SLOT_FREE,
-    SLOT_STARTING, /* a task was taken; its worker is to be started, unless the result exists or cannot be */
-    SLOT_RUNNING,  /* the worker runs */
-    SLOT_STOPPING, /* the worker was signalled to end, and is killed after the grace time */
-    SLOT_DECIDING, /* the worker has ended; what it left is to be read */
+    /* a task was taken; its worker must be started, unless the result exists or no worker can be started */
+    SLOT_STARTING,
+    SLOT_RUNNING,    /* the worker runs */
+    SLOT_STOPPING,   /* the worker was signalled to end, and is killed after the grace time */
+    SLOT_DECIDING,   /* the worker has ended; its output must be read */
     SLOT_PUBLISHING, /* the result is copied to output.directory */
-    SLOT_SETTLING    /* the decision is to be carried out and stored in the queue */
+    SLOT_SETTLING    /* the decision must be carried out and stored in the queue */
 } slot_phase;
 
-/* Data shared by all slots. The supervisor may change the second part between two steps. All objects that pointers refer to
- * outlive the slots. */
+/* Data shared by all slots. The supervisor may change the second part between two steps. All objects that pointers
+ * refer to must outlive the slots. */
 typedef struct slot_context {
-    const settlement_place *place; /* the queue and the state directory, too */
+    const settlement_place *place; /* the queue and the state directory */
     const engine *engine;
-    void *engine_place;   /* as executor_settings' */
+    void *engine_place;   /* see executor_settings */
     const char *instance; /* id of this service */
     const char *worker;   /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
     const store_roots *roots; /* the input roots and the directory of uploads, open */
     store_inputs *inputs;     /* uploads; NULL: none */
-    output_place *outputs;    /* where copies of results go */
+    output_place *outputs;    /* destinations of copies of results */
     progress_ring *progress;
     sandbox_mode sandbox;
     control_groups *groups; /* of the attempts; NULL: none */
-    bool cache;             /* a job is given the result of an equal job */
-    int64_t memory_mb;      /* of all attempts together */
-    int wake_fd;            /* an eventfd that is written to when a step has become useful */
+    bool cache;             /* jobs get the results of equal jobs */
+    int64_t memory_mb;      /* limit of all attempts together */
+    int wake_fd;            /* an eventfd; it is written to when a step has become useful */
 
     int64_t file_mb;           /* maximum size of a file that a worker writes; 0: no limit */
-    double timeout_s, stall_s; /* of jobs that name no limit; 0: none */
+    double timeout_s, stall_s; /* of jobs without limits; 0: none */
     double grace_s;            /* between SIGTERM and SIGKILL */
-    int64_t drain_ms;          /* monotonic: when running workers are stopped because of a drain */
+    int64_t drain_ms;          /* time at which running workers are stopped because of a drain, monotonic */
     bool draining, forcing;    /* forcing: without the grace time */
 } slot_context;
 
@@ -69,7 +70,7 @@ typedef struct slot_context {
 typedef enum slot_news {
     SLOT_NO_NEWS = 0,
     SLOT_STARTED = 1,     /* a worker was started */
-    SLOT_NOT_STARTED = 2, /* a worker could not be started: others probably cannot, either */
+    SLOT_NOT_STARTED = 2, /* a worker could not be started; the next one probably cannot be started, either */
     SLOT_FREED = 4        /* the task is settled (in a drain: left to the next start), the slot is free */
 } slot_news;
 
@@ -108,7 +109,8 @@ void slot_cancel(slot *s, const char *id);
  * (`paused` false) in time. */
 void slot_pause(slot *s, const char *id, bool paused);
 
-/* Likewise if it was claimed with another priority: the next claim passes the new priority to the engine. */
+/* If this job was claimed with another priority and its worker has not started, queues the task again. The next
+ * claim passes the new priority to the engine. */
 void slot_move(slot *s, const char *id, int priority);
 
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */

@@ -28,7 +28,7 @@ int64_t storage_free_bytes(const storage *s, int64_t *size_bytes)
     return least;
 }
 
-bool storage_has_room(storage *s)
+bool storage_has_space(storage *s)
 {
     if (s->floor_bytes <= 0) return true;
     int64_t size, bytes = storage_free_bytes(s, &size);

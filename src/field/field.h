@@ -28,7 +28,7 @@ typedef enum field_order { FIELD_GRADIENT = 1, FIELD_HESSIAN = 2 } field_order;
 typedef struct field_sample {
     double value;  /* F */
     vec3 gradient; /* grad F, per world unit */
-    sym3 hessian;  /* second derivatives; untouched with FIELD_GRADIENT */
+    sym3 hessian;  /* second derivatives; unchanged with FIELD_GRADIENT */
 } field_sample;
 
 /* The largest second difference of F over the edges of a cell, divided by its slope along the longest edge. FLAT: at
@@ -57,9 +57,10 @@ typedef struct field_ops {
      * volume, or at a point without a derivative. */
     bool (*sample)(const field *f, vec3 x, field_order order, field_sample *out);
 
-    /* The number of grid cells that the surface crosses: every cell with corners of both signs (zero counts as outside)
-     * and, if `sharp`, cells that a sharp edge of the surface enters between the corners. The order is fixed. The cells
-     * resolve the features of the surface: they are voxels for volumes, and a fixed fraction of the shape for formulas. */
+    /* The number of grid cells that the surface crosses: every cell with corners of both signs (zero counts as
+     * outside) and, if `sharp`, cells that a sharp edge of the surface enters between the corners. The order is
+     * fixed. The cells resolve the features of the surface: they are voxels for volumes, and a fixed fraction of the
+     * shape for formulas. */
     size_t (*cell_count)(const field *f);
     void (*cell)(const field *f, size_t k, field_cell *out);
 
@@ -119,7 +120,8 @@ struct field {
     /* If `open`: the surface ends at the faces of this box, which are faces of the domain. Infinite in directions in
      * which the surface does not end. */
     bbox boundary_box;
-    /* L of the curvature scale: longest side of the bounding box of the surface (volumes) or of the domain (formulas) */
+    /* L of the curvature scale: longest side of the bounding box of the surface (volumes) or of the domain
+     * (formulas) */
     double extent;
     double cell_size; /* longest edge of a cell, world units; of the smallest cells if `uneven` */
     /* Cells have several sizes, each twice the previous one. Adjacent cells have the same size or consecutive

@@ -1,9 +1,11 @@
 /* patches: a surface made of smooth pieces (patches) that end in curves, which end in corners.
  *
- * Each patch is a field of its own. A curve is where patches end: a boundary of one patch, a seam of two, a nonmanifold edge of more. A corner is a
- * vertex at which curves end; curves that end at one corner have bitwise equal coordinates there. Curves are held fixed while patches are sampled:
- * corners first, then curves, then patches (Meyer, Whitaker, Kirby, Ledergerber and Pfister 2008, "Particle-based sampling and meshing of surfaces
- * in multimaterial volumes"; Bronson, Levine and Whitaker 2012, "Particle systems for adaptive, isotropic meshing of CAD models").
+ * Each patch is a field of its own. A curve is where patches end: a boundary of one patch, a seam of two, a
+ * nonmanifold edge of more. A corner is a vertex at which curves end; curves that end at one corner have bitwise
+ * equal coordinates there. Curves are held fixed while patches are sampled: corners first, then curves, then patches
+ * (Meyer, Whitaker, Kirby, Ledergerber and Pfister 2008, "Particle-based sampling and meshing of surfaces in
+ * multimaterial volumes"; Bronson, Levine and Whitaker 2012, "Particle systems for adaptive, isotropic meshing of
+ * CAD models").
  *
  * World space. Immutable after construction, any thread. The creator of a field with patches owns them.
  */
@@ -40,15 +42,18 @@ typedef struct field_patches {
     field_curve *curve;
     vec3 *vertex;
     uint32_t *curve_patch;
-    /* Samples of different curves that are closer to each other than points of a packing may be are merged (solver/curves/near_curves.h). */
+    /* Samples of different curves that are closer to each other than points of a packing may be are merged
+     * (solver/curves/near_curves.h). */
     bool merges_near_curves;
     /* With merges_near_curves: curves have corners where they bend, without a corner of the surface, as on scans. */
     bool has_rough_curves;
-    /* There are many small patches, as in a segmentation: every place needs a point nearby, however few points there are. */
+    /* There are many small patches, as in a segmentation: every place needs a point nearby, however few points there
+     * are. */
     bool has_many_parts;
 } field_patches;
 
-/* Whether a place near the zero set of a patch lies on the patch, not beyond its curves. The hint: see `within` in field_ops. */
+/* Whether a place near the zero set of a patch lies on the patch, not beyond its curves. The hint: see `within` in
+ * field_ops. */
 static inline bool field_is_within_near(const field *patch, vec3 x, uint32_t *hint)
 {
     return !patch->ops->within || patch->ops->within(patch, x, hint);

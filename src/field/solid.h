@@ -64,8 +64,8 @@ double solid_distance(const solid *s, int leaf, vec3 x);
 
 uint64_t solid_sides(const solid *s, vec3 x);
 
-/* Whether the leaf's surface belongs to the surface of the solid at a place with these sides (that of the leaf is
- * ignored): 0 no; 1 yes, and the solid is inside the leaf; -1 yes, and the solid is outside the leaf. */
+/* Whether the leaf's surface belongs to the surface of the solid at a place with these sides; the side of the leaf
+ * itself is ignored. 0: no; 1: yes, and the solid is inside the leaf; -1: yes, and the solid is outside the leaf. */
 int solid_surface(const solid *s, int leaf, uint64_t sides);
 
 /* The leaf whose part of the surface of the solid is closest to x. *sign: as solid_surface returns it. */

@@ -51,7 +51,8 @@ static inline void VERSION(bend_weights)(double t, double w[4])
     w[3] = t;
 }
 
-/* `bends`, a constant: the second derivatives as well. What they need is left out of a call without them. */
+/* `bends`: second derivatives are computed, too. It is a constant, so that a call without them does no work for
+ * them. */
 static inline __attribute__((always_inline)) void VERSION(jet)(const support *c, const double t[3],
                                                                bool bends, spline_jet *out)
 {

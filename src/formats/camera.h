@@ -39,7 +39,8 @@ typedef struct camera_frame {
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame);
 
 /* Cameras as in camera_fit from `frames` eyes on a circle around the vertical axis through the centre of the set, at
- * the largest distance that any of them needs; one turn counterclockwise seen from above. `out` has `frames` elements. */
+ * the largest distance that any of them needs; one turn counterclockwise seen from above. `out` has `frames`
+ * elements. */
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out);
 

@@ -62,8 +62,8 @@ bool columns_is_own(const char *name);
 bool columns_is_of_orient(const char *name);
 
 /* Allocates the arrays of a set of set->count points that the columns fill, zeroed, and sets the pointers in both. A
- * column has values of its own if it belongs to no array of the set, as those of attributes, and none if other columns of its array are missing.
- * The caller frees `storage`. False: out of memory. */
+ * column has values of its own if it belongs to no array of the set, as those of attributes, and none if other
+ * columns of its array are missing. The caller frees `storage`. False: out of memory. */
 bool columns_lay_out(columns *list, points *set, void **storage, error *e);
 
 /* Sets row i of a column that was laid out. */

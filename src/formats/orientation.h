@@ -9,7 +9,8 @@
 /* `normal` is a unit vector, `twist` in radians. w >= 0. For a normal along -z the rotation is about +x. */
 void orientation_of_normal(vec3 normal, double twist, double out[4]);
 
-/* The twist with which +x turns to the direction of `along`, projected onto the plane of the normal. 0 if this has no length. */
+/* The twist with which +x turns to the direction of `along`, projected onto the plane of the normal. 0 if this has
+ * no length. */
 double orientation_twist_along(vec3 normal, vec3 along);
 
 /* q x q^-1 */

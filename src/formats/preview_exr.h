@@ -22,7 +22,8 @@
 
 #include "formats/preview.h"
 
-/* Lossless compressions, by OpenEXR's names. None, RLE and ZIPS compress each line separately, ZIP 16 lines together. */
+/* Lossless compressions, by OpenEXR's names. None, RLE and ZIPS compress each line separately, ZIP 16 lines
+ * together. */
 typedef enum preview_exr_packing {
     PREVIEW_EXR_NONE,
     PREVIEW_EXR_RLE,

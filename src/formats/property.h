@@ -51,7 +51,8 @@ size_t property_list(const points *set, property *list);
 /* The attribute with this name; NULL: there is none. */
 const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name);
 
-/* Sets attribute_missing, with the pointer of the member that names the attribute and the names of those in the list. Returns false. */
+/* Sets attribute_missing, with the pointer of the member that names the attribute and the names of those in the
+ * list. Returns false. */
 bool property_refuse_missing(const point_attribute *list, size_t count, const char *pointer, const char *name,
                              error *e);
 

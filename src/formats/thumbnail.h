@@ -21,7 +21,8 @@ typedef struct thumbnail {
     unsigned char rgb[3 * THUMBNAIL_SIDE * THUMBNAIL_SIDE]; /* rows from the top */
 } thumbnail;
 
-/* Deadline of a caller. The process is ended at `until_ms` (clock_monotonic_ms), and soon after `is_over` returns true. */
+/* Deadline of a caller. The process is ended at `until_ms` (clock_monotonic_ms), and soon after `is_over` returns
+ * true. */
 typedef struct thumbnail_patience {
     int64_t until_ms;
     bool (*is_over)(void *context); /* NULL: never */

@@ -1,5 +1,6 @@
-/* affine: maps of space, as three rows of a 4x4 matrix for column vectors. Pure functions, safe in any
- * thread. */
+/* affine: affine maps of space, as the first three rows of a 4x4 matrix for column vectors. Pure functions, any
+ * thread.
+ */
 #ifndef HEXAD_GEOMETRY_AFFINE_H
 #define HEXAD_GEOMETRY_AFFINE_H
 
@@ -14,13 +15,13 @@ static inline vec3 affine_apply(const double m[3][4], double x, double y, double
                   m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
 }
 
-/* Where a map takes a step along an axis. */
+/* The image of a unit step along an axis. */
 static inline vec3 affine_axis(const double m[3][4], int axis)
 {
     return (vec3){m[0][axis], m[1][axis], m[2][axis]};
 }
 
-/* The least box round what a map makes of a box. */
+/* The bounding box of the image of a box. */
 static inline bbox affine_box(const double m[3][4], bbox box)
 {
     bbox out = bbox_empty();
@@ -30,7 +31,7 @@ static inline bbox affine_box(const double m[3][4], bbox box)
     return out;
 }
 
-/* The map that applies `inner`, 16 numbers row by row whose last row is 0 0 0 1, and then `outer`. */
+/* The map that applies `inner` and then `outer`. `inner`: 16 numbers row by row, last row 0 0 0 1. */
 static inline void affine_compose(const double outer[3][4], const double inner[16], double out[3][4])
 {
     for (int i = 0; i < 3; i++)
@@ -40,8 +41,8 @@ static inline void affine_compose(const double outer[3][4], const double inner[1
         }
 }
 
-/* How much longer a map makes the axis that it makes longest than that which it makes shortest, from it and its inverse: 1 or more.
- * Where it shears, the shortest is the least distance between two planes across an axis. */
+/* Aspect ratio of the image of a unit cube, 1 or more: the length of its longest edge over the least distance of two
+ * opposite faces. The second differs from the shortest edge if the map shears. */
 static inline double affine_aspect(const double m[3][4], const double inverse[3][4])
 {
     double axes2 = 0, across2 = 0;
@@ -58,7 +59,7 @@ static inline double affine_invert(const double m[3][4], double out[3][4])
 {
     double d[3][3];
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) { /* cofactors, cyclic so that the sign comes by itself */
+        for (int j = 0; j < 3; j++) { /* cofactors; the cyclic indices include the sign */
             int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
             d[i][j] = m[i1][j1] * m[i2][j2] - m[i1][j2] * m[i2][j1];
         }
@@ -71,7 +72,7 @@ static inline double affine_invert(const double m[3][4], double out[3][4])
     return determinant;
 }
 
-/* Derivatives of f(M x) by x from those of f at M x: W^T g and W^T H W, W the linear part of m. */
+/* Derivatives of f(M x) with respect to x from those of f at M x: W^T g and W^T H W, with W the linear part of m. */
 static inline vec3 affine_pull_gradient(const double m[3][4], vec3 g)
 {
     return (vec3){m[0][0] * g.x + m[1][0] * g.y + m[2][0] * g.z,

@@ -1,4 +1,6 @@
-/* bbox: an axis-aligned box, min <= max in each axis; an empty one has min = +inf, max = -inf. */
+/* bbox: an axis-aligned box, min <= max on each axis; an empty box has min = +inf, max = -inf. Pure functions, any
+ * thread.
+ */
 #ifndef HEXAD_GEOMETRY_BBOX_H
 #define HEXAD_GEOMETRY_BBOX_H
 
@@ -18,7 +20,7 @@ static inline bbox bbox_empty(void)
     return (bbox){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
 }
 
-/* Without fmin, which is a call: all points of a surface come this way. */
+/* Without fmin, which is a function call: this runs for every point of a surface. */
 static inline bbox bbox_include(bbox b, vec3 p)
 {
     return (bbox){
@@ -26,7 +28,7 @@ static inline bbox bbox_include(bbox b, vec3 p)
         {p.x > b.max.x ? p.x : b.max.x, p.y > b.max.y ? p.y : b.max.y, p.z > b.max.z ? p.z : b.max.z}};
 }
 
-/* The least box around both; likewise without a call. */
+/* The bounding box of both. Without fmin. */
 static inline bbox bbox_unite(bbox a, bbox b)
 {
     return (bbox){{a.min.x < b.min.x ? a.min.x : b.min.x, a.min.y < b.min.y ? a.min.y : b.min.y,
@@ -40,14 +42,14 @@ static inline bbox bbox_move(bbox b, vec3 by)
     return (bbox){vec3_add(b.min, by), vec3_add(b.max, by)};
 }
 
-/* What both have in common; min > max somewhere where that is nothing. */
+/* The intersection of both; min > max on some axis if it is empty. */
 static inline bbox bbox_common(bbox a, bbox b)
 {
     return (bbox){{fmax(a.min.x, b.min.x), fmax(a.min.y, b.min.y), fmax(a.min.z, b.min.z)},
                   {fmin(a.max.x, b.max.x), fmin(a.max.y, b.max.y), fmin(a.max.z, b.max.z)}};
 }
 
-/* Whether they have more than faces in common. */
+/* Whether the intersection has a volume. */
 static inline bool bbox_overlap(bbox a, bbox b)
 {
     bbox c = bbox_common(a, b);
@@ -71,7 +73,7 @@ static inline vec3 bbox_size(bbox b)
 {
     return vec3_sub(b.max, b.min);
 }
-/* Moved outwards by `margin` on every side; inwards where it is negative. */
+/* The box with each face moved outwards by `margin`, inwards if negative. */
 static inline bbox bbox_grow(bbox b, double margin)
 {
     vec3 m = {margin, margin, margin};
@@ -84,9 +86,9 @@ static inline double bbox_longest(bbox b)
     return fmax(s.x, fmax(s.y, s.z));
 }
 
-/* The least box around points, all of them even where loops are to stop; an empty one around none. */
+/* The bounding box of all points, also if the pool was stopped; an empty box without points. */
 bbox bbox_of_points(const vec3 *points, size_t count, threads *pool);
-/* The same of those points that a list names. */
+/* bbox_of_points of the points whose indices are in the list. */
 bbox bbox_of_corners(const vec3 *points, const uint32_t *list, size_t count, threads *pool);
 
 #endif

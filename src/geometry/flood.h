@@ -1,4 +1,4 @@
-/* flood: whether cells of 8^3 blocks hang together by their faces. Threads: none; no shared state. */
+/* flood: whether cells of 8^3 blocks are connected by their faces. Single-threaded; no shared state. */
 #ifndef HEXAD_GEOMETRY_FLOOD_H
 #define HEXAD_GEOMETRY_FLOOD_H
 
@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "geometry/block_map.h"
 
-/* `cells`: 64 bytes a block of the map, bit z of byte 8 x + y for the cell (x, y, z). *all: one can go from each cell to every
- * other. Error: limit_memory. */
+/* `cells`: 64 bytes per block of the map; bit z of byte 8 x + y: the cell (x, y, z) is in the set. *all: the set is
+ * connected by faces. Error: limit_memory. */
 bool flood_reaches_all(const block_map *map, const uint8_t *cells, bool *all, error *e);
 
 #endif

@@ -1,7 +1,9 @@
-/* morton: points in the order of Morton's curve, along which neighbours in space are near each other.
+/* morton: sorts points along Morton's curve, so that points near each other in space are mostly near each other in
+ * the order.
  *
- * G. M. Morton 1966, "A computer oriented geodetic data base". The order is stable: points of one cell keep
- * theirs. */
+ * G. M. Morton 1966, "A computer oriented geodetic data base". The sort is stable for points in one cell of the
+ * curve.
+ */
 #ifndef HEXAD_GEOMETRY_MORTON_H
 #define HEXAD_GEOMETRY_MORTON_H
 
@@ -13,8 +15,8 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
-/* order[k]: the point that comes k-th, of `count`, which are finite. The cells are finer than points that
- * fill a surface are apart. `pool` may be NULL. Error: limit_memory. */
+/* order[k]: the index of the k-th point along the curve. The coordinates of all `count` points are finite. The cells
+ * of the curve are finer than the distances of points that cover a surface. `pool` may be NULL. Error: limit_memory. */
 bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e);
 
 #endif

@@ -1,4 +1,4 @@
-/* sym3: a symmetric 3x3 matrix. Pure functions, safe in any thread. */
+/* sym3: a symmetric 3x3 matrix. Pure functions, any thread. */
 #ifndef HEXAD_GEOMETRY_SYM3_H
 #define HEXAD_GEOMETRY_SYM3_H
 

@@ -1,4 +1,6 @@
-/* vec3: three doubles, by value, and sixteen of them for kernels. Units are the caller's. Pure functions, safe in any thread. */
+/* vec3: vectors of three doubles, passed by value, and arrays of sixteen vectors for kernels. Units are the
+ * caller's. Pure functions, any thread.
+ */
 #ifndef HEXAD_GEOMETRY_VEC3_H
 #define HEXAD_GEOMETRY_VEC3_H
 
@@ -8,7 +10,7 @@ typedef struct vec3 {
     double x, y, z;
 } vec3;
 
-/* Vectors side by side, as many as a kernel handles together. */
+/* The number of vectors that a kernel processes together. */
 enum { VEC3_LANES = 16 };
 
 typedef struct vec3_lanes {
@@ -67,7 +69,7 @@ static inline vec3 vec3_cross(vec3 a, vec3 b)
     return (vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/* a / |a|; the zero vector gives the zero vector */
+/* a / |a|; the zero vector for the zero vector */
 static inline vec3 vec3_unit(vec3 a)
 {
     double n = vec3_norm(a);
@@ -83,7 +85,7 @@ static inline void vec3_set(vec3 *a, int axis, double v)
     *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v;
 }
 
-/* By x, then by y, then by z: below 0, 0 or above, as qsort requires. 0 and -0 are equal. */
+/* Compares by x, then by y, then by z. Returns a value < 0, 0 or > 0, as qsort requires. 0 and -0 are equal. */
 static inline int vec3_compare(vec3 a, vec3 b)
 {
     for (int axis = 0; axis < 3; axis++) {
@@ -93,8 +95,8 @@ static inline int vec3_compare(vec3 a, vec3 b)
     return 0;
 }
 
-/* Two unit vectors that make a right-handed frame with the unit vector n.
- * Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1). */
+/* Two unit vectors that form a right-handed frame with the unit vector n. Source: Duff et al. 2017, "Building an
+ * Orthonormal Basis, Revisited", JCGT 6(1). */
 static inline void vec3_frame(vec3 n, vec3 *u, vec3 *v)
 {
     double sign = copysign(1.0, n.z), a = -1.0 / (sign + n.z), b = n.x * n.y * a;

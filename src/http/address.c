@@ -34,7 +34,7 @@ address address_of_peer(int fd)
         struct sockaddr any;
         struct sockaddr_in v4;
         struct sockaddr_in6 v6;
-        struct sockaddr_storage room;
+        struct sockaddr_storage storage;
     } from = {0};
     socklen_t size = sizeof from;
     if (getpeername(fd, &from.any, &size) != 0) return (address){0};

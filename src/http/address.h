@@ -1,4 +1,4 @@
-/* address: addresses of clients on the network, and ranges of them. Constant data; any thread. */
+/* address: network addresses of clients, and ranges of addresses. Constant data; any thread. */
 #ifndef HEXAD_HTTP_ADDRESS_H
 #define HEXAD_HTTP_ADDRESS_H
 
@@ -10,19 +10,19 @@
 
 #define ADDRESS_TEXT_SIZE 46
 
-/* A version 4 address uses the first 4 bytes. A mapped one (::ffff:192.0.2.1) is converted to version 4. */
+/* A version 4 address uses the first 4 bytes. A mapped address (::ffff:192.0.2.1) is converted to version 4. */
 typedef struct address {
     uint8_t version; /* 4 or 6; 0: none */
     uint8_t bytes[16];
 } address;
 
-/* The remote address of a connected socket; version 0 when it is not TCP. */
+/* The remote address of a connected socket; version 0 if it is not a TCP socket. */
 address address_of_peer(int fd);
 
-/* "192.0.2.1" or "2001:db8::1", without brackets and port; false, and *a untouched, for anything else. */
+/* Parses "192.0.2.1" or "2001:db8::1", without brackets and port. False, with *a unchanged, for any other text. */
 bool address_parse(const char *text, address *a);
 
-/* Writes into `text` and returns it; "-" for none. */
+/* Writes the address to `text` and returns it; "-" for version 0. */
 const char *address_print(const address *a, char text[ADDRESS_TEXT_SIZE]);
 
 typedef struct address_range {
@@ -35,8 +35,8 @@ typedef struct address_ranges {
     size_t count;
 } address_ranges;
 
-/* Reads "192.0.2.1", "10.0.0.0/8", "2001:db8::/32" ...; error spec_invalid names a text that is none of
- * these. The caller clears, also after an error. */
+/* Parses texts such as "192.0.2.1", "10.0.0.0/8" or "2001:db8::/32". Error spec_invalid, with the text that has
+ * another form. The caller releases the ranges with address_ranges_clear, also after an error. */
 bool address_ranges_read(const char *const *text, size_t count, address_ranges *r, error *e);
 void address_ranges_clear(address_ranges *r);
 bool address_ranges_hold(const address_ranges *r, const address *a);

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 
-/* What the bodies of one user take; freed when that is nothing. */
+/* The bytes of one user; freed when they are 0. */
 typedef struct share {
     char *user;
     size_t bytes;
@@ -13,7 +13,7 @@ typedef struct share {
 } share;
 
 struct body_bytes {
-    size_t total, of_user, of_each; /* bounds */
+    size_t total, of_user, of_each; /* limits */
     size_t taken;
     share *shares;
 };
@@ -38,7 +38,7 @@ void body_bytes_free(body_bytes *b)
     free(b);
 }
 
-/* The link to the share of a user, or the end of the list. */
+/* The link to the entry of a user, or the end of the list. */
 static share **find(body_bytes *b, const char *user)
 {
     share **at = &b->shares;

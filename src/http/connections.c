@@ -10,9 +10,9 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* How late the thread may notice an overdue connection. */
+/* Maximum delay, in ms, until the thread notices an overdue connection. */
 #define WATCH_MS 250
-/* How long a connection over a limit may take to send its first request. */
+/* Maximum time, in ms, in which a connection over a limit must send its first request. */
 #define REFUSED_MS 2000
 #define NEVER INT64_MAX
 
@@ -23,18 +23,18 @@ typedef enum owner_kind { OWNER_USER, OWNER_UID, OWNER_NETWORK } owner_kind;
 
 typedef struct owner_key {
     owner_kind kind;
-    char bytes[ACCESS_USER_SIZE]; /* the rest is zero */
+    char bytes[ACCESS_USER_SIZE]; /* padded with zeros */
 } owner_key;
 
 /* A user, or a client whose user is unknown. It exists as long as a connection refers to it. */
 typedef struct owner {
     owner_key key;
-    unsigned count; /* of its connections that have a place */
-    unsigned names; /* of connections that refer to it */
+    unsigned count; /* number of its connections that have a place */
+    unsigned names; /* number of connections that refer to it */
     struct owner *next;
 } owner;
 
-/* A list of connections that may be closed to make room for others, the oldest first. */
+/* A list of connections that may be closed in favour of others, oldest first. */
 typedef struct connection_queue {
     client_connection *first, *last;
     unsigned count;
@@ -47,13 +47,14 @@ struct client_connection {
     owner *client, *user; /* user NULL: unknown */
     bool admin;
     connection_decision decision;
-    bool placed;      /* it counts for its owner and in total */
-    bool rests;       /* between requests, and the watcher has not looked whether the client has ended it */
-    bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
-    int64_t since_ms; /* when the client's clock was started; NEVER: it does not run */
+    bool placed; /* it is counted for its owner and in total */
+    /* between requests, and the watcher has not yet checked whether the client has closed it */
+    bool is_between_requests;
+    bool leaving;     /* its descriptor was shut down; the serving thread notices the end and cleans up */
+    int64_t since_ms; /* start of the client's time; NEVER: it does not run */
     client_connection *previous, *next;
     connection_queue *waits_in;         /* NULL: must not be closed */
-    client_connection *older, *younger; /* in that queue */
+    client_connection *older, *younger; /* neighbours in that queue */
 };
 
 struct connections {
@@ -65,19 +66,19 @@ struct connections {
     pthread_cond_t changed; /* monotonic clock */
     client_connection *first;
     owner *chain[CHAINS];
-    unsigned admins, others;   /* that have a place */
-    connection_queue idle;     /* with a place, of no user, without a whole request */
+    unsigned admins, others;   /* numbers of connections that have a place */
+    connection_queue idle;     /* with a place, without a user, without a complete request */
     connection_queue unplaced; /* without a place, before their first request */
     bool stopping;
 };
 
-/* How many connections without a place there may be. */
+/* Maximum number of connections without a place. */
 static unsigned most_unplaced(const connections_settings *settings)
 {
     return settings->connection_limit / 4 + 8;
 }
 
-unsigned connections_room(const connections_settings *settings)
+unsigned connections_capacity(const connections_settings *settings)
 {
     return settings->connection_limit + 2 * most_unplaced(settings);
 }
@@ -188,7 +189,7 @@ static void end(connections *p, client_connection *which)
     shutdown(which->fd, SHUT_RDWR);
 }
 
-/* Closes the connection of the client (NULL: of any) that has been idle longest; false: there is none. */
+/* Closes the connection of the client (NULL: of any client) that has been idle longest. False: there is none. */
 static bool end_idle(connections *p, const owner *client)
 {
     client_connection *one = p->idle.first;
@@ -197,28 +198,28 @@ static bool end_idle(connections *p, const owner *client)
     return one != NULL;
 }
 
-static bool has_room(const connections *p, bool admin)
+static bool has_place(const connections *p, bool admin)
 {
     unsigned limit = p->settings.connection_limit;
     return p->admins + p->others < limit && (admin || p->others < limit - p->reserve);
 }
 
-/* Gives a connection a place, if there is one. */
+/* Gives a connection a place if the limits permit it. */
 static connection_decision place(connections *p, client_connection *which)
 {
     if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;
     if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
         return CONNECTION_TOO_MANY_OF_CLIENT;
-    if (!has_room(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
+    if (!has_place(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
     take_place(p, which);
     return CONNECTION_ADMITTED;
 }
 
-/* Between requests, or before the first one. */
-static void rest(connections *p, client_connection *which)
+/* Marks the connection as waiting for a request. */
+static void await_request(connections *p, client_connection *which)
 {
     which->since_ms = clock_monotonic_ms();
-    which->rests = true;
+    which->is_between_requests = true;
     if (which->leaving)
         which->since_ms = NEVER;
     else if (!which->placed)
@@ -239,12 +240,12 @@ client_connection *connections_add(connections *p, int fd)
     if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
     new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
     new->decision = place(p, new);
-    rest(p, new);
+    await_request(p, new);
     if (p->unplaced.count > most_unplaced(&p->settings)) end(p, p->unplaced.first);
     new->next = p->first;
     if (new->next) new->next->previous = new;
     p->first = new;
-    if (!new->next) pthread_cond_broadcast(&p->changed); /* otherwise the watcher looks in time */
+    if (!new->next) pthread_cond_broadcast(&p->changed); /* otherwise the watcher wakes in time */
     pthread_mutex_unlock(&p->mutex);
     return new;
 }
@@ -299,7 +300,7 @@ connection_decision connections_begin_request(connections *p, client_connection 
 void connections_end_request(connections *p, client_connection *which)
 {
     pthread_mutex_lock(&p->mutex);
-    rest(p, which);
+    await_request(p, which);
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -315,7 +316,7 @@ static void mark(connections *p, client_connection *which, int64_t since_ms)
     pthread_mutex_lock(&p->mutex);
     if (since_ms == NEVER) leave_queue(which);
     which->since_ms = which->leaving ? NEVER : since_ms;
-    which->rests = false;
+    which->is_between_requests = false;
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -339,14 +340,14 @@ const address *connections_address(const client_connection *which)
     return &which->from;
 }
 
-/* Whether the client sends nothing more, after a while without a request. The library (0.9.75) may miss an end that came with the
- * last request. */
+/* Whether the client has closed its side, after some time without a request. The library (0.9.75) may miss an end
+ * that arrived with the last request. */
 static bool has_ended(client_connection *which)
 {
     char byte;
-    bool looks = which->rests;
-    which->rests = false;
-    return looks && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
+    bool must_check = which->is_between_requests;
+    which->is_between_requests = false;
+    return must_check && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
 }
 
 static void *close_overdue(void *argument)

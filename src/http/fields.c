@@ -5,7 +5,7 @@
 
 #include <microhttpd.h>
 
-/* Reads the fields that identify the origin of the request and the host that it is for. */
+/* Reads the fields that identify the origin of the request and the requested host. */
 static void read_origin_field(fields *f, const char *key, const char *value)
 {
     if (strcasecmp(key, MHD_HTTP_HEADER_HOST) == 0) {

@@ -6,12 +6,12 @@
 
 #include "http/head.h"
 
-/* Proxies in a row; a header with more is not believed. */
+/* Maximum number of consecutive proxies. A header with more is ignored. */
 #define MOST_HOPS 32
 #define WORD_SIZE 128
 
 typedef struct hops {
-    address from[MOST_HOPS]; /* of version 0: unknown */
+    address from[MOST_HOPS]; /* version 0: unknown */
     size_t count;
 } hops;
 
@@ -44,7 +44,7 @@ static bool read_quoted(const char **at, char word[WORD_SIZE])
     return *from == '"';
 }
 
-/* Nothing, or ":" and a port, which may have a made-up name. */
+/* An empty text, or ":" and a port, which may be an obfuscated name. */
 static bool is_port(const char *text)
 {
     if (!*text) return true;
@@ -53,7 +53,7 @@ static bool is_port(const char *text)
     return (length <= 5 && strspn(text, "0123456789") == length) || *text == '_';
 }
 
-/* A node: "192.0.2.1", "192.0.2.1:80", "[2001:db8::1]", "[2001:db8::1]:80"; otherwise of version 0. */
+/* Parses a node: "192.0.2.1", "192.0.2.1:80", "[2001:db8::1]", "[2001:db8::1]:80". Version 0 for other texts. */
 static address read_node(const char *text)
 {
     char host[ADDRESS_TEXT_SIZE];
@@ -67,28 +67,28 @@ static address read_node(const char *text)
     return a;
 }
 
-/* "for=...", or another parameter; only one of an element may be the first. */
-static bool read_pair(const char **at, address *from, bool *told)
+/* Parses "for=..." or another parameter. An element has at most one "for". */
+static bool read_pair(const char **at, address *from, bool *has_for)
 {
     char name[WORD_SIZE], value[WORD_SIZE];
     if (!read_token(at, name) || *(*at)++ != '=') return false;
     if (!(**at == '"' ? read_quoted(at, value) : read_token(at, value))) return false;
     if (strcasecmp(name, "for") != 0) return true;
-    if (*told) return false;
-    *told = true;
+    if (*has_for) return false;
+    *has_for = true;
     *from = read_node(value);
     return true;
 }
 
-/* What one proxy wrote: pairs with semicolons between. */
+/* Parses the element of one proxy: pairs separated by semicolons. */
 static bool read_element(const char **at, hops *h)
 {
-    bool told = false;
+    bool has_for = false;
     address from = {0};
     if (h->count == MOST_HOPS) return false;
     do {
         *at += **at == ';';
-        if (!read_pair(at, &from, &told)) return false;
+        if (!read_pair(at, &from, &has_for)) return false;
     } while (**at == ';');
     h->from[h->count++] = from;
     return true;

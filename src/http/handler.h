@@ -1,5 +1,6 @@
-/* handler: the function that answers the requests of a route. It gets a request, fills a reply and sees no
- * socket. */
+/* handler: the function that answers the requests of a route. It receives a request and fills a reply; it has no
+ * access to the socket.
+ */
 #ifndef HEXAD_HTTP_HANDLER_H
 #define HEXAD_HTTP_HANDLER_H
 
@@ -13,12 +14,12 @@
 
 /* Counters of the server, for /metrics. */
 typedef struct http_counters {
-    atomic_uint_fast64_t answers[6];  /* by the first digit of their status */
+    atomic_uint_fast64_t answers[6];  /* by the first digit of the status */
     atomic_uint_fast64_t refused;     /* connections over a limit */
-    atomic_uint_fast64_t connections; /* open ones */
+    atomic_uint_fast64_t connections; /* open connections */
 } http_counters;
 
-/* What handlers work on. The server hands it through; the routes define it (api/context.h). */
+/* Data for the handlers. The server passes it on; the routes define it (api/context.h). */
 typedef struct http_context http_context;
 
 #define HTTP_MAX_PARAMETERS 2
@@ -39,15 +40,15 @@ typedef enum http_header {
     HTTP_HEADER_COUNT
 } http_header;
 
-/* Receives a long body piece by piece, in the serving thread. */
+/* Receives a long body in pieces, in the serving thread. */
 typedef struct http_sink {
     void (*take)(struct http_sink *sink, const char *bytes, size_t count);
-    void (*drop)(struct http_sink *sink); /* called at the end of every request, also a failed one */
+    void (*drop)(struct http_sink *sink); /* called at the end of every request, also of a failed one */
 } http_sink;
 
 typedef struct http_request {
     const access_caller *caller;
-    const char *parameter[HTTP_MAX_PARAMETERS]; /* the {..} of the route, in order */
+    const char *parameter[HTTP_MAX_PARAMETERS]; /* the {..} parts of the route, in order */
     const char *header[HTTP_HEADER_COUNT];      /* NULL: not sent */
     size_t query_count;
     struct {
@@ -56,20 +57,20 @@ typedef struct http_request {
     const char *body; /* NUL-terminated */
     size_t length;
     http_sink *sink;   /* instead of a body, for a route with an opener */
-    int64_t came_ms;   /* monotonic */
-    bool last;         /* the answer must not wait: the service is stopping */
-    bool waited;       /* the handler was called before, and its answer has waited since */
+    int64_t came_ms;   /* arrival, monotonic clock */
+    bool last;         /* the answer must not wait, because the service is stopping */
+    bool waited;       /* the handler was called before and its answer has waited since */
     int64_t announced; /* for openers: the length of the body; -1: unknown */
-    bool waits;        /* for openers: the client sends its body only when told to (Expect) */
+    bool waits;        /* for openers: the client sends the body only after a 100 answer (Expect) */
 } http_request;
 
-/* Opens a sink for the body, once the headers have arrived; on refusal returns NULL and fills the reply. */
+/* Opens a sink for the body after the headers have arrived. On refusal returns NULL and fills the reply. */
 typedef http_sink *http_opener(const http_context *c, const http_request *request, reply *r);
 
 /* Fills an empty reply whose fd is -1. Any thread. */
 typedef void http_handler(const http_context *c, const http_request *request, reply *r);
 
-/* As a handler, in the serving thread. Returns false, with the reply untouched, when the handler has to be called. */
+/* Like a handler, in the serving thread. False, with the reply unchanged: the handler must be called. */
 typedef bool http_keeper(const http_context *c, const http_request *request, reply *r);
 
 #endif

@@ -8,7 +8,7 @@
 #include "http/handler.h"
 
 #define LINE_END 2 /* bytes: CR LF */
-/* The library leaves the bytes where they came. */
+/* The library leaves the received bytes in place. */
 #define LEAVES_BYTES (MHD_VERSION < 0x01000000)
 
 static bool is_control_byte(char byte)
@@ -22,16 +22,16 @@ head_target head_look(const char *uri)
     for (const char *at = uri; t.plain && at < t.end; at++) t.plain = *at != ' ' && !is_control_byte(*at);
     const char *query = strchr(uri, '?'), *next = query;
     for (size_t count = 0; next && next[1]; count++, next = strchr(next + 1, '&'))
-        if (count == HTTP_MAX_QUERY) t.crowded = true;
-    /* the library's own buffer, which it splits at the next step */
-    if (t.crowded) *(char *)(uintptr_t)(query + 1) = '\0';
+        if (count == HTTP_MAX_QUERY) t.has_too_many_parameters = true;
+    /* writes to the library's own buffer, which the library splits at the next step */
+    if (t.has_too_many_parameters) *(char *)(uintptr_t)(query + 1) = '\0';
     return t;
 }
 
-/* The walk over the headers. */
+/* State of the iteration over the headers. */
 typedef struct walk {
-    const char *at; /* where the next line starts */
-    bool plain;     /* so far */
+    const char *at; /* start of the next line */
+    bool plain;     /* no fault was found */
 } walk;
 
 static enum MHD_Result pass_line(void *context, enum MHD_ValueKind kind, const char *name, size_t name_length,
@@ -55,7 +55,7 @@ static bool is_request_line(const char *method, const char *version, const head_
     return method + 1 == t->start && t->end + 1 == version;
 }
 
-/* What is wrong with the head; NULL: nothing. */
+/* The fault of the head; NULL: none. */
 static const char *find_fault(struct MHD_Connection *connection, const char *method, const char *version,
                               const head_target *target)
 {
@@ -69,7 +69,7 @@ static const char *find_fault(struct MHD_Connection *connection, const char *met
            " colon and without control bytes";
 }
 
-/* *large: the number does not fit into 64 bits. */
+/* Whether the digits are a length. *large: the number exceeds 64 bits. */
 static bool is_length(const char *digits, size_t count, bool *large)
 {
     uint64_t number = 0;
@@ -83,7 +83,7 @@ static bool is_length(const char *digits, size_t count, bool *large)
     return count > 0;
 }
 
-/* The first header of this name; false: there is none. */
+/* Finds the first header of this name. False: there is none. */
 static bool find_header(struct MHD_Connection *connection, const char *name, const char **value,
                         size_t *length)
 {
@@ -98,8 +98,8 @@ bool head_refuse_unread(struct MHD_Connection *connection, reply *r)
     const char *value = NULL;
     size_t length = 0;
     bool large = false;
-    if (!info || !info->header_size) return false; /* its end has not come */
-    /* the library reads no length beside a coding */
+    if (!info || !info->header_size) return false; /* the end of the headers has not arrived */
+    /* the library ignores a length if there is a transfer coding */
     if (!find_header(connection, MHD_HTTP_HEADER_TRANSFER_ENCODING, &value, &length) &&
         find_header(connection, MHD_HTTP_HEADER_CONTENT_LENGTH, &value, &length)) {
         const bool is_number = is_length(value, length, &large);
@@ -110,7 +110,8 @@ bool head_refuse_unread(struct MHD_Connection *connection, reply *r)
                               "Content-Length exceeds all limits: send a smaller body");
         if (!is_number || large) return true;
     }
-    /* The library copies this header before it reads the cookies. Later versions report also cookies that they do not like. */
+    /* The library copies this header before it parses the cookies. Later versions also report cookies that they
+     * refuse. */
     if (MHD_VERSION > 0x00097600 || !find_header(connection, MHD_HTTP_HEADER_COOKIE, &value, &length))
         return false;
     reply_set_problem(r, "request_invalid", NULL,
@@ -124,8 +125,8 @@ bool head_refuse(struct MHD_Connection *connection, const char *method, const ch
     const char *fault = find_fault(connection, method, version, target);
     if (fault)
         reply_set_problem(r, "request_invalid", NULL, "%s", fault);
-    else if (target->crowded)
+    else if (target->has_too_many_parameters)
         reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters: send fewer",
                           HTTP_MAX_QUERY);
-    return fault || target->crowded;
+    return fault || target->has_too_many_parameters;
 }

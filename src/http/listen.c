@@ -34,13 +34,14 @@ static bool is_loopback(const struct sockaddr *address)
     return address->sa_family == AF_INET6 && IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr);
 }
 
-/* Splits HOST:PORT; the host may be in brackets. Both to be freed. */
+/* Splits HOST:PORT; the host may be in brackets. The caller frees both. */
 static bool split(const char *where, char **host, char **port)
 {
     const char *colon = strrchr(where, ':');
     if (!colon || colon == where || !colon[1] || strspn(colon + 1, "0123456789") != strlen(colon + 1))
         return false;
-    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535) return false; /* getaddrinfo would wrap it */
+    /* getaddrinfo would reduce it modulo 65536 */
+    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535) return false;
     size_t length = (size_t)(colon - where);
     if (where[0] == '[' && where[length - 1] == ']')
         *host = mem_strndup(where + 1, length - 2);
@@ -112,7 +113,7 @@ done:
     return ok;
 }
 
-/* Removes the socket of a daemon that is gone; one that still answers is left alone. */
+/* Removes the socket of a daemon that has ended. The socket of a daemon that answers is kept. */
 static bool remove_stale(const struct sockaddr_un *address, const char *where, error *e)
 {
     struct stat info;

@@ -1,6 +1,6 @@
 /* listen: sockets that the server listens on.
  *
- * `reach`: which clients can connect to it; access depends on that.
+ * `reach` states which clients can connect; access control depends on it.
  */
 #ifndef HEXAD_HTTP_LISTEN_H
 #define HEXAD_HTTP_LISTEN_H
@@ -17,14 +17,14 @@ typedef struct listen_socket {
     char *unix_path; /* NULL for TCP; removed by listen_close */
 } listen_socket;
 
-/* `where` is HOST:PORT, [HOST]:PORT or unix:/path; for a path, `shared` says whether other users than the
- * service's own may connect. The error names `where`. */
+/* Opens the socket. `where` is HOST:PORT, [HOST]:PORT or unix:/path. For a path, `shared` permits users other than
+ * the service's own to connect. The error contains `where`. */
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
-/* Sets the mode of a path that listen_open opened: whether other users may connect. A failure is logged. Sockets without a
- * path are unchanged. */
+/* Sets the mode of a path that listen_open opened; `shared` permits other users to connect. A failure is logged.
+ * Sockets without a path are unchanged. */
 void listen_share(const listen_socket *s, bool shared);
-/* Takes over a listening socket from the service manager. On failure it is closed. */
+/* Takes over a listening socket from the service manager. On failure the socket is closed. */
 bool listen_adopt(int fd, listen_socket *s, error *e);
-void listen_close(listen_socket *s); /* accepts an empty one, whose address is NULL */
+void listen_close(listen_socket *s); /* accepts an empty socket, whose address is NULL */
 
 #endif

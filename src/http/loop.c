@@ -40,7 +40,7 @@ static void wake(loop *l)
     if (!atomic_exchange(&l->signaled, true)) eventfd_write(l->signal, 1);
 }
 
-/* Called before the library runs, so that a later wake-up is another signal. */
+/* Called before the library runs, so that a later wake-up is a new signal. */
 static void take_signal(loop *l)
 {
     eventfd_t count;
@@ -48,8 +48,8 @@ static void take_signal(loop *l)
     atomic_store(&l->signaled, false);
 }
 
-/* Milliseconds until the library must run even when nothing is ready; -1: never. 0 when it has more work for
- * a connection that will not become ready again. */
+/* Milliseconds until the library must run although no descriptor is ready; -1: unlimited. 0 if the library has more
+ * work for a connection that will not become ready again. */
 static int wait_ms(const loop *l)
 {
     MHD_UNSIGNED_LONG_LONG ms;

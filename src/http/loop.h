@@ -1,10 +1,10 @@
 /* loop: the thread that serves the connections of a libmicrohttpd daemon.
  *
- * The library's own thread has a fault (0.9.75, MHD_epoll): it takes 128 events at a time and waits for more
- * when there were exactly 128, so that 128, 256 or 512 busy connections get no answer. Here the loop waits
- * for the library's set of descriptors to become ready, and then runs the library with no time to wait.
+ * The library's own thread has a fault (0.9.75, MHD_epoll): it takes 128 events at a time, and after exactly 128
+ * events it waits for more. 128, 256 or 512 simultaneously active connections then get no answer. This loop waits
+ * until the library's set of descriptors is ready and then calls the library with a timeout of 0.
  *
- * A daemon without its own thread has no descriptor that wakes it. So connections are resumed through the
+ * A daemon without its own thread has no descriptor that wakes it. Connections are therefore resumed through the
  * loop, which wakes itself.
  */
 #ifndef HEXAD_HTTP_LOOP_H
@@ -24,14 +24,13 @@ typedef struct loop loop;
  * that thread use it. On failure *l is NULL, and the caller keeps the daemon and the sockets. */
 bool loop_start(struct MHD_Daemon *daemon, const int *more, size_t count, loop **l, error *e);
 
-/* Resumes a suspended connection. Any thread, also the loop's own. */
+/* Resumes a suspended connection. Any thread, including the loop's own. */
 void loop_resume(loop *l, struct MHD_Connection *connection);
 
-/* Accepts no more connections; the existing ones are still served. */
+/* Stops accepting connections; existing connections are still served. */
 void loop_quiesce(loop *l);
 
-/* Ends the thread, so that no handler runs any more. Suspended connections can still be resumed. Accepts
- * NULL. */
+/* Ends the thread; no handler runs afterwards. Suspended connections can still be resumed. Accepts NULL. */
 void loop_end(loop *l);
 
 /* Ends the thread and stops the daemon. The caller has resumed all suspended connections. Accepts NULL. */

@@ -23,7 +23,7 @@ static void add_host(pages *p, const char *host, size_t length, const char *port
         default_port ? mem_strndup(host, length) : mem_printf("%.*s:%s", (int)length, host, port);
 }
 
-/* Behind "http://" or "https://" only what can be a host, and a port. */
+/* Whether a text is "http://" or "https://" with a possible host and an optional port. */
 static bool is_origin(const char *text)
 {
     const char *host = strstr(text, "://");
@@ -83,21 +83,21 @@ bool pages_is_host(const pages *p, const char *host)
     return is_own_host(p, host);
 }
 
-bool pages_is_named(const pages *p, const char *origin)
+bool pages_is_listed(const pages *p, const char *origin)
 {
     for (size_t i = 0; i < p->origin_count; i++)
         if (strcmp(p->origin[i], origin) == 0) return true;
     return false;
 }
 
-bool pages_has_named(const pages *p)
+bool pages_has_listed(const pages *p)
 {
     return p->origin_count > 0;
 }
 
-bool pages_is_welcome(const pages *p, const char *origin)
+bool pages_is_permitted(const pages *p, const char *origin)
 {
     size_t length = sizeof own_scheme - 1;
-    return pages_is_named(p, origin) ||
+    return pages_is_listed(p, origin) ||
            (strncasecmp(origin, own_scheme, length) == 0 && is_own_host(p, origin + length));
 }

@@ -1,9 +1,9 @@
-/* pages: which web pages may send requests to a port that needs no token.
+/* pages: decides which web pages may send requests to a port that requires no token.
  *
- * A page that is open in a browser on this machine can send requests to a loopback port. It can even read the
- * answers when the name of its own host is made to resolve to this machine (DNS rebinding). The browser names
- * the requested host in Host, and the page's origin in Origin and Sec-Fetch-Site. Requests for other hosts
- * and from other pages are refused. Constant data; any thread.
+ * A page in a browser on this machine can send requests to a loopback port. It can even read the answers if the name
+ * of its own host is made to resolve to this machine (DNS rebinding). The browser sends the requested host in Host,
+ * and the page's origin in Origin and Sec-Fetch-Site. Requests for other hosts and from other pages are refused.
+ * Constant data; any thread.
  */
 #ifndef HEXAD_HTTP_PAGES_H
 #define HEXAD_HTTP_PAGES_H
@@ -22,15 +22,15 @@ pages *pages_new(const char *const *origins, size_t count, error *e);
 void pages_add(pages *p, const char *listen, const char *served);
 void pages_free(pages *p); /* accepts NULL */
 
-/* Whether the value of Host means this service: the served address, localhost or a loopback address with its
- * port, or the host of a listed origin. */
+/* Whether the value of Host is this service: the served address, localhost or a loopback address with its port, or
+ * the host of a listed origin. */
 bool pages_is_host(const pages *p, const char *host);
 
-/* Whether pages of this origin may send requests: its host is this service's, or it is listed. */
-bool pages_is_welcome(const pages *p, const char *origin);
+/* Whether pages of this origin may send requests: its host is this service, or the origin is listed. */
+bool pages_is_permitted(const pages *p, const char *origin);
 
-/* Whether the setting lists the origin; then the browser must be told that its pages may read the answers. */
-bool pages_is_named(const pages *p, const char *origin);
-bool pages_has_named(const pages *p);
+/* Whether the setting lists the origin. The answers then need headers that let its pages read them. */
+bool pages_is_listed(const pages *p, const char *origin);
+bool pages_has_listed(const pages *p);
 
 #endif

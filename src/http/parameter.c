@@ -63,7 +63,7 @@ static bool is_good(const parameter *p, const char *value)
     return false;
 }
 
-/* What a value has to be, for a complaint. */
+/* Describes the permitted values, for a message. */
 static void describe_values(const parameter *p, char *text, size_t size)
 {
     const char *word;
@@ -83,7 +83,7 @@ static void describe_values(const parameter *p, char *text, size_t size)
     }
 }
 
-/* "is not a parameter of this path: use a, b and c" for the names "a b c". */
+/* Describes the names "a b c" as "a, b and c", for a message. */
 static void describe_names(const char *names, char *text, size_t size)
 {
     size_t used = (size_t)snprintf(text, size, "is not a parameter of this path: %s",

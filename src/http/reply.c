@@ -10,7 +10,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-/* Clients are told to come again after that long; a restarted daemon is back by then. */
+/* Seconds in Retry-After; a restart of the daemon takes less. */
 #define RETRY_AFTER_S "5"
 
 static const reply_problem problems[] = {
@@ -51,12 +51,12 @@ static const reply_problem problems[] = {
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The caller may not give this priority"},
     {"storage_full", 507, "The storage is full"},
-    {"internal", 500, "The service has failed"}, /* the last one: also for a code not listed */
+    {"internal", 500, "The service has failed"}, /* last row: also for codes that are not listed */
 };
 
 #define COUNT (sizeof problems / sizeof *problems)
 
-/* Codes that only jobs end with. */
+/* Codes of jobs that no answer has. */
 static const reply_problem of_jobs[] = {
     {"limit_time", 0, "The job ran longer than allowed"},
     {"limit_file", 0, "A file of the job is longer than allowed"},

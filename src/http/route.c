@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* A {..} takes any part of the path that is not empty. */
+/* A {..} matches any component of the path that is not empty. */
 static bool fits(const char *pattern, const char *path, size_t *starts, size_t *lengths)
 {
     size_t count = 0;

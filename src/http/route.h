@@ -1,5 +1,6 @@
-/* route: which handler answers a method and a path, by a table of routes. The header Allow and the OpenAPI
- * document (api/openapi.h) are made from the same table. Constant data; any thread. */
+/* route: finds the handler for a method and a path in a table of routes. The header Allow and the OpenAPI document
+ * (api/openapi.h) are derived from the same table. Constant data; any thread.
+ */
 #ifndef HEXAD_HTTP_ROUTE_H
 #define HEXAD_HTTP_ROUTE_H
 
@@ -12,43 +13,45 @@
 /* The body of a PATCH may have this type, as well as application/json. */
 #define ROUTE_MERGE_PATCH "application/merge-patch+json"
 
-/* A row of the table. Lists have blanks between their words; NULL is the empty list. */
+/* A row of the table. Words of a list are separated by blanks; NULL is the empty list. */
 typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
-    unsigned scope;         /* that a caller must have; 0: open to all */
-    bool waits;             /* the handler may wait for a disk or run long: a thread pool runs it */
-    bool heavy;             /* the handler takes milliseconds of processor time: few run at once */
-    bool draws;             /* the handler waits for a process that decodes pictures: few run at once */
+    unsigned scope; /* the scope that a caller needs; 0: none */
+    bool waits;     /* the handler may wait for a disk or run long: a thread pool runs it */
+    bool heavy;     /* the handler takes milliseconds of processor time; few run at the same time */
+    /* the handler waits for a process that decodes pictures; few run at the same time */
+    bool draws;
     http_keeper *kept;      /* of a route with `waits`: answers from memory, without the pool; NULL: none */
-    http_handler *awaiting; /* of a route whose answers may be provisional */
-    http_opener *opener;    /* of a long body; NULL: it has none */
+    http_handler *awaiting; /* of a route with provisional answers */
+    http_opener *opener;    /* of a route with a long body; NULL: none */
     const char *name;       /* of the operation in the OpenAPI document */
-    const char *tag;        /* the group that documents of the interface show it in */
+    const char *tag;        /* the group of the operation in documents of the interface */
     const char *summary;
-    const char *query;    /* list: the parameters of the query */
-    const char *headers;  /* list: the headers that make a difference */
-    const char *body;     /* schema of the body, "file" for a long one; NULL: it takes none */
-    const char *example;  /* of the body; NULL: none */
-    const char *answers;  /* list of "STATUS:SCHEMA"; the schema is "-" for none, "file" or "text" */
-    const char *problems; /* list: codes, besides those that any route may answer */
+    const char *query;   /* list: the parameters of the query */
+    const char *headers; /* list: the headers that affect the answer */
+    const char *body;    /* schema of the body, "file" for a long one; NULL: no body */
+    const char *example; /* of the body; NULL: none */
+    /* list of "STATUS:SCHEMA"; the schema "-" means no body, "file" and "text" are no JSON */
+    const char *answers;
+    const char *problems; /* list: codes, in addition to the codes that every route may return */
 } route;
 
 typedef struct route_table {
     const route *row;
     size_t count;
-    const parameter_table *parameters; /* that the rows name */
+    const parameter_table *parameters; /* the parameters that the rows name */
 } route_table;
 
 typedef struct route_match {
-    bool known;                                 /* the path exists, for some method */
-    const route *found;                         /* NULL: not for this method */
+    bool known;                                 /* the path exists, for at least one method */
+    const route *found;                         /* NULL: the path does not have this method */
     char allow[48];                             /* for 405: "GET, HEAD" */
     char path[ROUTE_PATH_BYTES];                /* holds the parameters' text */
     const char *parameter[HTTP_MAX_PARAMETERS]; /* into `path` */
 } route_match;
 
-/* HEAD is handled as GET. A path that is too long is unknown. */
+/* HEAD is treated as GET. A path that is too long is unknown. */
 void route_find(const route_table *table, const char *method, const char *path, route_match *match);
 
 #endif

@@ -29,36 +29,38 @@
 #include "http/thread_pool.h"
 #include "http/wait_list.h"
 
-/* A long body restarts the time limit of its request each time this number of bytes has arrived. */
+/* A long body restarts the time limit of its request after each of this number of bytes. */
 #define UPLOAD_STEP_BYTES (1 << 20)
-/* A stream sends something at least this often, so that a closed connection is noticed. */
+/* Maximum time, in ms, between two writes to a stream; a closed connection is noticed by a write. */
 #define STREAM_TICK_MS 15000
 #define STREAM_BLOCK_BYTES 16384
-/* How long server_stop waits for answers under way. */
+/* Maximum time, in ms, that server_stop waits for answers in progress. */
 #define STOP_MS 5000
-/* An answer from this length on counts for the memory of answers: a shorter one takes little more than its connection. */
+/* Minimum length, in bytes, of answers that count for the memory of answers. A shorter answer takes little more than
+ * its connection. */
 #define LONG_ANSWER_BYTES 16384
-/* What each user may take of the memory for bodies and for answers, also when others have taken all of it: a short body,
- * and an answer to most requests. */
+/* Bytes of bodies, and of answers, that each user may have although the total is reached: enough for a short body,
+ * and for most answers. */
 #define BODY_BYTES_OF_EACH 16384
 #define ANSWER_BYTES_OF_EACH (1 << 20)
-/* Threads that one user may have: as many submissions share a flush of the queue. The threads sleep most of the time. Further
- * threads wait for estimates. */
+/* Maximum number of threads of one user: this many submissions share a flush of the queue. The threads sleep most of
+ * the time. Further threads wait for estimates. */
 #define USER_THREADS 32
-/* Threads that are left for other users. */
+/* Number of threads that remain for other users. */
 #define SPARE_THREADS 8
-/* A body from this length on is heavy work: a document takes up to 100 times the memory of its text. */
+/* Minimum length, in bytes, of bodies that count as heavy work: a document takes up to 100 times the memory of its
+ * text. */
 #define HEAVY_BYTES 32768
-/* Requests of heavy routes that run at once, at most. */
+/* Maximum number of simultaneous requests of heavy routes. */
 #define HEAVY_AT_ONCE 2
-/* Threads for heavy work: of all users and of one. Those with long bodies may wait for estimates. */
+/* Number of threads for heavy work, in total and of one user. Requests with long bodies may wait for estimates. */
 #define HEAVY_THREADS 16
 #define HEAVY_USER_THREADS 12
-/* Threads for pictures, of all users and of one: each waits for a process that decodes a picture. */
+/* Number of threads for pictures, in total and of one user. Each waits for a process that decodes a picture. */
 #define PICTURE_THREADS 4
 #define PICTURE_USER_THREADS 2
-/* Added to the nice value of threads for heavy work and for pictures: a tenth of the processor time of a thread that has the
- * priority of the process, while both compute. */
+/* Added to the nice value of threads for heavy work and for pictures. If both compute, such a thread gets a tenth of
+ * the processor time of a thread with the priority of the process. */
 #define HEAVY_NICE 10
 
 struct server {
@@ -76,10 +78,10 @@ struct server {
 
 /* A request, from its first line to its end. */
 typedef struct exchange {
-    thread_pool_work work; /* first: the pool's view of it */
+    thread_pool_work work; /* first member: the pool refers to it */
     server *s;
     struct MHD_Connection *connection;
-    struct exchange *previous, *next; /* of those that are unread */
+    struct exchange *previous, *next; /* neighbours in the list of unread requests */
     head_target target;
     bool begun;   /* its headers have arrived */
     bool refused; /* by refuse_unread; the library closes the connection */
@@ -87,14 +89,14 @@ typedef struct exchange {
     access_caller caller;
     bool known;              /* whether `caller` is set */
     address client;          /* for limits and the log */
-    const char *page_origin; /* of a page that may read the answer; NULL: none */
+    const char *page_origin; /* origin of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
-    size_t room;             /* of the body; counted in the server's bodies */
+    size_t capacity;         /* of `body`, counted in the server's bodies */
     body_decision body_fits; /* otherwise the rest of the body is ignored */
-    size_t step;             /* of a long body, since the client's time began anew */
+    size_t step;             /* bytes of a long body since the client's time was restarted */
     bool too_large;          /* the rest of the body is ignored */
-    bool answered;           /* what still comes of the body is thrown away */
+    bool answered;           /* the rest of the body is discarded */
     bool awaits;             /* there is a provisional answer */
     bool chunked;
     reply answer;
@@ -118,7 +120,7 @@ static client_connection *connection_of(struct MHD_Connection *connection)
     return info ? info->socket_context : NULL;
 }
 
-/* A request line has arrived: the clock of the request starts now, without the idle time before. */
+/* Called when a request line has arrived. The time of the request begins now, without the idle time before it. */
 static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
 {
     server *s = context;
@@ -163,11 +165,11 @@ typedef struct stream {
     reply_source *source;
     char topic[REPLY_TOPIC_SIZE];
     access_control *access;
-    uint64_t generation; /* of the tokens, when the caller showed one; 0: the caller showed none */
-    int64_t until_ms;    /* wall clock: the end of the caller's session; 0: there is none */
+    uint64_t generation; /* of the tokens that identified the caller; 0: without a token */
+    int64_t until_ms;    /* end of the caller's session, wall clock; 0: no session */
 } stream;
 
-/* A token may have been revoked since, or a session is over: the client comes back, and shows whether it is known. */
+/* Whether a token may have been revoked, or a session has ended. The client then reconnects and is identified again. */
 static bool is_outdated(const stream *t)
 {
     return (t->generation && t->generation != access_generation(t->access)) ||
@@ -216,7 +218,7 @@ static struct MHD_Response *open_stream(const exchange *x, reply *r)
     return response;
 }
 
-/* Lets the browser show the answer to pages of this origin, and cache it for no other. */
+/* Permits the browser to show the answer to pages of this origin, and to cache it for this origin only. */
 static void add_page_headers(const char *origin, struct MHD_Response *response)
 {
     MHD_add_response_header(response, MHD_HTTP_HEADER_VARY, MHD_HTTP_HEADER_ORIGIN);
@@ -227,7 +229,7 @@ static void add_page_headers(const char *origin, struct MHD_Response *response)
                             " WWW-Authenticate");
 }
 
-/* To whom a long answer counts: the user, or the address of a client whose user is unknown. */
+/* The owner of the memory of a long answer: the user, or the address of a client whose user is unknown. */
 static const char *reader_of(const exchange *x, char text[ADDRESS_TEXT_SIZE])
 {
     return *x->caller.user ? x->caller.user : address_print(&x->client, text);
@@ -240,8 +242,8 @@ static bool changes_nothing(const exchange *x, const char *method)
            (x->route.found && x->route.found->scope == SCOPE_READ);
 }
 
-/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory. Where
- * one answer is longer than the limit, it counts as the limit. */
+/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory.
+ * An answer that is longer than the limit counts as the limit. */
 static void count_answer(exchange *x, reply *r)
 {
     const server_settings *c = &x->s->settings;
@@ -286,9 +288,9 @@ static enum MHD_Result queue_reply(exchange *x, reply *r)
                                 r->cache_control ? r->cache_control : "no-store");
         for (size_t i = 0; i < r->header_count; i++)
             MHD_add_response_header(response, r->header[i].name, r->header[i].value);
-        /* readers of chunks disagree on malformed ones: nothing behind this body is taken for a request */
+        /* readers of chunks differ in malformed ones, so no bytes after this body are read as a request */
         if (x->chunked) MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
-        if (pages_has_named(x->s->settings.pages)) add_page_headers(x->page_origin, response);
+        if (pages_has_listed(x->s->settings.pages)) add_page_headers(x->page_origin, response);
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
     }
@@ -337,8 +339,8 @@ static bool refuse_connection(exchange *x, reply *r)
     return true;
 }
 
-/* Refuses a user of the Unix socket without a token. The user has a number here, because a look-up of the name may block the
- * serving thread. */
+/* Refuses a user of the Unix socket without a token. The answer has the user's number, because looking up the name
+ * may block the serving thread. */
 static void set_user_unknown(uid_t uid, const char *settings_file, reply *r)
 {
     if (settings_file)
@@ -367,17 +369,17 @@ static void set_unauthorized(const exchange *x, const access_peer *from, const f
                                       : "Bearer realm=\"hexad\"");
 }
 
-/* Whether a page of another origin sends the request. A link on it may lead to what is open to all. */
+/* Whether a page of another origin sent the request. Links on it may lead to routes that need no scope. */
 static bool is_foreign_page(const exchange *x, const fields *f)
 {
-    if (f->origins) return f->origins > 1 || !pages_is_welcome(x->s->settings.pages, f->origin);
+    if (f->origins) return f->origins > 1 || !pages_is_permitted(x->s->settings.pages, f->origin);
     if (!f->site || strcmp(f->site, "same-origin") == 0 || strcmp(f->site, "none") == 0) return false;
     const route *found = x->route.found;
     return !(found && !found->scope && f->destination && strcmp(f->destination, "document") == 0);
 }
 
-/* Over TCP: refuses requests for other hosts and of web pages from other origins, unless they show a token. A
- * request without Host is not from a browser, since all browsers send it. */
+/* On TCP, refuses requests for other hosts and from web pages of other origins, unless they have a token. A request
+ * without Host is not from a browser, since all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
     const access_peer *from = connections_access(connection_of(x->connection));
@@ -385,7 +387,7 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     bool other_host = f->hosts && !pages_is_host(x->s->settings.pages, f->host);
     if (!other_host && !is_foreign_page(x, f)) return false;
     if (f->authorization && !from->scopes)
-        set_unauthorized(x, from, f, r); /* a program, whose token is what is wrong */
+        set_unauthorized(x, from, f, r); /* a program with a wrong token */
     else if (other_host)
         reply_set_problem(r, "misdirected_request", NULL,
                           "this service does not have the host name %.200s: use the address that it listens "
@@ -419,7 +421,7 @@ static bool answer_preflight(const exchange *x, const char *method, reply *r)
 static bool refuse_caller(const exchange *x, const fields *f, reply *r)
 {
     const route_match *match = &x->route;
-    if (match->found && !match->found->scope) return false; /* open to all */
+    if (match->found && !match->found->scope) return false; /* the route needs no scope */
     if (!x->known) {
         set_unauthorized(x, connections_access(connection_of(x->connection)), f, r);
         return true;
@@ -466,13 +468,13 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
 {
     (void)kind;
     http_request *request = context;
-    assert(request->query_count < HTTP_MAX_QUERY); /* head_look */
+    assert(request->query_count < HTTP_MAX_QUERY); /* checked by head_look */
     request->query[request->query_count].key = key;
     request->query[request->query_count++].value = value;
     return MHD_YES;
 }
 
-/* Fills the request for the handler, except for the body; false when *r says what is wrong. */
+/* Fills the request for the handler, except for the body. False if *r was filled with a refusal. */
 static bool read_request(exchange *x, const char *method, reply *r)
 {
     http_request *request = &x->request;
@@ -488,7 +490,7 @@ static bool read_request(exchange *x, const char *method, reply *r)
     return parameter_check_query(x->s->settings.routes->parameters, x->route.found->query, request, r);
 }
 
-/* Opens the sink of a long body; false when *r says why not. */
+/* Opens the sink of a long body. False if *r was filled with a refusal. */
 static bool open_sink(exchange *x, const fields *f, reply *r)
 {
     http_request *request = &x->request;
@@ -500,7 +502,7 @@ static bool open_sink(exchange *x, const fields *f, reply *r)
     return request->sink != NULL;
 }
 
-/* Refuses requests that the headers show to be wrong; true when *r was filled. */
+/* Refuses requests with wrong headers. True if *r was filled. */
 static bool refuse(exchange *x, const fields *f, const char *method, const char *path, reply *r)
 {
     const route_match *match = &x->route;
@@ -520,7 +522,7 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
 }
 
-/* Refuses a head that a proxy may read otherwise. True when *r was filled. */
+/* Refuses a head that a proxy may interpret differently. True if *r was filled. */
 static bool refuse_head(const exchange *x, const fields *f, const char *method, const char *version, reply *r)
 {
     bool old = strcmp(version, MHD_HTTP_VERSION_1_0) == 0;
@@ -540,15 +542,15 @@ static bool has_body(const fields *f)
     return f->codings || (f->length && strcmp(f->length, "0") != 0);
 }
 
-/* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the
- * body, since many clients send everything before they read. */
+/* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the body,
+ * since many clients send everything before they read. */
 static bool refuse_early(exchange *x, const char *method, const char *path, const char *version, bool *early,
                          reply *r)
 {
     fields f = fields_read(x->connection);
     route_find(x->s->settings.routes, method, path, &x->route);
     identify(x, &f);
-    if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
+    if (f.origins == 1 && pages_is_listed(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     x->chunked = f.codings > 0;
@@ -561,9 +563,9 @@ static bool refuse_early(exchange *x, const char *method, const char *path, cons
     } else if (!refuse(x, &f, method, path, r)) {
         return false;
     } else if (!x->known && r->status == MHD_HTTP_UNAUTHORIZED && has_body(&f)) {
-        *early = true; /* a stranger keeps no connection by a body that does not come */
+        *early = true; /* an unknown client cannot keep a connection by a body that does not arrive */
     }
-    /* the unread body must not be taken for the next request */
+    /* the unread body must not be read as the next request */
     if (*early) reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
     return true;
 }
@@ -598,30 +600,30 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
 
 static void drop_body(exchange *x)
 {
-    body_bytes_give_back(x->s->bodies, x->caller.user, x->room);
+    body_bytes_give_back(x->s->bodies, x->caller.user, x->capacity);
     free(x->body);
     x->body = NULL;
-    x->request.length = x->room = 0;
+    x->request.length = x->capacity = 0;
 }
 
-/* Makes the body's room at least so large. False: there is none, and what has come of the body is gone. */
-static bool make_room(exchange *x, size_t bytes)
+/* Increases the capacity of the body to at least `bytes`. False: the limits do not permit it, and the received part
+ * of the body was discarded. */
+static bool reserve_body(exchange *x, size_t bytes)
 {
-    size_t limit = x->s->settings.body_limit_bytes + 1, room = 2 * bytes < limit ? 2 * bytes : limit;
-    if (bytes <= x->room) return true;
-    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, room - x->room);
+    size_t limit = x->s->settings.body_limit_bytes + 1, capacity = 2 * bytes < limit ? 2 * bytes : limit;
+    if (bytes <= x->capacity) return true;
+    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, capacity - x->capacity);
     if (x->body_fits != BODY_FITS) {
         drop_body(x);
         return false;
     }
-    x->body = mem_resize(x->body, room);
-    x->room = room;
+    x->body = mem_resize(x->body, capacity);
+    x->capacity = capacity;
     return true;
 }
 
-/* Takes a piece of the body. A long body goes to its sink. A body over the limit is discarded; the answer
- * waits for its end, since the library sends answers only before a body or after it. The time limit
- * bounds that wait. */
+/* Takes a piece of the body. A long body goes to its sink. A body over the limit is discarded. Its answer is sent at
+ * its end, since the library sends answers only before or after a body. The time limit bounds this wait. */
 static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {
     size_t *length = &x->request.length;
@@ -641,7 +643,7 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
     if (x->too_large || x->body_fits != BODY_FITS || *size > x->s->settings.body_limit_bytes - *length) {
         x->too_large = x->body_fits == BODY_FITS;
         drop_body(x);
-    } else if (make_room(x, *length + *size + 1)) {
+    } else if (reserve_body(x, *length + *size + 1)) {
         memcpy(x->body + *length, data, *size);
         *length += *size;
     }
@@ -649,7 +651,7 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
     return MHD_YES;
 }
 
-/* Passes the body to the request; false when it was too long and *r says so. */
+/* Passes the body to the request. False if it was too long; *r was filled. */
 static bool read_body(exchange *x, reply *r)
 {
     if (x->too_large) {
@@ -678,7 +680,7 @@ static bool read_body(exchange *x, reply *r)
     return true;
 }
 
-/* Calls the handler, or after a provisional answer the route's other one. */
+/* Calls the handler. After a provisional answer calls the route's `awaiting`. */
 static void run_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
@@ -707,8 +709,8 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the serving thread
- * (call_handler). */
+/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the
+ * serving thread (call_handler). */
 static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
 {
     exchange *x = (exchange *)(void *)work;
@@ -723,7 +725,7 @@ static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* The weight of a request, in bytes of bodies. 0: it is not heavy. */
+/* The weight of a request, in bytes of bodies. 0: the request is not heavy. */
 static size_t weight_of(const exchange *x)
 {
     if (x->route.found->heavy) return x->s->settings.body_limit_bytes / HEAVY_AT_ONCE + 1;
@@ -741,13 +743,13 @@ static void give_to_pool(exchange *x)
         thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
 }
 
-/* Calls the handler. False: a pool does, and the connection is suspended. */
+/* Calls the handler. False: a pool will call it, and the connection is suspended. */
 static bool call_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
     const route *of = x->route.found;
     if (of->kept && of->kept(c->context, &x->request, &x->answer)) return true;
-    /* at the stop, what has waited is answered here: the pools refuse work */
+    /* when the service stops, waiting requests are answered here, because the pools refuse work */
     if (of->waits && !(x->request.waited && wait_list_is_dismissed(c->waiting))) {
         give_to_pool(x);
         return false;
@@ -785,7 +787,7 @@ static int hex_digit(char c)
     return found ? (int)(found - digits) : -1;
 }
 
-/* Decodes %XX in place, except %00, which would end the text: it stays as written and matches nothing. */
+/* Decodes %XX in place. %00 is not decoded, since it would end the text; it matches nothing. */
 static size_t unescape(void *context, struct MHD_Connection *connection, char *text)
 {
     (void)context;
@@ -826,22 +828,23 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     pthread_mutex_unlock(&s->mutex);
 }
 
-/* Writes an answer past the library, and closes the connection. */
+/* Writes an answer to the socket without the library, and closes the connection. */
 static void answer_at_once(exchange *x, const reply *r)
 {
     char *text = mem_printf(
         "HTTP/1.1 %d %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\nConnection: close\r\n\r\n%s", r->status,
         MHD_get_reason_phrase_for((unsigned)r->status), r->content_type, r->length, r->body);
     int fd = MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-    /* all answers before it are sent; the library's own find the connection closed */
+    /* all earlier answers have been sent; the answers of the library find the connection closed */
     send(fd, text, strlen(text), MSG_DONTWAIT | MSG_NOSIGNAL);
     shutdown(fd, SHUT_WR);
     free(text);
     note_answer(x, "-", "-", r);
 }
 
-/* The library (0.9.75) answers twice when it refuses a head that has arrived, and calls no handler. It writes to its log before
- * the first answer. So each record, whatever its text, is the occasion to check the heads that no handler has seen. */
+/* The library (0.9.75) answers twice when it refuses a head that has arrived, and calls no handler. It logs a
+ * message before the first answer. Each message therefore triggers a check of the heads that no handler has
+ * received. */
 static void refuse_unread(server *s)
 {
     for (exchange *x = s->unread; x; x = x->next) {
@@ -859,16 +862,16 @@ static void write_library_log(void *context, const char *format, va_list argumen
     log_write_list(LOG_LEVEL_DEBUG, format, arguments);
 }
 
-/* NULL when the library does not start. */
+/* Starts the library; NULL on failure. */
 static struct MHD_Daemon *start_daemon(server *s, int fd)
 {
     const server_settings *settings = &s->settings;
-    /* the library counts whole seconds; http/connections is exact, and this only a second guard */
+    /* an additional limit in whole seconds; the limit of http/connections is exact */
     unsigned idle_s = (unsigned)settings->connections.timeout_s + 1;
     struct MHD_OptionItem options[] = {
         {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, s},
         {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
-        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_room(&settings->connections), NULL},
+        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_capacity(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
 #if MHD_VERSION >= 0x01000000 /* see http/head */
@@ -941,7 +944,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     return NULL;
 }
 
-/* Waits until all requests are answered, for a limited time. */
+/* Waits a limited time until all requests are answered. */
 static void wait_for_replies(server *s)
 {
     int64_t until_ms = clock_monotonic_ms() + STOP_MS;
@@ -956,11 +959,11 @@ void server_stop(server *s)
     if (!s) return;
     if (s->loop) loop_quiesce(s->loop);
     wait_list_dismiss(s->settings.waiting);
-    thread_pool_refuse(s->pool); /* what waits for a thread may be long */
+    thread_pool_refuse(s->pool); /* waiting requests may take long */
     thread_pool_refuse(s->heavy_pool);
     thread_pool_refuse(s->picture_pool);
     wait_for_replies(s);
-    loop_end(s->loop);         /* clients that go on asking give the pool no more work */
+    loop_end(s->loop);         /* otherwise clients would add work to the pool */
     thread_pool_stop(s->pool); /* resumes the connections of its work */
     thread_pool_stop(s->heavy_pool);
     thread_pool_stop(s->picture_pool);

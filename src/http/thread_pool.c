@@ -12,21 +12,21 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-/* The work of one user. A line without any is freed. */
+/* The work of one user. Freed when it is empty. */
 typedef struct line {
     char *user;
     unsigned running;
-    thread_pool_work *first, *last; /* that has not begun */
+    thread_pool_work *first, *last; /* work that has not begun */
     struct line *next;
 } line;
 
 struct thread_pool {
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* monotonic clock */
-    line *lines;            /* the user who was served least recently first */
+    line *lines;            /* ordered by the last service, least recent first */
     bool refusing, stopping;
     thread_pool_settings settings;
-    size_t weight; /* of the work that runs */
+    size_t weight; /* sum of the weights of running work */
     unsigned count;
     pthread_t thread[];
 };
@@ -68,7 +68,7 @@ static line *choose(const thread_pool *p)
     return fits ? found : NULL;
 }
 
-/* The line whose first work has waited longest; NULL: none waits. */
+/* The line whose first work has waited longest; NULL: no work waits. */
 static line *find_oldest(const thread_pool *p)
 {
     line *found = NULL;
@@ -109,7 +109,8 @@ static void end_work(thread_pool *p, line *l)
     free_empty_line(p, l);
 }
 
-/* Refuses the oldest work if it has waited too long. False: there is none. The caller holds the mutex, which is open meanwhile. */
+/* Refuses the oldest work if it has waited too long. False: there is none. The caller holds the mutex, which is
+ * released during the refusal. */
 static bool refuse_late(thread_pool *p)
 {
     line *l = find_oldest(p);
@@ -122,7 +123,7 @@ static bool refuse_late(thread_pool *p)
     return true;
 }
 
-/* Until there may be something to do. Work that cannot begin yet is refused when it has waited too long. */
+/* Waits until there may be something to do. Work that cannot begin is refused when it has waited too long. */
 static void wait_for_work(thread_pool *p)
 {
     const line *l = find_oldest(p);
@@ -136,7 +137,7 @@ static void *run_work(void *argument)
 {
     thread_pool *p = argument;
     if (setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + p->settings.nice) !=
-        0) /* of this thread (Linux) */
+        0) /* of this thread only (Linux) */
         log_write(LOG_LEVEL_WARNING, "cannot lower the priority of a thread: %s", strerror(errno));
     pthread_mutex_lock(&p->mutex);
     for (;;) {
@@ -144,12 +145,12 @@ static void *run_work(void *argument)
         line *mine = choose(p);
         if (mine) {
             thread_pool_work *work = take(p, mine);
-            size_t weight = work->weight; /* the work may be gone after it has run */
+            size_t weight = work->weight; /* the work may be freed after it has run */
             pthread_mutex_unlock(&p->mutex);
             work->run(work);
             pthread_mutex_lock(&p->mutex);
             p->weight -= weight;
-            if (weight) pthread_cond_broadcast(&p->changed); /* more may fit than this thread takes */
+            if (weight) pthread_cond_broadcast(&p->changed); /* several pieces of work may fit now */
             end_work(p, mine);
         } else if (p->stopping) {
             break;
@@ -175,7 +176,7 @@ thread_pool *thread_pool_start(const thread_pool_settings *settings, error *e)
     return p;
 }
 
-/* Takes all work that has not begun. */
+/* Removes all work that has not begun. */
 static thread_pool_work *take_all(thread_pool *p)
 {
     thread_pool_work *all = NULL, **end = &all;
@@ -235,5 +236,6 @@ void thread_pool_add(thread_pool *p, thread_pool_work *work)
     if (refused)
         work->refuse(work, THREAD_POOL_STOPS);
     else
-        pthread_cond_signal(&p->changed); /* the thread that wakes up finds the mutex free */
+        /* after the unlocking, so that the woken thread need not wait for the mutex */
+        pthread_cond_signal(&p->changed);
 }

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 
 #define TOPIC_SIZE 32
-/* How late a connection may be resumed after its deadline. */
+/* Maximum delay, in ms, of resuming a connection after its deadline. */
 #define TICK_MS 250
 
 typedef struct waiter {
@@ -39,8 +39,8 @@ static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
     return false;
 }
 
-/* Held: the mutex. A waiter leaves the list before its connection resumes, since that may wait again at once.
- */
+/* The caller holds the mutex. A waiter leaves the list before its connection is resumed, since the connection may
+ * wait again at once. */
 static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
 {
     int64_t now = clock_monotonic_ms();

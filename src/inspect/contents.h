@@ -1,4 +1,4 @@
-/* contents: what the files of one format hold, and a suggestion for each surface in them. */
+/* contents: lists the contents of the files of one format, and suggests a spec for each surface in them. */
 #ifndef HEXAD_INSPECT_CONTENTS_H
 #define HEXAD_INSPECT_CONTENTS_H
 
@@ -7,13 +7,13 @@
 #include "run/run_options.h"
 
 typedef struct contents_input {
-    int fd;           /* open for reading; of a directory, for store_tree_new */
-    const char *path; /* as specs are to name it */
+    int fd;           /* open for reading; a directory: for store_tree_new */
+    const char *path; /* the path for suggested specs */
     const run_options *options;
 } contents_input;
 
-/* Adds the format's members to the inspection, and to its array `suggestions`. Errors: those of a job that reads the
- * file. */
+/* Adds the members of the format to the inspection, and appends to its array `suggestions`. Errors: those of a job
+ * that reads the file. */
 typedef bool contents_reader(const contents_input *in, json *inspection, error *e);
 
 contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_tiff,

@@ -1,4 +1,4 @@
-/* frame: where the samples of a volume lie in world space. */
+/* frame: the position of the samples of a volume in world space. */
 #ifndef HEXAD_INSPECT_FRAME_H
 #define HEXAD_INSPECT_FRAME_H
 
@@ -6,8 +6,8 @@
 
 #include "json/json.h"
 
-/* Adds `index_to_world` (row-major, column vectors), `voxel_size` (three lengths), `index_box` {min, max} and
- * `bounding_box` of the samples from `low` to `high`; without boxes where high is below low. */
+/* Adds `index_to_world` (row-major, for column vectors), `voxel_size` (three lengths), and for the samples from
+ * `low` to `high` `index_box` {min, max} and `bounding_box`. Without the boxes if high < low. */
 void frame_describe(const double index_to_world[16], const int64_t low[3], const int64_t high[3], json *o);
 
 #endif

@@ -1,6 +1,7 @@
 /* inspection: describes the contents of a file, and suggests specs that sample it.
  *
- * Readers are those of jobs: their processes, their limits, their errors. */
+ * Files are read as in jobs: in the same processes, with the same limits and errors.
+ */
 #ifndef HEXAD_INSPECT_INSPECTION_H
 #define HEXAD_INSPECT_INSPECTION_H
 
@@ -10,15 +11,15 @@
 #include "json/json.h"
 #include "run/run_options.h"
 
-/* An object (doc/inspect.md), to be freed; `path` is opened below options->roots. NULL and an error when the file cannot be
- * read: those of a job that names it. */
+/* Returns the inspection, an object (doc/inspect.md) that the caller frees. `path` is opened below options->roots.
+ * NULL: the file cannot be read; the errors are those of a job that reads it. */
 json *inspection_make(const char *path, const run_options *options, error *e);
 
-/* The same for people. */
+/* Prints the inspection as text for readers. */
 void inspection_print(const json *inspection, FILE *out);
 
-/* The first suggestion that can be sampled, preferably one whose surface was measured; NULL: there is none. It belongs
- * to the inspection. */
+/* Returns the first suggestion that can be sampled, preferably one whose surface was measured; NULL: none. It is
+ * owned by the inspection. */
 const json *inspection_spec(const json *inspection);
 
 #endif

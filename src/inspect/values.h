@@ -1,7 +1,9 @@
-/* values: what the numbers of a volume are like: range, distribution, and isovalues at which a surface may be worth having.
+/* values: statistics of the values of a volume: range, distribution, and isovalues of probable surfaces.
  *
- * Numbers come one after the other; beyond a fixed number of them every second one is dropped, again and again, so that
- * what is kept is spread evenly over the whole. Range and counts are of all of them. */
+ * Values are added one after the other. At most a fixed number of them is kept: when it is reached, every second one
+ * is dropped and only every second of the next ones is kept, so that kept values are spread evenly. Range and counts
+ * are of all values.
+ */
 #ifndef HEXAD_INSPECT_VALUES_H
 #define HEXAD_INSPECT_VALUES_H
 
@@ -11,9 +13,9 @@
 #include "json/json.h"
 
 typedef struct values {
-    double lowest, highest; /* finite ones */
+    double lowest, highest; /* of the finite values */
     size_t count, not_finite;
-    bool integral; /* all are whole numbers */
+    bool integral; /* all values are whole numbers */
     double *kept;
     size_t kept_count, stride, until_next;
 } values;
@@ -22,13 +24,13 @@ values values_begin(void);
 void values_add(values *v, const double *number, size_t count);
 void values_free(values *v);
 
-/* Adds `range`, `values`, `not_finite`, `integral` and `histogram` (low, high, and the share of the values in each of equal
- * bins). */
+/* Adds `range`, `values`, `not_finite`, `integral` and `histogram` (low, high, and the fraction of the values in
+ * each of several bins of equal width). */
 void values_describe(const values *v, json *object);
 
-/* Isovalues to try, the most promising first: the one that parts the values best in two classes (Otsu 1979), then
- * quantiles of those above the most frequent value. None equals a frequent value, at which there is a plateau. Sorts what
- * is kept. Returns how many. */
+/* Stores isovalues in `out`, the most promising first: the value that best separates the values into two classes
+ * (Otsu 1979), then quantiles of the values above the most frequent one. No isovalue is a frequent value, since that
+ * would select a plateau. Sorts the kept values. Returns the number of isovalues. */
 enum { VALUES_CANDIDATES = 4 };
 size_t values_candidates(values *v, double out[VALUES_CANDIDATES]);
 

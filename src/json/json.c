@@ -1,4 +1,4 @@
-/* The tree is cJSON's: places in it, and building. Text is read and written by json_parse.c and json_print.c. */
+/* Positions in a tree of cJSON, and building of trees. json_parse.c parses text and json_print.c prints it. */
 #include "json/json.h"
 
 #include <math.h>
@@ -43,7 +43,7 @@ void json_free(json *root)
     cJSON_Delete(root);
 }
 
-/* ---- places ---- */
+/* ---- positions */
 
 json_at json_root(const json *root)
 {
@@ -126,10 +126,10 @@ const char *json_string(json_at at, const char *otherwise)
 typedef struct cursor {
     char *buffer;
     size_t size, length;
-    bool full; /* something was cut: nothing may follow it */
+    bool full; /* the text was truncated: nothing is appended any more */
 } cursor;
 
-/* Appends one character (a whole UTF-8 sequence) or nothing. */
+/* Appends one character (a whole UTF-8 sequence), or nothing if it does not fit. */
 static void cursor_put(cursor *c, const char *sequence, size_t n)
 {
     if (c->full || c->length + n + 1 > c->size) {
@@ -176,7 +176,7 @@ char *json_pointer(const json_at *at, char *buffer, size_t size)
     return buffer;
 }
 
-/* The next part of a pointer, which `*pointer` is moved behind; released with free(). */
+/* The next part of a pointer, which the caller frees. *pointer is advanced past it. */
 static char *next_part(const char **pointer)
 {
     size_t length = strcspn(*pointer, "/"), n = 0;
@@ -190,7 +190,7 @@ static char *next_part(const char **pointer)
     return part;
 }
 
-/* The member or element that a part names; NULL: there is none. */
+/* The member or element with this name or index; NULL: there is none. */
 static cJSON *find_part(cJSON *node, const char *part)
 {
     char *end = NULL;
@@ -230,7 +230,7 @@ bool json_set(json *root, const char *pointer, json *value)
     return false;
 }
 
-/* ---- building ---- */
+/* ---- building */
 
 json *json_new_object(void)
 {

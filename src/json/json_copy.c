@@ -6,13 +6,13 @@
 
 typedef struct scan {
     const char *key;
-    long depth;   /* brackets that are open */
-    bool ended;   /* the outermost bracket has been closed */
+    long depth;   /* number of open brackets */
+    bool ended;   /* the outermost bracket was closed */
     bool string;  /* in a string */
     bool escaped; /* the next byte of the string follows a backslash */
     bool value;   /* between a colon and the end of a member of the outermost object */
-    bool inside;  /* in a value that is replaced */
-    bool same;    /* the name of the member is `key` so far, `length` bytes of it */
+    bool inside;  /* in a value to replace */
+    bool same;    /* the first `length` bytes of the member's name equal `key` */
     size_t length;
 } scan;
 
@@ -34,7 +34,7 @@ static void end_member(scan *s)
     if (s->depth == 1) s->value = s->inside = false;
 }
 
-/* Whether the byte belongs to a value that is replaced; *begins: a value begins after this byte. */
+/* Whether the byte belongs to a value to replace. *begins: such a value begins after this byte. */
 static bool scan_byte(scan *s, char c, bool *begins)
 {
     if (s->string) {

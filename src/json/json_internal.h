@@ -1,4 +1,4 @@
-/* json_internal: what the files of src/json share. Private to them. */
+/* json_internal: functions shared by the files of src/json; private to them. */
 #ifndef HEXAD_JSON_JSON_INTERNAL_H
 #define HEXAD_JSON_JSON_INTERNAL_H
 
@@ -6,7 +6,7 @@
 
 #include <cjson/cJSON.h>
 
-/* Returns the node. Ends the program when it is NULL: memory is out (see base/memory.h). */
+/* Returns the node. If it is NULL, memory is exhausted and the program ends (see base/memory.h). */
 cJSON *json_must(cJSON *node);
 
 /* Length of the well-formed UTF-8 sequence at s (Unicode 15, table 3-7); 0 if there is none. */

@@ -1,5 +1,6 @@
-/* Reads text into a tree. cJSON's own parser accepts more than RFC 8259 and cuts numbers of more than 63
- * characters. Numbers go through strtod: the programs stay in the C locale for LC_NUMERIC. */
+/* Parses text into a tree. cJSON's own parser accepts more than RFC 8259 and truncates numbers of more than 63
+ * characters. strtod parses numbers, so the programs keep the C locale for LC_NUMERIC.
+ */
 #include "json/json.h"
 
 #include <math.h>
@@ -16,7 +17,7 @@ typedef struct parser {
     const unsigned char *text;
     size_t length;
     size_t at;
-    char *scratch; /* length + 1 bytes: a decoded string or a number's text is never longer */
+    char *scratch; /* length + 1 bytes: enough for any decoded string or number */
     error *e;
 } parser;
 
@@ -25,7 +26,7 @@ typedef struct member_name {
     size_t at; /* byte offset of the name, for the message */
 } member_name;
 
-/* The fault is at byte `at`; lines and columns (in characters) are counted from 1. */
+/* Sets the error for a fault at byte `at`. Lines and columns (in characters) are counted from 1. */
 static bool fault_at(const parser *p, size_t at, const char *words)
 {
     size_t line = 1, column = 1;
@@ -96,7 +97,7 @@ static size_t put_utf8(char *out, unsigned c)
     return n;
 }
 
-/* After "\u": one code unit, or two that make a surrogate pair. */
+/* Parses the text after "\u": one code unit, or two that form a surrogate pair. */
 static bool read_unicode_escape(parser *p, size_t start, size_t *length)
 {
     unsigned unit = 0, low = 0;
@@ -139,7 +140,7 @@ static bool read_escape(parser *p, size_t *length)
     return true;
 }
 
-/* At the opening quote; leaves the decoded text in p->scratch. */
+/* Parses a string from its opening quote. The decoded text is in p->scratch. */
 static bool read_string(parser *p)
 {
     size_t length = 0;
@@ -204,7 +205,7 @@ static cJSON *read_number(parser *p)
     return json_must(cJSON_CreateNumber(value));
 }
 
-/* A fault at a character where `words` are expected, or a comment. */
+/* Sets the error for a character, or a comment, where `words` are expected. */
 static bool fault_unexpected(const parser *p, const char *words)
 {
     const unsigned char *at = p->text + p->at;
@@ -254,7 +255,7 @@ static int compare_names(const void *a, const void *b)
     return order ? order : (x->at > y->at) - (x->at < y->at);
 }
 
-/* Sorting keeps this from being quadratic in what a hostile client sends. */
+/* Finds duplicate names by sorting, since comparing all pairs would take quadratic time in input of a client. */
 static bool check_names(const parser *p, member_name *names, size_t count)
 {
     const member_name *twice = NULL;
@@ -269,7 +270,7 @@ static bool check_names(const parser *p, member_name *names, size_t count)
     return fault_at(p, twice->at, words);
 }
 
-/* One `"name": value`, added to the object; its name is noted for check_names. */
+/* Parses one `"name": value` and adds it to the object. Stores its name for check_names. */
 static bool read_member(parser *p, int depth, cJSON *object, member_name *name)
 {
     skip_space(p);
@@ -349,8 +350,8 @@ static cJSON *read_word(parser *p)
     return NULL;
 }
 
-/* Space around the value is taken with it. Depth counts open objects and arrays, so the recursion
- * is bounded by JSON_MAX_DEPTH. */
+/* Parses a value and the white space around it. `depth` is the number of open objects and arrays; JSON_MAX_DEPTH
+ * bounds the recursion. */
 static cJSON *read_value(parser *p, int depth)
 {
     cJSON *value;

@@ -1,5 +1,6 @@
-/* Writes a tree as text. cJSON's own printer compares doubles with a tolerance. Numbers go through snprintf and
- * strtod: the programs stay in the C locale for LC_NUMERIC. */
+/* Prints a tree as text. cJSON's own printer compares doubles with a tolerance. snprintf and strtod convert numbers,
+ * so the programs keep the C locale for LC_NUMERIC.
+ */
 #include "json/json.h"
 
 #include <math.h>
@@ -12,7 +13,7 @@
 #include "base/memory.h"
 #include "json/json_internal.h"
 
-static const double exact_integer_limit = 9007199254740992.0; /* 2^53: every integer up to here is a double */
+static const double exact_integer_limit = 9007199254740992.0; /* 2^53: every integer up to this is a double */
 
 typedef struct text {
     char *data;
@@ -43,7 +44,7 @@ static void add_break(text *t, int level)
     for (int i = 0; i < level; i++) add(t, "  ", 2);
 }
 
-/* What most numbers are; without printf, which took a good part of an answer's time. */
+/* Prints a whole number, the most frequent case, without the slower snprintf. */
 static void add_integer(text *t, int64_t value)
 {
     char digits[24], *end = digits + sizeof digits, *at = end;
@@ -72,7 +73,7 @@ static void add_number(text *t, double value)
     add_text(t, digits);
 }
 
-/* How many bytes stand for themselves. */
+/* The number of bytes that need no escape. */
 static size_t plain_length(const char *s)
 {
     size_t n = 0;
@@ -80,7 +81,8 @@ static size_t plain_length(const char *s)
     return n;
 }
 
-/* Bytes that are not UTF-8, as a worker's last words may be, become U+FFFD: what we print is always JSON. */
+/* Prints a string. Bytes that are not UTF-8, as in the last output of a worker, become U+FFFD, so the output is
+ * always valid JSON. */
 static void add_string(text *t, const char *s)
 {
     add(t, "\"", 1);
@@ -110,7 +112,7 @@ static void add_string(text *t, const char *s)
 
 static void add_node(text *t, const cJSON *node, int level);
 
-/* An array of numbers and words stays on one line even when indented: vectors read better so. */
+/* Whether an array has numbers and words only. It is then printed on one line, which is more readable for vectors. */
 static bool is_flat(const cJSON *node)
 {
     if (!cJSON_IsArray(node)) return false;

@@ -1,10 +1,12 @@
-/* label_lines: smooth lines where interfaces meet or end: moves their vertices to where planes or quadrics fitted to these interfaces meet.
+/* label_lines: smooths the lines where interfaces meet or end: moves their vertices to the intersection of planes or
+ * quadrics fitted to these interfaces.
  *
- * Voxels determine a line less accurately than the interfaces that meet there: where a material ends in a wedge, the
- * last voxel with its centre inside lies the farther from the edge the narrower the wedge. To each interface that a
- * vertex of a line belongs to a plane or quadric is fitted, by least squares of by how much it does not pass between the
- * voxels that it parts nearby: as far around as it does pass between them, twice the radius at most. The vertex goes to
- * the place that is nearest to all of them. Where lines meet, voxels farther away are looked at, too.
+ * Voxels determine a line less accurately than the interfaces that meet at it: where a material ends in a wedge, the
+ * distance of the last voxel with its centre inside from the edge increases as the wedge gets narrower. A plane or a
+ * quadric is fitted by least squares to each interface at a vertex of a line. The residual is the distance by which
+ * it fails to separate the voxels of the two labels. The fit extends as far as the plane or quadric separates these
+ * voxels, at most twice the radius. The vertex moves to the point with the least sum of squared distances from all
+ * of them. Near a junction of lines, voxels farther away are included.
  */
 #ifndef HEXAD_LABELS_LABEL_LINES_H
 #define HEXAD_LABELS_LABEL_LINES_H
@@ -14,13 +16,14 @@
 #include "labels/label_graph.h"
 
 typedef struct label_lines {
-    const mesh *m;            /* smoothed: gives the normals */
-    const label_graph *graph; /* of its vertices */
-    const vec3 *middle;       /* of each vertex: before smoothing */
-    double radius;            /* of what is near, in the same units */
+    const mesh *m;            /* smoothed; the source of the normals */
+    const label_graph *graph; /* of the vertices of `m` */
+    const vec3 *middle;       /* of each vertex: the position before smoothing */
+    double radius;            /* of the neighbourhood of a fit, in the units of `m` */
 } label_lines;
 
-/* Where the vertices of lines go, into their places of `out`; others are untouched. Errors: limit_memory. */
+/* Stores the new positions of the vertices of lines in `out`, and leaves the other elements unchanged. Errors:
+ * limit_memory. */
 bool label_lines_fit(const label_lines *l, threads *pool, vec3 *out, error *e);
 
 #endif

@@ -8,11 +8,12 @@
 
 enum { LABEL_LISTING_MOST = 1000 }; /* maximum number of labels in a listing */
 
-/* Whether whole numbers are labels rather than measurements: they are not many, most voxels are like one beside them, and so
- * are those of most labels. */
+/* Whether whole numbers are probably labels and not measurements: there are few different values, most voxels have a
+ * neighbour of the same value, and so do the voxels of most labels. */
 bool label_listing_suits(const label_volume *v);
 
-/* Appends {label, voxels, low, high, neighbours} of each; voxels touch where they share a side. Errors: limit_memory. */
+/* Appends one object {label, voxels, low, high, neighbours} per label. Voxels with a common face are neighbours.
+ * Errors: limit_memory. */
 bool label_listing_describe(const label_volume *v, json *list, error *e);
 
 #endif

@@ -1,4 +1,6 @@
-/* label_thinness: which labels are too thin for a regular packing of points: layers, threads and specks of one voxel. */
+/* label_thinness: which labels are too thin for a regular packing of points: layers, threads and specks of one
+ * voxel.
+ */
 #ifndef HEXAD_LABELS_LABEL_THINNESS_H
 #define HEXAD_LABELS_LABEL_THINNESS_H
 
@@ -6,14 +8,15 @@
 #include "json/json.h"
 #include "labels/label_volume.h"
 
-/* Finds `thin` and `rows` of all materials; the voxels are still there. */
+/* Sets `thin` and `rows` of all materials. Requires the voxels. */
 void label_thinness_find(label_volume *v, threads *pool);
 
-/* At least half of its voxels are thin; or in rows, or alone. Never the background. */
+/* At least half of the voxels of the material are thin; label_thinness_is_row: at least half are single or in rows.
+ * False for the background. */
 bool label_thinness_is_thin(const label_material *m);
 bool label_thinness_is_row(const label_material *m);
 
-/* Names the thin labels; the first few of many. */
+/* Adds a warning that lists the thin labels, the first few if there are many. */
 void label_thinness_warn(const label_volume *v, json *warnings);
 
 #endif

@@ -1,8 +1,9 @@
-/* label_weights: how much the smoothed indicator of each label counts, so that each label keeps its number of voxels.
+/* label_weights: weights of the smoothed indicators of labels with which each label keeps its number of voxels.
  *
- * Smoothing takes from what bends outwards or is thin, and gives to what is around it. Where a voxel goes to the label whose
- * indicator times a weight is the largest, a weight for each label undoes that: threshold dynamics with volumes that are kept
- * (Jacobs, Merkurjev and Esedoglu 2018, "Auction dynamics"), with factors instead of prices, so that thin parts gain, too.
+ * Smoothing reduces convex and thin parts of a label and enlarges the labels around them. If a voxel gets the label
+ * with the largest product of indicator and weight, a weight per label compensates for this: threshold dynamics with
+ * preserved volumes (Jacobs, Merkurjev and Esedoglu 2018, "Auction dynamics"), with factors instead of prices, so
+ * that thin parts grow, too.
  */
 #ifndef HEXAD_LABELS_LABEL_WEIGHTS_H
 #define HEXAD_LABELS_LABEL_WEIGHTS_H
@@ -13,14 +14,15 @@
 #include "base/error.h"
 #include "base/threads.h"
 
-/* The labels that may get a voxel, the likeliest first, and their indicators there over that one's, in 1/65535. Labels
- * whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest never win, since no weight is LABEL_WEIGHTS_RATIO
- * times another. */
+/* LABEL_RIVALS: the maximum number of candidate labels of a voxel. LABEL_WEIGHTS_RATIO: the maximum ratio of two
+ * weights. A label whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest cannot win. */
 enum { LABEL_RIVALS = 4, LABEL_WEIGHTS_RATIO = 16 };
 
 typedef struct label_contest {
-    uint16_t place;                                    /* of the voxel, for the caller */
-    uint16_t label[LABEL_RIVALS], share[LABEL_RIVALS]; /* 0: no more */
+    uint16_t place; /* of the voxel; defined by the caller */
+    /* the candidate labels of the voxel, largest indicator first, and the ratios of their indicators to the largest,
+     * in 1/65535; a share of 0 ends the list */
+    uint16_t label[LABEL_RIVALS], share[LABEL_RIVALS];
 } label_contest;
 
 typedef struct label_contests {
@@ -28,7 +30,7 @@ typedef struct label_contests {
     size_t count;
 } label_contests;
 
-/* Returns which of its rivals gets a voxel: of equals the first. */
+/* Returns the index of the label that gets the voxel; on a tie the first. */
 static inline int label_weights_winner(const label_contest *c, const float *weight)
 {
     int best = 0;
@@ -42,16 +44,18 @@ static inline int label_weights_winner(const label_contest *c, const float *weig
     return best;
 }
 
-/* For a label: the voxels that it has, and how many of the listed voxels it is to win. */
+/* Of a label: its number of voxels, and the number of listed voxels that it should win. */
 typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;
 
-/* Weights for which each label has its voxels but for a thousandth, or as nearly as rounds come (a layer of voxels
- * between two labels may be won as a whole or not at all), into weight[]: within 1 / 4 .. 4, so that what is too thin
- * gets too few. The same for any number of threads. Errors: limit_memory. */
+/* Stores in weight[] weights for which each label keeps its number of voxels to within a thousandth, or as nearly as
+ * possible in the rounds that are made (a layer of voxels between two labels may be won as a whole or not at all).
+ * Weights are within 1/4 .. 4, so that very thin labels may get too few voxels. The result does not depend on the
+ * number of threads. Errors: limit_memory. */
 bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
                         threads *pool, float *weight, error *e);
-size_t label_weights_bytes(size_t labels, size_t workers); /* what it takes, weight[] and wish[] */
+/* bytes that label_weights_find uses, including weight[] and wish[] */
+size_t label_weights_bytes(size_t labels, size_t workers);
 
 #endif

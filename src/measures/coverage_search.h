@@ -1,7 +1,8 @@
-/* coverage_search: how far the places of one triangle are from their nearest points, and how much of it has none near.
+/* coverage_search: the distances of the places of one triangle from their nearest points, and the area that has no
+ * point near.
  *
- * By branch and bound: a triangle is divided until bounds on the distances of its places decide. For a scan, distances
- * are those of the points of the surface next to points of the triangle. Reentrant.
+ * Branch and bound: a triangle is divided until bounds on the distances of its places suffice for the decision. For
+ * a scan, the distances are those of the points of the surface next to points of the triangle. No state, any thread.
  */
 #ifndef HEXAD_MEASURES_COVERAGE_SEARCH_H
 #define HEXAD_MEASURES_COVERAGE_SEARCH_H
@@ -9,18 +10,18 @@
 #include "measures/facets.h"
 #include "measures/sites.h"
 
-/* A place farther than this from every point that is not of an opposite wall is missing; of the spacing. An ideal
- * packing has .58, a vacancy in it 1. */
+/* A place is missing if its distance from every point that is not on an opposite wall exceeds this times the
+ * spacing. In an ideal packing the maximum is .58, at a vacancy 1. */
 #define COVERAGE_MISSING 1.2
-/* Distances are right to this, of the spacing. */
+/* Accuracy of distances, in spacings. */
 #define COVERAGE_ACCURACY 0.02
 
-/* The largest distance in space of a place of the triangle from its nearest point, over that point's spacing, if it is
- * above `known`; else `known`. At most COVERAGE_ACCURACY too low. */
+/* Returns the maximum over the triangle of the distance in space from a place to its nearest point, divided by the
+ * spacing of the point; `known` if that is larger. The result is too small by at most COVERAGE_ACCURACY. */
 double coverage_search_farthest(const facets *f, const sites *s, const vec3 corner[3], const facet *of,
                                 double known);
 
-/* The area of the triangle whose places are missing. */
+/* Returns the area of the missing places of the triangle. */
 double coverage_search_missing(const facets *f, const sites *s, const vec3 corner[3], const facet *of);
 
 #endif

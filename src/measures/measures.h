@@ -1,8 +1,10 @@
-/* measures: what a result is like, over all of its points and all of its surface (doc/report.md defines each measure).
+/* measures: the quality of a result, over all of its points and all of its surface (doc/report.md defines each
+ * measure).
  *
- * No point is left out. The degree and the cell of a point are those of the Voronoi diagram restricted to the surface
- * (restricted_voronoi.h). Distances are divided by the requested spacing, the distance of a pair by the mean of both. Where no spacing is
- * requested (`achieved`) the spacing of a point is the mean local spacing of it and its neighbours.
+ * No point is left out. The degree and the cell of a point are those in the Voronoi diagram restricted to the
+ * surface (restricted_voronoi.h). Distances are divided by the requested spacing; for a pair, by the mean of both.
+ * If no spacing is requested (`achieved`), the spacing of a point is the mean local spacing of the point and its
+ * neighbours.
  */
 #ifndef HEXAD_MEASURES_MEASURES_H
 #define HEXAD_MEASURES_MEASURES_H
@@ -13,20 +15,21 @@
 
 typedef struct measures_input {
     facets_input surface;
-    const vec3
-        *lost_place; /* places of the surface that the triangles or cells leave out; they count in coverage */
+    /* places of the surface that the triangles or cells leave out; they count in coverage */
+    const vec3 *lost_place;
     size_t lost_places;
     size_t count; /* points, at least 1 */
     const vec3 *position;
     const double *spacing; /* requested at each, > 0 */
     double h;              /* spacing of the ideal even packing */
-    double (*spacing_at)(const void *context,
-                         vec3 x); /* requested at a place of the surface; NULL: h everywhere */
+    /* requested at a place of the surface; NULL: h everywhere */
+    double (*spacing_at)(const void *context, vec3 x);
     const void *spacing_context;
     bool sized;       /* energies use the support of each pair's spacings, not that of h */
     bool achieved;    /* no spacing is requested: amplitudes grade the points */
     const bool *kept; /* per point: given; distances between two such points are not measured. NULL: none */
-    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order (solver_patch_points). */
+    /* A copy of each point for each patch on which it lies; the first `count` are the points in their order
+     * (solver_patch_points). */
     size_t copy_count;
     const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */
     const uint32_t *copy_point;        /* NULL: copy i is point i */
@@ -49,8 +52,8 @@ typedef struct measures {
     double empty_area_share; /* of the parts without points */
     double unmeasured_share, defect_share;
     size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
-    double
-        thin_factor; /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */
+    /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */
+    double thin_factor;
     double euler; /* sum of (6 - degree) / 6 */
     double grading_cv, grading_exponent;
 } measures;
@@ -58,13 +61,13 @@ typedef struct measures {
 /* Points whose distance is below these are close, or coincident; of the mean of their spacings. */
 #define MEASURES_CLOSE 0.25
 #define MEASURES_COINCIDENT 1e-3
-/* Fewer points on walls thinner than the spacing are not worth a note. */
+/* Minimum share of points on walls thinner than the spacing for a note in the report. */
 #define MEASURES_THIN_SHARE 0.02
 
-/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the share of a full turn
- * that the surface has at the point; of a point without a cell the requested spacing. `degree` (count values, or NULL): the number of
- * neighbours. `farthest` (one value for each patch): the coverage of each patch. Errors: limit_memory, cancelled. Deterministic for any
- * number of threads. */
+/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the
+ * share of a full turn that the surface has at the point; of a point without a cell the requested spacing. `degree`
+ * (count values, or NULL): the number of neighbours. `farthest` (one value for each patch): the coverage of each
+ * patch. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,
                    measures *out, error *e);
 

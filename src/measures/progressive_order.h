@@ -6,8 +6,9 @@
  * and of opposite walls (sites.h) count as PROGRESSIVE_ORDER_APART times as far apart: the walls of a thin plate get points of their own,
  * and small pieces beside a large one do not precede the points that cover it.
  *
- * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the next one; a new point changes
- * only nodes closer to it than their farthest point is to the earlier points. The sum over all points is O(n log n) on surfaces.
+ * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the next one;
+ * a new point changes only nodes closer to it than their farthest point is to the earlier points. The sum over all
+ * points is O(n log n) on surfaces.
  */
 #ifndef HEXAD_MEASURES_PROGRESSIVE_ORDER_H
 #define HEXAD_MEASURES_PROGRESSIVE_ORDER_H
@@ -19,8 +20,8 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
-/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less even in space.
- * doc/measured/order.md has both. */
+/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less
+ * even in space. doc/measured/order.md has both. */
 #define PROGRESSIVE_ORDER_APART 3.0
 /* Smaller: faster, and prefixes are less even. */
 #define PROGRESSIVE_ORDER_BATCH 0.98

@@ -1,7 +1,8 @@
 /* sites: the delivered points as the measures of a surface use them.
  *
- * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on opposite walls if
- * n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's. Pure functions.
+ * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on
+ * opposite walls if n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's. Pure
+ * functions.
  */
 #ifndef HEXAD_MEASURES_SITES_H
 #define HEXAD_MEASURES_SITES_H
@@ -14,7 +15,8 @@
 #include "geometry/vec3.h"
 #include "voronoi/resolution.h"
 
-/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above it. */
+/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above
+ * it. */
 #define SITES_OPPOSITE RESOLUTION_OPPOSITE
 
 typedef struct sites {
@@ -22,8 +24,8 @@ typedef struct sites {
     const vec3 *position;
     const double *spacing; /* h at each, > 0 */
     const uint32_t *piece; /* of the surface */
-    const uint32_t *
-        side; /* count + 1: the normals of point i are normal[side[i]] .. normal[side[i + 1] - 1]; at least one */
+    /* count + 1: the normals of point i are normal[side[i]] .. normal[side[i + 1] - 1]; at least one */
+    const uint32_t *side;
     const vec3 *normal;
     const bool *one_sided; /* of each normal: its sign has no meaning */
     const uint32_t *patch; /* of each normal */
@@ -33,7 +35,8 @@ typedef struct sites {
     const cell_list *near; /* of `position` */
 } sites;
 
-/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in their order. */
+/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in
+ * their order. */
 typedef struct sites_copies {
     size_t count;          /* of copies */
     const vec3 *normal;    /* NULL: not known */
@@ -42,13 +45,13 @@ typedef struct sites_copies {
     const uint8_t *flags;  /* of packing.h; NULL: none */
 } sites_copies;
 
-/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for each copy), and
- * normal if normals are known. */
+/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for
+ * each copy), and normal if normals are known. */
 void sites_gather(const sites_copies *copies, size_t points, uint32_t *side, vec3 *normal, bool *one_sided,
                   uint32_t *patch);
 
-/* How the cosine of normals of two patches is to be read: 1 as it is, -1 reversed, 0: the patches are never opposite. Interfaces that share
- * a label are compared by the normals that point out of it. */
+/* The sign with which the cosine of normals of two patches is compared: 1, -1, or 0: the patches are never opposite.
+ * Interfaces with a common label are compared by the normals that point out of it. */
 static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
 {
     if (!s->patch_labels) return 1;
@@ -56,7 +59,8 @@ static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
     return a[0] == b[0] || a[1] == b[1] ? 1 : a[0] == b[1] || a[1] == b[0] ? -1 : 0;
 }
 
-/* The cosine between the k-th normal and a direction n of a patch, as far as it decides whether they are of opposite walls. */
+/* The cosine between the k-th normal and a direction n of a patch, with the sign of sites_sign; its absolute value
+ * if the normal is one-sided; 1 if the patches are never opposite. */
 static inline double sites_cosine(const sites *s, uint32_t k, vec3 n, uint32_t patch)
 {
     const int sign = sites_sign(s, s->patch[k], patch);
@@ -64,7 +68,7 @@ static inline double sites_cosine(const sites *s, uint32_t k, vec3 n, uint32_t p
     return sign == 0 ? 1 : s->one_sided[k] ? fabs(c) : c;
 }
 
-/* The largest of these of the normals of point i. */
+/* The largest sites_cosine over the normals of point i. */
 static inline double sites_facing(const sites *s, uint32_t i, vec3 n, uint32_t patch)
 {
     double most = -1;
@@ -75,7 +79,7 @@ static inline double sites_facing(const sites *s, uint32_t i, vec3 n, uint32_t p
     return most;
 }
 
-/* The same between two points. */
+/* The largest sites_facing between the normals of two points. */
 static inline double sites_facing_pair(const sites *s, uint32_t i, uint32_t j)
 {
     double most = -1;

@@ -1,5 +1,7 @@
-/* xml_tags: the tags of an XML document, one after the other, with their attributes. Text between tags, comments, declarations and
- * CDATA are passed over; entities are not replaced; that tags are closed in order is not checked. Threads: none. */
+/* xml_tags: the tags of an XML document, one after the other, with their attributes. Text between tags, comments,
+ * declarations and CDATA are passed over; entities are not replaced; that tags are closed in order is not checked.
+ * Threads: none.
+ */
 #ifndef HEXAD_MESHFILE_XML_TAGS_H
 #define HEXAD_MESHFILE_XML_TAGS_H
 
@@ -21,14 +23,14 @@ typedef struct xml_tag {
     xml_word key[XML_ATTRIBUTES_MOST], value[XML_ATTRIBUTES_MOST]; /* keys with their prefixes */
 } xml_tag;
 
-/* Reads the next tag at or behind *at, which is moved behind it. False: there is none; *at is then at the document's end, or within
- * a tag that is damaged. The document ends with a byte 0. */
+/* Reads the next tag at or behind *at, which is moved behind it. False: there is none; *at is then at the document's
+ * end, or within a tag that is damaged. The document ends with a byte 0. */
 bool xml_next_tag(const char **at, xml_tag *out);
 
 bool xml_is(xml_word word, const char *text);
 
-/* The value of the attribute with this key. A key that begins with ':' matches an attribute with any prefix. The member `at` of the result
- * is NULL if there is no such attribute. */
+/* The value of the attribute with this key. A key that begins with ':' matches an attribute with any prefix. The
+ * member `at` of the result is NULL if there is no such attribute. */
 xml_word xml_attribute(const xml_tag *tag, const char *key);
 
 #endif

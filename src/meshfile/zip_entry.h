@@ -12,8 +12,8 @@ typedef enum zip_result {
     ZIP_ENTRY_NO_MEMORY
 } zip_result;
 
-/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows its *length bytes. The caller frees
- * *out after ZIP_ENTRY_READ. */
+/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows its *length
+ * bytes. The caller frees *out after ZIP_ENTRY_READ. */
 zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length);
 
 #endif

@@ -18,12 +18,12 @@
 #define DROP_IN_DIRECTORY "hexad.socket.d"
 #define DROP_IN "allow.conf"
 #define RUNTIME "/run/hexad"
-#define BOOTED "/run/systemd/system" /* exists where systemd is the init system, as sd_booted(3) says */
+#define BOOTED "/run/systemd/system" /* exists if systemd is the init system, see sd_booted(3) */
 
 enum {
     FILE_LIMIT = 1 << 20, /* bytes of a settings file */
-    UNIT_MODE = 0660,     /* of the socket, as systemd/hexad.socket.in says */
-    OPEN_MODE = 0666,     /* hexad identifies callers itself */
+    UNIT_MODE = 0660,     /* mode of the socket in systemd/hexad.socket.in */
+    OPEN_MODE = 0666,     /* mode for all users; hexad identifies callers itself */
     EXIT_WRONG = 2
 };
 
@@ -34,9 +34,9 @@ static const char drop_in_text[] =
 
 typedef struct change {
     bool allow, group;
-    const char *name, *key; /* the value and the setting that gets it */
-    char *found;            /* the name, if a number was given that has one; otherwise NULL */
-    char *file;             /* the settings, at the end of symbolic links */
+    const char *name, *key; /* the value, and the setting to which it belongs */
+    char *found;            /* the name of the user or group whose number was given; otherwise NULL */
+    char *file;             /* the settings file, with symbolic links resolved */
     bool units;             /* systemd runs the service with these settings */
     char *drop_in_directory, *drop_in;
     char *socket; /* NULL: the service has TCP ports only */
@@ -65,7 +65,7 @@ static bool read_settings(const char *file, config *c, error *e)
     return config_parse(3, argv, c, &action, e);
 }
 
-/* Whether the file has the value, or does not have it any more. */
+/* Whether the file now contains the value, or with --deny does not contain it. */
 static bool check_edited(const char *file, const change *w, error *e)
 {
     config edited = {0};
@@ -78,7 +78,7 @@ static bool check_edited(const char *file, const change *w, error *e)
     return ok;
 }
 
-/* Gives the file the owner and then the mode of another. */
+/* Sets the owner and then the mode of the file to those of another file. */
 static bool copy_mode(FILE *stream, const char *from, error *e)
 {
     struct stat info;
@@ -91,7 +91,7 @@ static bool copy_mode(FILE *stream, const char *from, error *e)
 static bool write_setting(const change *w, const char *text, error *e)
 {
     store_file file = {0};
-    mode_t former = umask(0077); /* the file may hold secrets: private until copy_mode */
+    mode_t former = umask(0077); /* private until copy_mode, since it may contain secrets */
     bool begun = store_file_begin(w->file, &file, e);
     umask(former);
     if (!begun) return false;
@@ -103,7 +103,7 @@ static bool write_setting(const change *w, const char *text, error *e)
     return false;
 }
 
-/* The text of the settings file, to be freed. */
+/* The text of the settings file, which the caller frees. */
 static char *read_text(const char *file, error *e)
 {
     size_t length = 0;
@@ -126,7 +126,7 @@ static bool edit_setting(const change *w, error *e)
     return ok;
 }
 
-/* Replaces a number that the file does not have by the name. */
+/* If the file does not contain the given number, replaces the number by the name. */
 static void find_name(change *w, const config *c)
 {
     if (is_named(c, w)) return;
@@ -134,7 +134,7 @@ static void find_name(change *w, const config *c)
     if (w->found) w->name = w->found;
 }
 
-/* A name that the file has is removed even if the user does not exist any more. */
+/* Adds or removes the value. A name in the file is removed even if the user no longer exists. */
 static bool change_setting(change *w, error *e)
 {
     config now = {0};
@@ -156,7 +156,7 @@ static void warn_of(const change *w, const char *key, const char *item)
             w->group ? "the group " : "", w->name, key, item, w->file);
 }
 
-/* Warns of settings that admit the denied user, or group, by another name or number. */
+/* Warns of settings that admit the denied user or group by another name or number. */
 static void warn_of_other_grants(const change *w)
 {
     config now = {0};
@@ -173,7 +173,7 @@ static void warn_of_other_grants(const change *w)
     config_clear(&now);
 }
 
-/* Tokens that the denied user still has: they are valid at a TCP port and at the Unix socket. */
+/* Warns of tokens of the denied user: they are valid on a TCP port and on the Unix socket. */
 static void warn_of_tokens(const change *w)
 {
     token_set set = {0};
@@ -217,7 +217,7 @@ static bool write_drop_in(const change *w, error *e)
     return true;
 }
 
-/* The directory goes, too, if it is empty then. */
+/* Removes the drop-in, and its directory if that is then empty. */
 static bool remove_drop_in(const change *w, error *e)
 {
     if (!store_remove(w->drop_in, e)) return false;
@@ -226,8 +226,8 @@ static bool remove_drop_in(const change *w, error *e)
     return true;
 }
 
-/* Sets the mode of the existing socket, because systemd applies the mode of the unit only when it creates one. A symbolic
- * link is not followed: the directory may belong to the service's user. */
+/* Sets the mode of the existing socket, because systemd applies the mode of the unit only when it creates a socket.
+ * A symbolic link is not followed, because the directory may belong to the service's user. */
 static bool set_socket_mode(const change *w, mode_t mode, error *e)
 {
     struct stat info;
@@ -263,7 +263,7 @@ static bool change_socket(const change *w, error *e)
 
 /* ---- systemd */
 
-/* Runs systemctl with these words and returns what it prints on both outputs, to be freed. */
+/* Runs systemctl with these words. Returns its output and error output, which the caller frees. */
 static char *call_systemctl(const char *words, bool *ok)
 {
     char *command = mem_printf("systemctl %s 2>&1", words), *text = NULL;
@@ -279,7 +279,7 @@ static char *call_systemctl(const char *words, bool *ok)
     return text;
 }
 
-/* The value of a property of a unit, "" where systemd does not answer; to be freed. */
+/* The value of a property of a unit, which the caller frees; "" if systemd does not answer. */
 static char *show_property(const char *words)
 {
     bool ok;
@@ -288,8 +288,8 @@ static char *show_property(const char *words)
     return text;
 }
 
-/* The settings file of hexad.service, by the first --config of its ExecStart=, at the end of symbolic links; to be freed. NULL:
- * there is none, or systemd does not answer. */
+/* The settings file of hexad.service: the first --config of its ExecStart=, with symbolic links resolved. The caller
+ * frees it. NULL: there is none, or systemd does not answer. */
 static char *find_file_of_unit(void)
 {
     static const char option[] = "--config ";
@@ -313,8 +313,8 @@ static bool has_only_ports(void)
     return only;
 }
 
-/* Prints the command, and what systemctl prints, as lines of their own. A command that fails is added to the text *failed,
- * which is freed and replaced. */
+/* Prints the command and the output of systemctl on separate lines. A failed command is appended to the text
+ * *failed, which is freed and replaced. */
 static void obey(const char *words, char **failed)
 {
     bool ok;
@@ -331,7 +331,7 @@ static void obey(const char *words, char **failed)
     *failed = all;
 }
 
-/* The service takes the settings, and systemd the drop-in. A command that fails does not prevent the other one. */
+/* Makes the service read the settings, and systemd the drop-in. If one command fails, the other is still run. */
 static bool reload_both(const change *w, bool drop_in_changed, error *e)
 {
     char *failed = mem_strdup("");
@@ -352,9 +352,10 @@ static bool reload_both(const change *w, bool drop_in_changed, error *e)
     return ok;
 }
 
-/* ---- all of it */
+/* ---- the whole change */
 
-/* The first directory of $SYSTEMD_UNIT_PATH, from which systemd reads units if it is set, or the administrator's. To be freed. */
+/* The first directory of $SYSTEMD_UNIT_PATH if it is set, since systemd reads units there; otherwise the
+ * administrator's directory. The caller frees it. */
 static char *unit_directory(void)
 {
     const char *path = getenv("SYSTEMD_UNIT_PATH");
@@ -372,7 +373,7 @@ static char *find_socket(const change *w, const config *settings)
     return listen[5] ? mem_strdup(listen + 5) : mem_printf("%s/hexad.sock", settings->state_dir);
 }
 
-/* Sets w->file to the file of --config, or else of the unit, or else the default. */
+/* Sets w->file to the file of --config, otherwise of the unit, otherwise the default. */
 static bool find_file(change *w, const char *named, error *e)
 {
     struct stat info;
@@ -383,7 +384,7 @@ static bool find_file(change *w, const char *named, error *e)
     bool ok = w->file ||
               error_set(e, ERROR_SPEC_INVALID, "cannot read %s: %s. Give the settings file with --config.",
                         file, strerror(errno));
-    /* a device would be replaced by a file */
+    /* a device would be replaced by a regular file */
     if (ok && (stat(w->file, &info) != 0 || !S_ISREG(info.st_mode)))
         ok = error_set(e, ERROR_SPEC_INVALID,
                        "%s is not a regular file: name the settings file with --config", w->file);
@@ -418,14 +419,15 @@ static void end(change *w)
     free(w->tokens);
 }
 
-/* The drop-in, the socket that is there, and what systemd does about both. */
+/* Changes the drop-in and the mode of the existing socket, and makes systemd and the service apply them. */
 static bool change_units(const change *w, error *e)
 {
     bool ours = has_drop_in(w), set = change_socket(w, e);
     return reload_both(w, w->allow || ours != has_drop_in(w), set ? e : NULL) && set;
 }
 
-/* The first directory of the socket's path that the admitted user cannot search, to be freed; NULL: there is none. */
+/* The first directory of the socket's path that the admitted user cannot search, which the caller frees; NULL: there
+ * is none. */
 static char *find_closed_directory(const change *w, mode_t *mode)
 {
     struct stat info;
@@ -438,10 +440,10 @@ static char *find_closed_directory(const change *w, mode_t *mode)
     return NULL;
 }
 
-/* Prints where the user may connect, or warns that it is still not possible. */
+/* Prints where the user may connect, or a warning that the user still cannot connect. */
 static void tell_reach(const change *w)
 {
-    const char *who = w->group ? "the members of " : "";
+    const char *prefix = w->group ? "the members of " : "";
     mode_t mode = 0;
     char *closed = w->socket ? find_closed_directory(w, &mode) : NULL;
     fflush(stdout);
@@ -454,9 +456,9 @@ static void tell_reach(const change *w)
         fprintf(stderr,
                 "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
                 " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
-                who, w->name, closed, (unsigned)mode, w->socket);
+                prefix, w->name, closed, (unsigned)mode, w->socket);
     else
-        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", who, w->name, w->socket);
+        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", prefix, w->name, w->socket);
     free(closed);
 }
 

@@ -4,8 +4,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* If a standard descriptor were closed, the next opened file would get its number, and log lines would go
- * into the queue. */
+/* Opens closed standard descriptors. Otherwise the next opened file would get such a number, and log lines would be
+ * written to the queue. */
 static void open_standard_descriptors(void)
 {
     int fd;
@@ -15,7 +15,7 @@ static void open_standard_descriptors(void)
     if (fd >= 0) close(fd);
 }
 
-/* Each connection is a descriptor, and the usual soft limit is too low for them. */
+/* Raises the soft limit: each connection needs a descriptor, and the usual limit is too low. */
 static void raise_descriptor_limit(void)
 {
     struct rlimit limit;

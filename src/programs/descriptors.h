@@ -1,8 +1,8 @@
-/* descriptors: what the daemon sets of its file descriptors before anything else. Called once, in main. */
+/* descriptors: prepares the file descriptors of the daemon. Called once, first in main. */
 #ifndef HEXAD_PROGRAMS_DESCRIPTORS_H
 #define HEXAD_PROGRAMS_DESCRIPTORS_H
 
-/* Opens standard descriptors that are closed, and raises the limit of open files. */
+/* Opens closed standard descriptors, and raises the limit of open files. */
 void descriptors_prepare(void);
 
 #endif

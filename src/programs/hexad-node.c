@@ -1,4 +1,4 @@
-/* hexad-node: runs attempts of a service on a node of its farm; a Slurm job of the service calls it. */
+/* hexad-node: runs attempts of a service on a node of its farm. A Slurm job of the service starts it. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,12 +8,12 @@
 
 #include "slurm/node.h"
 
-/* The names on standard input, one a line. */
+/* Reads the names on standard input, one per line. */
 static void read_names(node_task *task)
 {
     char *line = NULL;
-    size_t room = 0;
-    for (ssize_t length; (length = getline(&line, &room, stdin)) > 1;) {
+    size_t capacity = 0;
+    for (ssize_t length; (length = getline(&line, &capacity, stdin)) > 1;) {
         if (line[length - 1] == '\n') length--;
         attempt_files_add_name(&task->names, line, (size_t)length);
     }
@@ -35,7 +35,7 @@ int main(int argc, char **argv)
                         "doc/farm.md.\n");
         return 2;
     }
-    umask(0077); /* jobs and results are the service's own */
+    umask(0077); /* jobs and results are private to the service */
     node_task task = {.own = strtoul(argv[4], NULL, 10), .more_s = strtod(argv[5], NULL), .list = argv[6]};
     snprintf(task.self.name, sizeof task.self.name, "%s", argv[2]);
     task.self.task = atoi(argv[3]);

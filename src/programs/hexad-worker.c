@@ -126,7 +126,7 @@ static worker_exit exit_code_of(error_code code)
     }
 }
 
-/* The last line of a failed run. */
+/* Prints the last line of a failed run. */
 static int fail(const error *e, const spec_faults *faults)
 {
     json *line = json_new_object();
@@ -147,7 +147,7 @@ static int fail(const error *e, const spec_faults *faults)
     return exit_code_of(e->code);
 }
 
-/* For a job that hangs in a library: its threads go on until the process is no more. */
+/* Ends a job that hangs in a library; its threads run until the process ends. */
 static void leave(const error *e)
 {
     _exit(fail(e, NULL));
@@ -155,7 +155,7 @@ static void leave(const error *e)
 
 typedef struct arguments {
     const char *spec_path, *output, *previous, *preview;
-    const char *const *meshes; /* of attach */
+    const char *const *meshes; /* of the command attach */
     size_t mesh_count;
     const char **roots;
     size_t root_count;
@@ -176,8 +176,8 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
-/* A sequence requires the number of one frame, and any other spec none. With values by frame *s becomes the spec of that
- * frame, which still lists the numbers of all frames. */
+/* Checks that a sequence has the number of one frame, and any other spec has none. If values depend on the frame, *s
+ * becomes the spec of that frame, which still lists the numbers of all frames. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
     spec *whole = *s;
@@ -212,8 +212,8 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     return true;
 }
 
-/* The word is what getopt_long did not take: with ':' an option without its value, with '?' and an optopt one with a
- * value that it does not take, and otherwise an unknown one. */
+/* Sets the error for an option that getopt_long refused. `answer` is its result: ':' for an option without its
+ * value; '?' with an optopt for an option with a value that it does not accept; otherwise the option is unknown. */
 static bool refuse_option(int answer, const char *word, const struct option *options, error *e)
 {
     if (answer == ':')
@@ -305,17 +305,17 @@ static FILE *open_spec(const char *path, error *e)
     return file;
 }
 
-/* The whole text of a spec; NULL and an error when it cannot be read. */
+/* The whole text of a spec. NULL and an error if it cannot be read. */
 static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
 {
     char *text = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     *length = 0;
     do {
-        room = room ? 2 * room : 1u << 14;
-        text = mem_resize(text, room);
-        *length += fread(text + *length, 1, room - *length, file);
-    } while (*length == room && room <= SPEC_LIMIT);
+        capacity = capacity ? 2 * capacity : 1u << 14;
+        text = mem_resize(text, capacity);
+        *length += fread(text + *length, 1, capacity - *length, file);
+    } while (*length == capacity && capacity <= SPEC_LIMIT);
     bool failed = ferror(file) != 0;
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
@@ -326,7 +326,7 @@ static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
     return NULL;
 }
 
-/* The spec that places the points of a result on other meshes; `report` is the report of the result. */
+/* The spec that places the points of a result on other meshes. `report` is the report of the result. */
 static json *attached_spec(const arguments *a, json *report, error *e)
 {
     json *sampled = json_find(report, "/spec");
@@ -365,11 +365,11 @@ static void handle_signals(void)
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
-    signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is not a reason to stop */
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
+    signal(SIGPIPE, SIG_IGN); /* the job continues if the reader of progress has ended */
+    signal(SIGXFSZ, SIG_IGN); /* makes a write beyond the size limit an error, like a full disk */
 }
 
-/* limits.timeout_s, as a signal like that of a cancellation. */
+/* Applies limits.timeout_s by a signal, which acts like a cancellation. */
 static void start_timer(double seconds)
 {
     if (seconds <= 0) return;
@@ -378,8 +378,8 @@ static void start_timer(double seconds)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
-/* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
- * roots no file is one to be read. */
+/* Opens the files of the command line, and enters the sandbox. With a sandbox and without input roots no input file
+ * can be read. */
 static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous,
                     error *e)
 {
@@ -392,13 +392,13 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
     if (a->sandbox == SANDBOX_OFF) return true;
     if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox requires --output DIR: add it");
     char text[SANDBOX_TEXT_SIZE];
-    sandbox_describe(a->sandbox, text); /* before the process enters it: inside, the facts cannot be read */
+    sandbox_describe(a->sandbox, text); /* before the process enters it: inside, /proc cannot be read */
     if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
     fprintf(stderr, "sandbox: %s\n", text);
     return true;
 }
 
-/* What comes of a spec that could be read; the exit status, or -1 and an error. */
+/* Executes a parsed spec. Returns the exit status, or -1 and an error. */
 typedef int command(const spec *s, const run_options *options, error *e);
 
 static const worker_exit exit_of_outcome[VERDICT_OUTCOMES] = {
@@ -475,7 +475,7 @@ done:
     return code;
 }
 
-/* Samples the inspection's first suggestion, with the given options, and puts its picture there. */
+/* Samples the first suggestion of the inspection with the given options, and moves the picture to `to`. */
 static bool draw_preview(const json *inspection, const run_options *options, const char *to, error *e)
 {
     const json *suggested = inspection_spec(inspection);
@@ -502,7 +502,7 @@ static bool draw_preview(const json *inspection, const run_options *options, con
     return ok;
 }
 
-/* The file to look at: the argument, or a member of the object on standard input. To be freed. */
+/* The path of the file to inspect: the argument, or a member of the object on standard input. The caller frees it. */
 static char *read_path(const char *argument, error *e)
 {
     size_t length;
@@ -520,7 +520,8 @@ static char *read_path(const char *argument, error *e)
     return path;
 }
 
-/* With a directory the document also has the text, so that a client need not make it. */
+/* Prints the inspection. With an output directory the document also contains the text, so that clients need not
+ * print it themselves. */
 static bool show_inspection(const arguments *a, json *inspection, error *e)
 {
     char *page = NULL;
@@ -579,7 +580,7 @@ static int make_example(const char *path)
     return ok ? 0 : fail(&e, NULL);
 }
 
-/* The data of Figure 2: potentials and forces over the distance in units of the support. */
+/* Prints the data of Figure 2: potentials and forces against the distance in units of the support. */
 static int print_energies(void)
 {
     const energy_function *const all[] = {&energy_gaussian, &energy_electrostatic, &energy_cotangent};
@@ -604,7 +605,7 @@ static int print_schema(void)
     return !ok;
 }
 
-/* For people at a terminal: unlike the other commands it reports a fault as text. */
+/* Prints help for a terminal. Unlike the other commands it reports a fault as text. */
 static int print_spec_help(const char *member)
 {
     if (spec_print_help(stdout, member) > 0) return 0;

@@ -48,13 +48,13 @@
 #include "webhook/delivery.h"
 #include "webhook/hosts.h"
 
-/* In the state directory, or in the runtime directory of systemd. */
+/* In the runtime directory of systemd, otherwise in the state directory. */
 #define LISTEN_SOCKET_NAME "hexad.sock"
 /* The value of tcp_without_tokens that opens a loopback port without tokens. */
 #define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
-/* The share of the disk that results may take when results_mb is not set. */
+/* Fraction of the disk that results may occupy if results_mb is not set. */
 static const double RESULTS_SHARE = 0.8;
-/* How often the status goes to a service manager without a watchdog. */
+/* Interval, in ms, of status reports to a service manager without a watchdog. */
 static const int STATUS_MS = 10000;
 /* Time to settle killed workers, in addition to drain_s and grace_s. */
 static const double LAST_WORDS_S = 10;
@@ -63,9 +63,9 @@ enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
     int argc;
-    char **argv; /* for reading the settings again */
+    char **argv; /* to read the settings again */
     config settings;
-    bool adopt;                 /* --adopt: the database of another instance is taken over */
+    bool adopt;                 /* --adopt: take over the database of another instance */
     int signals;                /* signalfd */
     char *state_dir, *work_dir; /* absolute */
     char *settings_file;        /* absolute; NULL: none */
@@ -91,7 +91,7 @@ typedef struct service {
     size_t socket_count;
     access_control *access;
     http_counters counters;
-    atomic_bool copying; /* a backup */
+    atomic_bool copying; /* a backup is being made */
     wait_list *waiting;
     notifier *notifier;
     http_context context;
@@ -99,7 +99,7 @@ typedef struct service {
     pages *pages;
     page *page; /* NULL: none */
     server *http;
-    uint64_t turns; /* of the supervisor, at the last ping; UINT64_MAX: none yet */
+    uint64_t turns; /* turns of the supervisor at the last ping; UINT64_MAX: no ping yet */
     bool stuck;
 } service;
 
@@ -295,12 +295,12 @@ static bool check_reach(const service *s, const char *token_file, error *e)
                      where, token_file, token_file);
 }
 
-/* The setting, otherwise in the configuration directory of the unit, otherwise in the state directory. To be
- * freed. */
+/* The path of the token file, which the caller frees: the setting, otherwise a file in the configuration directory
+ * of the unit, otherwise in the state directory. */
 static char *token_file_of(const service *s)
 {
     const char *directory =
-        getenv("CONFIGURATION_DIRECTORY"); /* of the unit; a drop-in may have added others */
+        getenv("CONFIGURATION_DIRECTORY"); /* set by the unit; a drop-in may have added directories */
     if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
     if (!directory || !*directory) return mem_printf("%s/tokens", s->state_dir);
     return mem_printf("%.*s/tokens", (int)strcspn(directory, ":"), directory);
@@ -563,7 +563,7 @@ static void fini_webhooks(service *s)
     webhook_hosts_free(s->webhook_hosts);
 }
 
-/* The trusted proxies and the allowed web pages. */
+/* Reads the trusted proxies and the permitted web pages. */
 static bool init_network(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -586,7 +586,7 @@ static void fini_network(service *s)
     address_ranges_clear(&s->proxies);
 }
 
-/* A service without its page does all else. */
+/* Opens the web page. A service without its page still has all other functions. */
 static bool init_page(service *s, error *e)
 {
     (void)e;
@@ -608,10 +608,10 @@ static void free_context(service *s)
     submission_rate_free(s->context.rate);
 }
 
-/* Bodies of the greatest length that have room in memory, unless settings say otherwise. */
+/* Default limits of memory for bodies, as numbers of bodies of the maximum length. */
 enum { BODIES_IN_ALL = 16, BODIES_OF_USER = 4 };
 
-/* A bound on bodies in memory, in bytes; one body has room always. */
+/* A limit of the memory for bodies, in bytes; at least the maximum length of one body. */
 static size_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
 {
     size_t longest = (size_t)c->body_limit_bytes + 1, bytes = given ? (size_t)given : otherwise * longest;
@@ -744,8 +744,8 @@ static const struct step {
     {"port_file", init_port_file, fini_port_file},
 };
 
-/* Pings the watchdog of the service manager, but only while the supervisor's loop advances: the last call
- * woke it, and if it has not run since, it is stuck, and the service manager takes its measures. */
+/* Pings the watchdog of the service manager, unless the supervisor's loop is stuck. The last call woke the
+ * supervisor; if it has not run since, it is stuck, and the missing ping makes the service manager act. */
 static void tell_manager(service *s)
 {
     int64_t count[QUEUE_STATE_COUNT];
@@ -769,7 +769,7 @@ static void tell_manager(service *s)
                               (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
 }
 
-/* The interval of the pings: half of what the watchdog allows. */
+/* The interval of the pings, in ms: half of the watchdog's time. */
 static int sign_interval_ms(void)
 {
     int64_t watchdog = manager_watchdog_ms();
@@ -777,7 +777,7 @@ static int sign_interval_ms(void)
     return manager_is_present() ? STATUS_MS : -1;
 }
 
-/* Takes over what belongs to users, all or nothing. */
+/* Applies the settings about users, all or none. */
 static bool change_users(service *s, const config *fresh, error *e)
 {
     access_names users = admission_names(&fresh->unix_users), groups = admission_names(&fresh->unix_groups),
@@ -829,7 +829,7 @@ static void drain(service *s, bool *draining)
     *draining = true;
 }
 
-/* Waits for a signal and then for the end of the drain; a second signal kills the running workers. */
+/* Waits for a signal and then for the end of the drain. A second signal kills the running workers. */
 static void serve(service *s)
 {
     bool draining = false;
@@ -895,7 +895,7 @@ int main(int argc, char **argv)
     }
     int status = EXIT_SUCCESS;
     log_set_level(s.settings.log_level);
-    umask(0077); /* jobs and results are the service's own */
+    umask(0077); /* jobs and results are private to the service */
     switch (action) {
     case CONFIG_HELP:
         config_print_help(stdout);

@@ -1,4 +1,4 @@
-/* hexadctl: the client. Reads the command line and calls the command. */
+/* hexadctl: the command-line client. Parses the command line and calls the command. */
 #include <grp.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -15,10 +15,10 @@
 #include "client/command.h"
 #include "client/job_name.h"
 
-/* The socket of the service that systemd runs, and that of other services. */
+/* The socket of the systemd service, and the name of the socket of other services. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
 #define STATE_SOCKET HEXAD_STATEDIR "/hexad.sock"
-/* The service that systemd runs has a group of its own (systemd/hexad-sysusers.conf). */
+/* The group of the systemd service (systemd/hexad-sysusers.conf). */
 #define SYSTEM_GROUP "hexad"
 #define STATE_TOKENS HEXAD_STATEDIR "/tokens"
 
@@ -124,7 +124,7 @@ static const struct entry {
     const char *name;
     command *run;
     need argument;
-    const char *options; /* that belong to it; --server and --json belong to all */
+    const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
     {"submit", command_submit, ONE, "--wait --accept --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
@@ -162,7 +162,7 @@ static const struct entry {
         "--" name, offsetof(command_options, member) \
     }
 
-/* Options with a value, which is kept as the command line has it. */
+/* Options with a value. The value is stored as it is given. */
 static const struct {
     const char *name;
     size_t offset;
@@ -188,15 +188,16 @@ static const struct {
 typedef struct line {
     const struct entry *entry;
     const char *group;     /* the first of a command's two words */
-    const char **argument; /* room for all words of the command line */
+    const char **argument; /* has space for all words of the command line */
     size_t argument_count;
     const char *server;
     command_options options;
-    const char *given[64]; /* names of the options, in their order */
+    const char *given[64]; /* names of the given options, in their order */
     size_t given_count;
 } line;
 
-/* The option's value: behind its `=`, or the next word, to which *index moves; NULL and a message when there is none. */
+/* The option's value: the text after `=`, or the next word; *index then advances. NULL, after a message, if there is
+ * none. */
 static const char *take_value(int argc, char **argv, int *index)
 {
     const char *equals = strchr(argv[*index], '=');
@@ -232,7 +233,7 @@ static bool refuse_option(const char *word)
     return refuse_unknown("option", word, "--", &n);
 }
 
-/* Takes an option with a value. */
+/* Parses an option with a value. */
 static bool take_valued(line *l, int argc, char **argv, int *index)
 {
     const char *word = argv[*index], *value;
@@ -280,7 +281,7 @@ static bool is_named(const struct entry *entry, const char *group, const char *w
            strcmp(entry->name + length + 1, word) == 0;
 }
 
-/* The group is the first of two words, or NULL. */
+/* Prints the error for an unknown command. `group` is the first of two words, or NULL. */
 static bool refuse_command(const char *group, const char *word)
 {
     char *given = group ? mem_printf("%s %s", group, word) : mem_strdup(word);
@@ -292,7 +293,7 @@ static bool refuse_command(const char *group, const char *word)
     return false;
 }
 
-/* What to do about an argument that the command does not take. */
+/* The advice about an argument that the command does not accept. */
 static const char *hint_of(const char *name)
 {
     if (strcmp(name, "priority") == 0) return "write the number as --priority N";
@@ -301,7 +302,7 @@ static const char *hint_of(const char *name)
     return "see hexadctl --help";
 }
 
-/* The argument of a command that requires one, as the usage names it. */
+/* The argument that a command requires, as its usage names it. */
 static const char *argument_of(const struct entry *entry)
 {
     if (entry->argument == JOB || entry->argument == JOBS || strcmp(entry->name, "token revoke") == 0)
@@ -339,7 +340,7 @@ static bool take_word(line *l, const char *word)
     return false;
 }
 
-/* Whether the list, words with spaces between them, has the word. */
+/* Whether a list of words separated by blanks contains the word. */
 static bool has_word(const char *list, const char *word)
 {
     size_t length = strlen(word);
@@ -384,7 +385,7 @@ static bool is_print_only(int argc, char **argv)
     return false;
 }
 
-/* The value of an environment variable; NULL when it has none. */
+/* The value of an environment variable; NULL if it is unset or empty. */
 static const char *environment(const char *name)
 {
     const char *value = getenv(name);
@@ -405,8 +406,8 @@ static void set_default_tokens(command_options *options)
     options->file_group = group ? group->gr_gid : TOKEN_NO_GROUP;
 }
 
-/* The ids of the jobs that the arguments name; or prints an error. What cannot be undone
- * takes a short name with --yes only. */
+/* Finds the ids of the jobs that the arguments name, or prints an error. A command that cannot be undone accepts a
+ * short name only with --yes. */
 static int resolve_jobs(client *c, const line *l, char **ids)
 {
     bool final = has_word(l->entry->options, "--yes");
@@ -435,7 +436,7 @@ static int worse_of(int a, int b)
     return a;
 }
 
-/* Runs the command for each of the names; returns the worst exit code. */
+/* Runs the command for each name. Returns the worst exit code. */
 static int run_for_each(client *c, const line *l, const char *const *name)
 {
     int code = COMMAND_OK;

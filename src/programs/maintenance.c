@@ -16,7 +16,7 @@
 #include "results/instance.h"
 #include "store/file.h"
 
-/* Where the service has its socket when systemd runs it. */
+/* The socket of the systemd service. */
 #define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
 #define ADDRESS_LIMIT 4096
 
@@ -26,7 +26,7 @@ static int fail(const error *e)
     return EXIT_FAILURE;
 }
 
-/* An error if the state directory does not exist: the daemon's settings were probably not given. */
+/* Checks that the state directory exists. Otherwise sets an error: the daemon's settings were probably not given. */
 static bool check_state_directory(const config *c, error *e)
 {
     struct stat info;
@@ -37,9 +37,10 @@ static bool check_state_directory(const config *c, error *e)
                      c->state_dir, strerror(errno));
 }
 
-/* ---- the daemon that runs */
+/* ---- requests to a running daemon */
 
-/* As the environment says, else its port_file, else its settings, else where its socket is; to be freed. */
+/* The address of the daemon, which the caller frees: from HEXAD_SERVER, otherwise from port_file, otherwise the
+ * setting listen, otherwise the usual socket. */
 static char *find_server(const config *c)
 {
     const char *named = getenv("HEXAD_SERVER");
@@ -96,10 +97,10 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
     return ok;
 }
 
-/* ---- a copy, from a daemon or without one */
+/* ---- a copy, made by a daemon or by this process */
 
-/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has
- * it. */
+/* Copies the database to an empty file. *lock is the lock of the directory, which the caller closes; -1: a daemon
+ * holds it. */
 static bool copy(const config *c, FILE *stream, const char *path, int *lock, error *e)
 {
     bool in_use = false;
@@ -126,7 +127,7 @@ static bool check_whole(const char *path, error *e)
     return whole;
 }
 
-/* An error if the daemon that gave the copy serves another state directory, as when HEXAD_SERVER names a second hexad. */
+/* Checks that the daemon that made the copy serves this state directory. HEXAD_SERVER may name another daemon. */
 static bool check_instance(const config *c, const char *path, error *e)
 {
     size_t length = 0;
@@ -156,7 +157,7 @@ int maintenance_back_up(const config *settings)
         return fail(&e);
     }
     if (!check_state_directory(settings, &e)) return fail(&e);
-    store_file_clear(settings->backup); /* of one that was killed */
+    store_file_clear(settings->backup); /* left by a killed process */
     bool ok = store_file_begin(settings->backup, &file, &e) &&
               copy(settings, file.stream, file.temporary, &lock, &e) && check_whole(file.temporary, &e) &&
               check_instance(settings, file.temporary, &e);
@@ -168,7 +169,7 @@ int maintenance_back_up(const config *settings)
     return ok ? EXIT_SUCCESS : fail(&e);
 }
 
-/* ---- the check */
+/* ---- check */
 
 typedef struct tally {
     size_t results, findings;
@@ -181,11 +182,11 @@ static void print_findings(const char *findings, tally *t)
         size_t length = strcspn(line, "\n");
         printf("database damaged: %.*s\n", (int)length, line);
         t->findings++;
-        line += length + (line[length] == '\n'); /* the last may end without one */
+        line += length + (line[length] == '\n'); /* the last line may lack a line break */
     }
 }
 
-/* What the daemon itself has found. */
+/* Prints the damage that the daemon reports. */
 static bool ask_health(const config *c, tally *t, error *e)
 {
     client_reply reply = {0};

@@ -345,7 +345,7 @@ static bool settle(database *d, change *asked)
     int frame = QUEUE_NO_FRAME;
     job_state j;
     if (!job_state_load(d, s->fence->id, &j, &found, e)) return false;
-    if (!found || (s->back && j.cancelled)) return true; /* would undo the cancellation */
+    if (!found || (s->back && j.cancelled)) return true; /* a new attempt would undo the cancellation */
     if (!check_fence(d, s, &j, &current, &frame, e)) return false;
     if (!current) return true;
     job_state before = j;

@@ -47,7 +47,7 @@ static bool has_needs(database *d, const job_state *j, bool *has, error *e)
     return ok;
 }
 
-/* Fails the held tasks that cannot start any more: that of one frame, or all. */
+/* Fails the held tasks that cannot start any more: the task of one frame, or all. */
 static bool fail_held(database *d, job_state *j, int frame, int64_t now, error *e)
 {
     int failed = 0, unused = 0;
@@ -83,7 +83,7 @@ bool frame_needs_begin(database *d, job_state *j, int64_t now, error *e)
 bool frame_needs_update(database *d, job_state *j, int frame, int64_t now, error *e)
 {
     int rows = 0, released = 0;
-    if (!fail_held(d, j, frame, now, e)) return false; /* first, so that these are not counted */
+    if (!fail_held(d, j, frame, now, e)) return false; /* first, so that failed tasks are not counted */
     sqlite3_stmt *s =
         frame == JOB_STATE_ALL_ENDED
             ? ASK(d, e, "UPDATE task SET waits = " COUNT " WHERE job = ?1 AND " HELD " RETURNING waits",

@@ -11,12 +11,12 @@
 
 #include "queue/job_state.h"
 
-/* Counts what each queued task waits for, and fails those that cannot start any more. Call it when the tasks of a job become
- * queued: at its submission and at a retry. */
+/* Counts the tasks that each queued task waits for, and fails tasks that cannot start. Call it when the tasks of a
+ * job become queued: at its submission and at a retry. */
 bool frame_needs_begin(database *d, job_state *j, int64_t now, error *e);
 
-/* The same for held tasks, after the task of `frame` (JOB_STATE_ALL_ENDED: any number of tasks) in another job has
- * ended. */
+/* As frame_needs_begin for held tasks, after the task of `frame` (JOB_STATE_ALL_ENDED: any number of tasks) in
+ * another job has ended. */
 bool frame_needs_update(database *d, job_state *j, int frame, int64_t now, error *e);
 
 /* *hopeless: the job waits for frames, and no task that a retry would run could start. */

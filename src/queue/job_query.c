@@ -165,7 +165,8 @@ static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUN
     memcpy(v, values, sizeof values);
 }
 
-/* Finds the place where a page of `visits` rows stops, and ends the walk there. *stop remains empty if there are fewer. */
+/* Finds the place where a page of `visits` rows stops, and ends the walk there. *stop remains empty if there are
+ * fewer rows. */
 static bool find_stop(database *d, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
                       queue_place *stop, error *e)
 {

@@ -300,8 +300,8 @@ static bool next_frame_dependent(database *d, int64_t need, int64_t after, job_s
                 found, e);
 }
 
-/* Jobs that have ended, or frames of which have: the jobs that wait for them are still to be updated. A list, so that there is no
- * recursion. */
+/* Jobs that have ended or have ended frames. The jobs that wait for them must still be updated. It is a list, to
+ * avoid recursion. */
 typedef struct ended_jobs {
     struct ended_job {
         int64_t seq;
@@ -352,7 +352,7 @@ static bool update_frames(database *d, ended_jobs *list, int64_t seq, int frame,
     return ok;
 }
 
-/* Updates what waits for the jobs in the list, and for those that end because of them. */
+/* Updates the jobs that wait for the jobs in the list, and in turn the jobs that wait for jobs that end thereby. */
 static bool update_dependents(database *d, ended_jobs *list, int64_t now, error *e)
 {
     bool ok = true;

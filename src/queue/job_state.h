@@ -37,7 +37,8 @@ bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
 /* The state that follows from the counts and flags. */
 queue_state job_state_derive(const job_state *j);
 
-/* Notes that the task of this frame has ended (JOB_STATE_ALL_ENDED: several), for tasks of other jobs that wait for it. */
+/* Records that the task of this frame has ended (JOB_STATE_ALL_ENDED: several tasks), for tasks of other jobs that
+ * wait for it. */
 void job_state_note_ended(job_state *j, int frame);
 
 /* Counts the outcome of a task that succeeded. */

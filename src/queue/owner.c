@@ -22,7 +22,7 @@ static bool count(database *d, int64_t seq, int unfinished, int running, error *
                integer(seq), integer(unfinished), integer(running));
 }
 
-/* Deletes users without jobs, except those whose next turn is in the future while others wait. */
+/* Deletes users without jobs. A user whose next turn is in the future is kept while other users wait. */
 static bool forget(database *d, error *e)
 {
     static const char sql[] = "DELETE FROM owner WHERE unfinished = 0 AND (pass <= (SELECT turn FROM service)"

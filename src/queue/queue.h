@@ -1,18 +1,18 @@
 /* queue: the durable store of jobs, their tasks and attempts, and their events.
  *
- * One process owns the database. It locks the state directory, and a lock on the database excludes other programs. One
- * connection writes; others read without waiting for changes (database/database.h). Any thread may call any function.
- * When a function returns true, its change is on disk (WAL, synchronous=FULL). Concurrent changes of several threads
- * share one transaction and one flush. No reader sees a change before it is durable. If the database fails, the error
- * has the code internal, storage_full or database_damaged, and outputs are unchanged. The first failed change, and the first successful change after it,
- * are logged.
+ * One process owns the database. It locks the state directory, and a lock on the database excludes other programs.
+ * One connection writes; others read without waiting for changes (database/database.h). Any thread may call any
+ * function. When a function returns true, its change is on disk (WAL, synchronous=FULL). Concurrent changes of
+ * several threads share one transaction and one flush. No reader sees a change before it is durable. If the database
+ * fails, the error has the code internal, storage_full or database_damaged, and outputs are unchanged. The first
+ * failed change, and the first successful change after it, are logged.
  *
  * A job has one task, or one task per frame. A task is executed by attempts. Every claim of a task increments its
  * attempt number. This number is a fence: the queue rejects reports of older attempts. `spent` is the number of
  * attempts that count against max_attempts. Attempts that the service itself put back do not count.
  *
- * The state of a job follows from its tasks and from the commands it was given. It is updated in the transaction that
- * changes them:
+ * The state of a job follows from its tasks and from the commands that it received. It is updated in the transaction
+ * that changes these.
  *     queued      waits for a claim; between two frames a job stays running
  *     blocked     waits for the jobs that it depends on
  *     paused      no attempt is started until the job is resumed; while earlier attempts still run, the job is running
@@ -70,8 +70,9 @@ bool queue_state_is_final(queue_state state);
 const char *queue_outcome_name(queue_outcome outcome);   /* NULL for no outcome */
 queue_outcome queue_outcome_from_name(const char *name); /* QUEUE_NO_OUTCOME for NULL and other words */
 
-/* Opens or creates the queue in an existing directory. Errors: internal (another process has locked the directory, it is
- * on a network file system, or a newer version of the program created the database), database_damaged, storage_full. */
+/* Opens or creates the queue in an existing directory. Errors: database_damaged, storage_full, internal. internal:
+ * another process has locked the directory, it is on a network file system, or a newer version of the program
+ * created the database. */
 queue *queue_open(const char *state_dir, error *e);
 /* Opens a copy of a database (database/backup) for reading. The copy is migrated if it has an older version. */
 queue *queue_open_copy(const char *path, error *e);
@@ -164,8 +165,8 @@ typedef struct queue_submission {
     size_t depends_on_count;
     const char *const *after; /* ids of jobs that must end before this one starts */
     size_t after_count;
-    /* ids of arrays with all of `frames`: a task starts when that of the same frame in these has succeeded and is
-     * accepted */
+    /* ids of arrays that have all of `frames`: a task starts when the tasks of the same frame in these arrays have
+     * succeeded and were accepted */
     const char *const *after_frames;
     size_t after_frames_count;
     unsigned accept;           /* set of outcomes with which jobs that depend on this one start; 0: all */
@@ -180,30 +181,32 @@ typedef struct queue_submission {
     int64_t most_waiting;         /* maximum number of unfinished jobs of the owner; 0: no maximum */
 } queue_submission;
 
-typedef enum queue_verdict {
+typedef enum queue_admission {
     QUEUE_CREATED,
-    QUEUE_REPLAYED,          /* the key was used with this body: the receipt has that job */
+    QUEUE_REPLAYED,          /* the key was used with this body; the receipt has the job of that submission */
     QUEUE_MISMATCH,          /* the key was used with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs */
     QUEUE_RESULTS_FULL,      /* a bound on all results is reached and none may be deleted (queue_bounds) */
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
-    QUEUE_NO_ROOM,           /* free disk space is below the reserve of queue_reserve */
+    QUEUE_NO_SPACE,          /* free disk space is below the reserve of queue_reserve */
     QUEUE_UNKNOWN_DEPENDENCY, /* the receipt has the index in depends_on, continued in after and after_frames */
-    QUEUE_REPEATED_DEPENDENCY, /* likewise: a job in after_frames that is listed before */
-    QUEUE_UNKNOWN_FRAME /* likewise: a job in after_frames lacks `frame` of the receipt; QUEUE_NO_FRAME: it is not an array */
-} queue_verdict;
+    QUEUE_REPEATED_DEPENDENCY, /* the receipt has the index of a job in after_frames that was listed before */
+    /* the receipt has the index of a job in after_frames that lacks `frame` of the receipt; QUEUE_NO_FRAME: it is
+     * not an array */
+    QUEUE_UNKNOWN_FRAME
+} queue_admission;
 
 typedef struct queue_receipt {
-    queue_verdict verdict;
+    queue_admission admission;
     char id[ULID_SIZE];
-    queue_state
-        state; /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
+    /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
+    queue_state state;
     int64_t revision;
     size_t dependency;
     int frame;
 } queue_receipt;
 
-/* Stores the job if `receipt->verdict` is QUEUE_CREATED, and nothing otherwise. */
+/* Stores the job if `receipt->admission` is QUEUE_CREATED, and nothing otherwise. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
 /* Whether the owner has used this idempotency key. */
@@ -312,8 +315,9 @@ typedef struct queue_retried {
     size_t other_count;
 } queue_retried;
 
-/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents in turn.
- * Jobs of another owner than `owner` (NULL: any), and jobs that still depend on a failed one, are returned in `others`. */
+/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents in
+ * turn. Jobs of another owner than `owner` (NULL: any), and jobs that still depend on a failed one, are returned in
+ * `others`. */
 bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e);
 
 typedef struct queue_edit {
@@ -334,7 +338,8 @@ bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *
  * not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
-/* The ids of at most `limit` jobs whose retention has ended by one of these bounds, in one array; the caller frees it. */
+/* The ids of at most `limit` jobs whose retention has ended by one of these bounds, in one array that the caller
+ * frees. */
 bool queue_list_expired(queue *q, const running_bound *bounds, size_t bound_count, int limit,
                         char (**ids)[ULID_SIZE], size_t *count, error *e);
 /* The end of the next retention after `after_ms`, both by the wall clock; INT64_MAX: none. */
@@ -426,8 +431,8 @@ bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *fou
 bool queue_hold(queue *q, bool on, error *e);
 bool queue_is_held(queue *q, bool *held, error *e);
 
-/* Call it after the wall clock was set back: limits the remaining waits of delayed tasks and notifications to the delay
- * that was set after their last attempt. */
+/* Call it after the wall clock was set back: limits the remaining waits of delayed tasks and notifications to the
+ * delay that was set after their last attempt. */
 bool queue_shorten_waits(queue *q, error *e);
 
 /* When the next delayed task is due, wall clock; INT64_MAX: there is none. */
@@ -466,7 +471,8 @@ typedef struct queue_fence {
     int task, attempt;
 } queue_fence;
 
-/* Ends a task. If the attempt is not the current one or the task does not run, nothing changes and *accepted is false. */
+/* Ends a task. If the attempt is not the current one, or the task does not run, nothing changes and *accepted is
+ * false. */
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
 /* Queues a running task again. `counts`: the attempt counts against max_attempts, and its time against the time limit.

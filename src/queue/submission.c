@@ -37,7 +37,7 @@ static bool find_replay(database *d, submitting *s, bool *seen, error *e)
         queue_state_from_name((const char *)sqlite3_column_text(row, 1), &r->state);
         r->revision = sqlite3_column_int64(row, 2);
         bool same = strcmp((const char *)sqlite3_column_text(row, 3), s->in->body_hash) == 0;
-        r->verdict = same ? QUEUE_REPLAYED : QUEUE_MISMATCH;
+        r->admission = same ? QUEUE_REPLAYED : QUEUE_MISMATCH;
     }
     return ok;
 }
@@ -49,21 +49,21 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
     if (s->in->most_waiting <= 0) return true;
     sqlite3_stmt *row = ASK(d, e, "SELECT unfinished FROM owner WHERE name = ?1", text(s->owner));
     while (database_next(d, row, &ok, e)) *full = sqlite3_column_int64(row, 0) >= s->in->most_waiting;
-    if (*full) s->receipt.verdict = QUEUE_TOO_MANY;
+    if (*full) s->receipt.admission = QUEUE_TOO_MANY;
     return ok;
 }
 
 /* Whether the bounds permit more results. */
 static bool check_results(database *d, submitting *s, bool *full, error *e)
 {
-    usage_verdict verdict = USAGE_BELOW_BOUNDS;
-    if (!usage_check(s->q, d, s->owner, &verdict, e)) return false;
-    *full = verdict != USAGE_BELOW_BOUNDS;
-    if (*full) s->receipt.verdict = verdict == USAGE_FULL ? QUEUE_RESULTS_FULL : QUEUE_USER_RESULTS_FULL;
+    usage_level level = USAGE_BELOW_BOUNDS;
+    if (!usage_check(s->q, d, s->owner, &level, e)) return false;
+    *full = level != USAGE_BELOW_BOUNDS;
+    if (*full) s->receipt.admission = level == USAGE_FULL ? QUEUE_RESULTS_FULL : QUEUE_USER_RESULTS_FULL;
     return true;
 }
 
-/* Reads how far a job is on which the new one depends. */
+/* Reads the state of a job on which the new job depends. */
 static bool look_at_need(database *d, const char *id, bool *found, job_state_need *need, bool *accepted,
                          error *e)
 {
@@ -80,7 +80,7 @@ static bool look_at_need(database *d, const char *id, bool *found, job_state_nee
     return ok;
 }
 
-/* What the new job waits for: the success of another job, its end, or the success of the same frames. */
+/* The event of another job that the new job waits for: its success, its end, or the success of the same frames. */
 typedef enum need_kind { NEEDS_SUCCESS, NEEDS_END, NEEDS_FRAMES } need_kind;
 
 static size_t count_needs(const queue_submission *in)
@@ -100,8 +100,8 @@ static const char *need_at(const queue_submission *in, size_t index, need_kind *
     return in->after_frames[index - in->after_count];
 }
 
-/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: that job is not an array. *all: it has
- * all frames. */
+/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: the job `id` is not an array.
+ * *all: it has all frames. */
 static bool find_missing_frame(database *d, const queue_submission *in, const char *id, bool *all,
                                int *missing, error *e)
 {
@@ -134,13 +134,13 @@ static bool check_frames(database *d, submitting *s, size_t index, const char *i
     if (!again && !find_missing_frame(d, s->in, id, &all, &r->frame, e)) return false;
     *refused = again || !all;
     if (!*refused) return true;
-    r->verdict = again ? QUEUE_REPEATED_DEPENDENCY : QUEUE_UNKNOWN_FRAME;
+    r->admission = again ? QUEUE_REPEATED_DEPENDENCY : QUEUE_UNKNOWN_FRAME;
     r->dependency = index;
     return true;
 }
 
-/* Counts the jobs for which the new one has to wait. *lost: one that has ended and with which the new one cannot start.
- * *refused: the receipt says which dependency is not possible. */
+/* Counts the jobs for which the new job has to wait. *lost: an ended job with which the new job cannot start.
+ * *refused: a dependency is not possible; the receipt has its index. */
 static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *refused,
                         error *e)
 {
@@ -153,7 +153,7 @@ static bool check_needs(database *d, submitting *s, int *pending, job_state_need
         const char *id = need_at(s->in, i, &kind);
         if (!look_at_need(d, id, &found, &need, &accepted, e)) return false;
         if (!found) {
-            s->receipt.verdict = QUEUE_UNKNOWN_DEPENDENCY;
+            s->receipt.admission = QUEUE_UNKNOWN_DEPENDENCY;
             s->receipt.dependency = i;
             *refused = true;
             return true;
@@ -234,8 +234,8 @@ static bool put(database *d, change *c)
     if (stop) return true;
     if (!check_needs(d, s, &pending, &lost, &stop, e)) return false;
     if (stop) return true;
-    if (!database_has_room(d)) {
-        s->receipt.verdict = QUEUE_NO_ROOM;
+    if (!database_has_space(d)) {
+        s->receipt.admission = QUEUE_NO_SPACE;
         return true;
     }
     int64_t now = clock_wall_ms();
@@ -255,7 +255,7 @@ static bool put(database *d, change *c)
     if (ok && *lost.id) ok = job_state_fail_dependent(d, &j, &lost, now, e);
     if (ok && s->in->after_frames_count) ok = frame_needs_begin(d, &j, now, e);
     if (ok && (*lost.id || s->in->after_frames_count)) ok = job_state_save(d, &before, &j, now, e);
-    s->receipt.verdict = QUEUE_CREATED;
+    s->receipt.admission = QUEUE_CREATED;
     s->receipt.state = j.state;
     s->receipt.revision = j.revision;
     return ok;

@@ -55,18 +55,18 @@ static bool find_leaving(queue *q, database *d, const char *owner, int64_t *seq,
     return database_read_integer(d, s, seq, e);
 }
 
-bool usage_check(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e)
+bool usage_check(queue *q, database *d, const char *owner, usage_level *level, error *e)
 {
     queue_sum sum;
     int64_t leaving = 1;
     bool met;
     if (!usage_is_met(q, d, &met, e) || (met && !find_leaving(q, d, NULL, &leaving, e))) return false;
-    *verdict = leaving ? USAGE_BELOW_BOUNDS : USAGE_FULL;
+    *level = leaving ? USAGE_BELOW_BOUNDS : USAGE_FULL;
     if (!leaving || !owner) return true;
     if (!read_sum(d, ASK(d, e, "SELECT bytes, results FROM usage WHERE owner = ?1", text(owner)), &sum, e))
         return false;
     if (is_met(&sum, &q->bounds.user) && !find_leaving(q, d, owner, &leaving, e)) return false;
-    if (!leaving) *verdict = USAGE_USER_FULL;
+    if (!leaving) *level = USAGE_USER_FULL;
     return true;
 }
 
@@ -114,7 +114,7 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
     static const char sql[] =
         "SELECT owner, bytes, results FROM usage WHERE bytes > 0 OR results > 0 ORDER BY bytes DESC, owner";
     queue_usage read = {0};
-    usage_verdict verdict = USAGE_BELOW_BOUNDS;
+    usage_level level = USAGE_BELOW_BOUNDS;
     size_t capacity = 0;
     bool ok = false;
     database *d = database_begin_read(q->database);
@@ -127,8 +127,8 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
         snprintf(u->name, sizeof u->name, "%s", (const char *)sqlite3_column_text(s, 0));
         u->sum = (queue_sum){sqlite3_column_int64(s, 1), sqlite3_column_int64(s, 2)};
     }
-    ok = ok && read_total(d, &read.all, e) && usage_check(q, d, NULL, &verdict, e);
-    read.full = verdict == USAGE_FULL;
+    ok = ok && read_total(d, &read.all, e) && usage_check(q, d, NULL, &level, e);
+    read.full = level == USAGE_FULL;
     database_end_read(d);
     if (ok)
         *usage = read;

@@ -9,15 +9,16 @@
 #include "queue/members.h"
 
 /* The bound that is reached while no job may be deleted. */
-typedef enum usage_verdict { USAGE_BELOW_BOUNDS, USAGE_FULL, USAGE_USER_FULL } usage_verdict;
+typedef enum usage_level { USAGE_BELOW_BOUNDS, USAGE_FULL, USAGE_USER_FULL } usage_level;
 
-/* Checks the results of all jobs and, unless `owner` is NULL, those of this user. */
-bool usage_check(queue *q, database *d, const char *owner, usage_verdict *verdict, error *e);
+/* Checks the results of all jobs and, unless `owner` is NULL, the results of this user. */
+bool usage_check(queue *q, database *d, const char *owner, usage_level *level, error *e);
 
-/* Whether the results of all jobs have reached a bound: then no task is started. */
+/* Whether the results of all jobs have reached a bound; no task is started then. */
 bool usage_is_met(queue *q, database *d, bool *met, error *e);
 
-/* SQL condition on a row of owner: this user's results are below the user bounds, ?6 for bytes and ?7 for the number. */
+/* SQL condition on a row of owner: this user's results are below the user bounds, ?6 for bytes and ?7 for the number
+ * of results. */
 #define USAGE_BELOW                                                                                       \
     "(min(?6, ?7) = " USAGE_NO_BOUND " OR NOT EXISTS (SELECT 1 FROM usage WHERE usage.owner = owner.name" \
     " AND (bytes >= ?6 OR results >= ?7)))"

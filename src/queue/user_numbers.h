@@ -1,4 +1,5 @@
-/* user_numbers: a number per user, from a setting: alice:2, bob:1, *:0.5, where * stands for all others. Any thread.
+/* user_numbers: a number per user, from a setting such as alice:2, bob:1, *:0.5. * stands for all users that are not
+ * named. Any thread.
  */
 #ifndef HEXAD_QUEUE_USER_NUMBERS_H
 #define HEXAD_QUEUE_USER_NUMBERS_H
@@ -17,7 +18,7 @@ void user_numbers_free(user_numbers *n); /* accepts NULL */
 /* Replaces the numbers of `n` by those of `fresh`, and frees `fresh`. */
 void user_numbers_change(user_numbers *n, user_numbers *fresh);
 
-/* The number of this user: the user's own, else that of *, else `otherwise`. `n` NULL: `otherwise`. */
+/* The number of this user, otherwise the number of *, otherwise `otherwise`. If `n` is NULL, `otherwise`. */
 double user_numbers_of(const user_numbers *n, const char *user, double otherwise);
 
 #endif

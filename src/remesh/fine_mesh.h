@@ -1,6 +1,8 @@
-/* fine_mesh: a triangle mesh whose sides are halved until they are short beside the points on it.
+/* fine_mesh: a triangle mesh refined by halving sides until they are short compared with the spacing of the points
+ * on it.
  *
- * Vertices at one place are one, so that the pieces of a closed mesh are closed. World space. Threads: none.
+ * Vertices with equal coordinates are joined, so that the pieces of a closed mesh are closed. World space.
+ * Single-threaded.
  */
 #ifndef HEXAD_REMESH_FINE_MESH_H
 #define HEXAD_REMESH_FINE_MESH_H
@@ -10,12 +12,13 @@
 
 typedef struct fine_mesh {
     mesh m;
-    size_t *first; /* vertex_count + 1: of each vertex its triangles in `around` */
+    /* vertex_count + 1: vertex v has the triangles around[first[v]] .. around[first[v + 1] - 1] */
+    size_t *first;
     uint32_t *around;
 } fine_mesh;
 
-/* Sides are at most `share` of the spacing of the point that is nearest to their middle. Release also after failure. Error:
- * limit_memory. */
+/* Each side is at most `share` times the spacing of the point nearest to its midpoint. Free *out also after failure.
+ * Error: limit_memory. */
 bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const double *spacing,
                     double share, fine_mesh *out, error *e);
 void fine_mesh_free(fine_mesh *f);

@@ -1,7 +1,8 @@
-/* geodesic_cells: whose point's cell a vertex of a mesh is in: that of the nearest along the surface.
+/* geodesic_cells: assigns each vertex of a mesh to the point that is nearest along the surface.
  *
- * Distances go from triangle to triangle, each laid flat beside the one before (R. Kimmel and J. Sethian 1998, "Computing
- * geodesic paths on manifolds"), so opposite walls are distinguished at any distance. World space. Threads: none.
+ * Distances propagate from triangle to triangle, each unfolded into the plane of the previous one (R. Kimmel and J.
+ * Sethian 1998, "Computing geodesic paths on manifolds"). Opposite walls are therefore distinguished at any
+ * distance. World space. Single-threaded.
  */
 #ifndef HEXAD_REMESH_GEODESIC_CELLS_H
 #define HEXAD_REMESH_GEODESIC_CELLS_H
@@ -10,8 +11,9 @@
 
 #define GEODESIC_CELLS_NONE UINT32_MAX
 
-/* For each vertex the name of the point whose cell it is in; GEODESIC_CELLS_NONE in a part that has none. Points lie on the
- * mesh; several may have one name. To be freed. Error: limit_memory. Deterministic. */
+/* Returns for each vertex the name of its point; GEODESIC_CELLS_NONE in a connected part without points. Points lie
+ * on the mesh; several points may have the same name. The caller frees the result. Error: limit_memory.
+ * Deterministic. */
 bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position, const uint32_t *name,
                          uint32_t **out, error *e);
 

@@ -1,10 +1,11 @@
-/* surface_mesh: the triangles between points on a triangle mesh: the dual of the points' cells along the surface
- * (geodesic_cells), with edges flipped until the angles opposite to each sum up to at most 180 degrees.
+/* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points along the surface
+ * (geodesic_cells), with edges flipped until the sum of the two angles opposite to each edge is at most 180 degrees.
  *
- * Where cells are discs the triangles have the topology of the mesh, however near opposite walls are and however sharp
- * its edges. Cells that meet in several places, as on a fin, one that another surrounds, as at a tip, and one around a
- * neck are repaired where points are available: then no edge has four triangles. Where the mesh ends they do, up to the
- * edges between the points along its boundary. World space. Threads: none.
+ * If all cells are discs, the triangles have the topology of the mesh, independent of the distance of opposite walls
+ * and of the angle of its edges. Other cells are repaired if points are available, so that no edge has four
+ * triangles: cells that meet in several places, as on a fin; a cell that another one surrounds, as at a tip; and a
+ * cell around a neck. At a boundary of the mesh, the triangles end at the edges between the points along it. World
+ * space. Single-threaded.
  */
 #ifndef HEXAD_REMESH_SURFACE_MESH_H
 #define HEXAD_REMESH_SURFACE_MESH_H
@@ -17,14 +18,14 @@ typedef struct surface_mesh_input {
     size_t count;
     const vec3 *position; /* on the mesh */
     const double *spacing;
-    const uint32_t *name; /* the vertex that the point is; several points may be one */
+    const uint32_t *name; /* the vertex of the result for each point; several points may have the same */
     size_t names;
-    /* Steps along curves, each between two of the points: their edges stay. */
+    /* segments along curves, each between two of the points; their edges are kept */
     const uint32_t (*side)[2];
     size_t side_count;
 } surface_mesh_input;
 
-/* Triangles counterclockwise as those of the mesh are, to be freed. Error: limit_memory. Deterministic. */
+/* Triangles with the orientation of the mesh; the caller frees them. Error: limit_memory. Deterministic. */
 bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], size_t *count, error *e);
 
 #endif

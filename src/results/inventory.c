@@ -98,13 +98,13 @@ static void sort(listing *l)
     free(list);
 }
 
-static void append(listing *l, const char *name, int part, size_t *room)
+static void append(listing *l, const char *name, int part, size_t *capacity)
 {
     queue_directory d;
-    if (l->count == *room) {
-        *room = *room * 2 + 64;
-        l->name = mem_resize(l->name, *room * sizeof *l->name);
-        l->directory = mem_resize(l->directory, *room * sizeof *l->directory);
+    if (l->count == *capacity) {
+        *capacity = *capacity * 2 + 64;
+        l->name = mem_resize(l->name, *capacity * sizeof *l->name);
+        l->directory = mem_resize(l->directory, *capacity * sizeof *l->directory);
     }
     char *copy = mem_strdup(name);
     l->name[l->count] = copy;
@@ -119,13 +119,13 @@ static void append(listing *l, const char *name, int part, size_t *room)
 static bool list(const char *work_dir, int part, listing *l, error *e)
 {
     char *path = mem_printf("%s/%s", work_dir, parts[part]);
-    size_t room = 0;
+    size_t capacity = 0;
     struct stat info;
     l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
     DIR *stream = opendir(path);
     for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            append(l, entry->d_name, part, &room);
+            append(l, entry->d_name, part, &capacity);
     bool ok = (stream && !errno) || error_set(e, ERROR_INTERNAL, "cannot list %s: %s", path, strerror(errno));
     if (stream) closedir(stream);
     free(path);

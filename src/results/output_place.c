@@ -17,7 +17,7 @@
 #include "results/result.h"
 #include "store/turns.h"
 
-/* How long a submission waits for the file system, in milliseconds. */
+/* Maximum time, in ms, that a submission waits for the file system. */
 #define LOOK_MS 2000
 /* Threads that may wait for the file system of one root. Further checks fail at once: the file system does not
  * respond. */
@@ -123,8 +123,8 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
 
 /* ---- copies */
 
-/* Copies a file of all frames to the open directory above those of the frames. Its path takes the place of a directory
- * in the record of its owner: the directory itself may contain the report of another user. */
+/* Copies a file of all frames to the open directory above the directories of the frames. The record of its owner has
+ * the path of the file instead of a directory, because the directory may contain the report of another user. */
 static bool copy_stage(output_place *p, const char *user, const char *from, const char *file, int to,
                        const char *above, const char *temporary, error *e)
 {

@@ -34,10 +34,11 @@ bool output_place_check(output_place *p, const char *user, const char *directory
  * output_place_check for paths outside of the roots mention it. */
 void output_place_note_change(output_place *p, bool changed);
 
-/* Copies the result in the directory `from` to `directory`, when no other copy into `directory` runs. Files that belong to
- * all frames of a sequence (WORKER_STAGE_ENDING) go to `above` instead; they are not copied if that is NULL or not below
- * an output root. `temporary` is the name of the temporary file in `directory`; a crash may leave it there. Errors: those of result_read,
- * store_output_open, store_output_copy and the queue; output_taken. */
+/* Copies the result in the directory `from` to `directory`, after other copies to `directory` have ended. Files that
+ * belong to all frames of a sequence (WORKER_STAGE_ENDING) are copied to `above` instead. They are not copied if
+ * `above` is NULL or not below an output root. `temporary` is the name of the temporary file in `directory`; a crash
+ * may leave it there. Errors: those of result_read, store_output_open, store_output_copy and the queue;
+ * output_taken. */
 bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
                        const char *above, const char *temporary, error *e);
 

@@ -15,10 +15,11 @@
 #include "queue/queue.h"
 #include "results/result.h"
 
-/* Writes report.json in the directory `to`: a copy of the report in `from` with this spec (JSON text), and its summary. `r`
- * and `document` must come from result_read_short of `from`; `document` is changed. `to` may equal `from`. An existing
- * report.json is replaced by a new file, so other hard links to the old one stay unchanged. The report is copied as a
- * stream and never held in memory as a whole. Errors: input_damaged; errors of reading and writing files. */
+/* Writes report.json in the directory `to`: a copy of the report in `from` with this spec (JSON text), and its
+ * summary. `r` and `document` must come from result_read_short of `from`; `document` is changed. `to` may equal
+ * `from`. An existing report.json is replaced by a new file, so other hard links to the old one stay unchanged. The
+ * report is copied as a stream and never held in memory as a whole. Errors: input_damaged; errors of reading and
+ * writing files. */
 bool own_report_copy(const char *from, const char *to, const char *spec, const result *r, json *document,
                      error *e);
 

@@ -16,9 +16,9 @@ typedef struct publication publication;
  * freed. */
 char *publication_temporary(const char *directory);
 
-/* Begins to copy the result in `directory` to `path`, and its files of all frames to `above` (NULL: none), for this user. At the end of the copy, 1 is written to the
- * eventfd `end_fd`. The place must outlive the publication; texts are copied. Never NULL. If no thread can be
- * started, the copy is made before the call returns. */
+/* Begins to copy the result in `directory` to `path`, and its files of all frames to `above` (NULL: none), for this
+ * user. At the end of the copy, 1 is written to the eventfd `end_fd`. The place must outlive the publication; texts
+ * are copied. Never NULL. If no thread can be started, the copy is made before the call returns. */
 publication *publication_start(output_place *outputs, const char *user, const char *directory,
                                const char *path, const char *above, int end_fd);
 

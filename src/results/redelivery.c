@@ -42,8 +42,8 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
 {
     char unique[ULID_SIZE];
     error fault = {0};
-    ulid_make(clock_wall_ms(),
-              unique); /* unused before: output_cleanup may be removing files of earlier copies */
+    /* unused before: output_cleanup may be removing files of earlier copies */
+    ulid_make(clock_wall_ms(), unique);
     char *from = result_directory(r->work_dir, job->id, task->frame),
          *name = mem_printf(".%s.hexad-tmp", unique);
     char *to =

@@ -27,8 +27,8 @@ typedef struct result_output {
 typedef struct result {
     queue_outcome outcome;
     int64_t count; /* of points */
-    int64_t
-        report_bytes; /* length of report.json by the summary; -1: the result was not read from a summary */
+    /* length of report.json by the summary; -1: the result was not read from a summary */
+    int64_t report_bytes;
     size_t output_count;
     result_output *output; /* in the order of the report; only result_list adds report.json */
     char *notes; /* JSON object of what users should read before they use the result: resolved_share,

@@ -38,7 +38,7 @@ struct retention {
     pthread_mutex_t mutex;
     pthread_cond_t woken;
     fetches *fetches;
-    int room_fd;
+    int space_fd;
     atomic_uint_fast64_t evicted;
     pthread_mutex_t removing; /* held while directories are removed */
     bool wake, stop;
@@ -101,7 +101,7 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
     return ok;
 }
 
-/* Processes the notes of one job or (NULL) of all jobs. False if some are left. Any thread; `removing` serialises. */
+/* Processes the notes of one job or (NULL) of all jobs. False if some remain. Any thread; `removing` serialises. */
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
@@ -166,7 +166,7 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
         set_left(r, true);
         retention_wake(r);
     }
-    ssize_t written = write(r->room_fd, &(uint64_t){1}, sizeof(uint64_t));
+    ssize_t written = write(r->space_fd, &(uint64_t){1}, sizeof(uint64_t));
     (void)written; /* fails only if the counter is full, and then the eventfd is readable anyway */
     return true;
 }
@@ -239,7 +239,7 @@ static bool measure_some(retention *r, bool *more)
 }
 
 /* Deletes up to AT_ONCE jobs while results reach a bound. *more: others may have to be deleted. */
-static bool make_room(retention *r, bool *more)
+static bool evict_some(retention *r, bool *more)
 {
     char id[ULID_SIZE];
     bool ok = true, found = true, known, deleted;
@@ -294,7 +294,7 @@ static bool wait_until(retention *r, int64_t at_ms)
     return go_on;
 }
 
-/* Whether the file has been unused for keep_ms and no unfinished job reads it. On a database error, false. */
+/* Whether the file has been unused for keep_ms and no unfinished job reads it. False on a database error. */
 static bool may_go(void *context, const char *name, int64_t used_ms)
 {
     retention *r = context;
@@ -335,7 +335,7 @@ static void *keep(void *argument)
         collect_inputs(r);
         note_delivered(r);
         int64_t looked_ms = clock_wall_ms();
-        bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && make_room(r, &more[2]),
+        bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && evict_some(r, &more[2]),
              any = more[0] || more[1] || more[2];
         if (!ok || (!any && !find_next_expiry(r, looked_ms, &next)))
             next = clock_monotonic_ms() + RETRY_MS;
@@ -358,12 +358,12 @@ static void release(retention *r)
     free(r);
 }
 
-retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int room_fd,
+retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int space_fd,
                            error *e)
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
-    r->room_fd = room_fd;
+    r->space_fd = space_fd;
     r->fetches = fetches_new();
     r->left = true; /* a crash may have left noted directories */
     r->inputs = keep_s > 0 ? inputs : NULL;

@@ -21,10 +21,10 @@
 typedef struct retention retention;
 
 /* Starts the thread. results/ and attempts/ must exist. The queue and the inputs must outlive it; the path is
- * copied. After the deletion of a job, 1 is written to the eventfd `room_fd`: disk space may be free for other jobs.
+ * copied. After the deletion of a job, 1 is written to the eventfd `space_fd`: disk space may be free for other jobs.
  * Uploaded files are removed `keep_s` seconds after their last use, unless an unfinished job reads them. They are
  * kept for ever if keep_s is 0 or inputs is NULL. NULL on failure: errors of background_start. */
-retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int room_fd,
+retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int space_fd,
                            error *e);
 /* Waits for the end of the thread and frees. Accepts NULL. */
 void retention_stop(retention *r);

@@ -19,11 +19,11 @@
 #define REQUEUED "requeued"
 #define ENDING "ending.json"
 
-/* A spec has at most body_limit_bytes; a request repeats it with escapes. */
+/* Limit of a request, which repeats the spec with escapes; a spec has at most body_limit_bytes. */
 #define REQUEST_BYTES ((size_t)1 << 31)
 #define SMALL_BYTES 65536
 #define LIST_BYTES ((size_t)1 << 26)
-/* Progress that is read at once: some hundred lines. What is more comes with the next look. */
+/* Bytes of progress that one call reads, some hundred lines. The next call reads the following ones. */
 #define PROGRESS_BYTES 65536
 
 static char *path_of(const char *directory, const char *name)
@@ -31,7 +31,7 @@ static char *path_of(const char *directory, const char *name)
     return mem_printf("%s/%s", directory, name);
 }
 
-/* By rename, and not flushed. */
+/* Writes a file by rename, without a flush. */
 static bool write_text(const char *directory, const char *name, const char *text, error *e)
 {
     char *path = path_of(directory, name), *temporary = mem_printf("%s.new", path);
@@ -45,7 +45,7 @@ static bool write_text(const char *directory, const char *name, const char *text
     return ok;
 }
 
-/* NULL, with *absent when there is no such file. */
+/* Reads a JSON document. NULL on failure; *absent: the file does not exist. */
 static json *read_document(const char *directory, const char *name, size_t limit, bool *absent, error *e)
 {
     size_t length = 0;
@@ -167,7 +167,7 @@ bool attempt_files_write_batch(const char *directory, const attempt_files_batch 
     return ok;
 }
 
-/* False when there is no such file; *batch is empty when it does not say all. */
+/* Reads a batch. False if the file does not exist. *batch is empty if the file is incomplete. */
 static bool read_batch(const char *directory, const char *name, attempt_files_batch *batch)
 {
     size_t length = 0;
@@ -203,9 +203,9 @@ void attempt_files_clear_names(attempt_files_names *names)
 
 bool attempt_files_write_list(const char *farm, const char *list, const attempt_files_names *names, error *e)
 {
-    size_t room = 1, used = 0;
-    for (size_t i = 0; i < names->count; i++) room += strlen(names->name[i]) + 1;
-    char *text = mem_alloc(room);
+    size_t capacity = 1, used = 0;
+    for (size_t i = 0; i < names->count; i++) capacity += strlen(names->name[i]) + 1;
+    char *text = mem_alloc(capacity);
     for (size_t i = 0; i < names->count; i++) used += (size_t)sprintf(text + used, "%s\n", names->name[i]);
     bool ok = write_text(farm, list, text, e);
     free(text);
@@ -233,7 +233,7 @@ attempt_files_claim attempt_files_take(const char *directory, const attempt_file
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), why = errno;
     if (fd >= 0 && text) {
         ssize_t written = write(fd, text, strlen(text));
-        (void)written; /* that the claim is there counts; the service can do without its words */
+        (void)written; /* the existence of the claim is sufficient; its text is optional */
     }
     if (fd >= 0) close(fd);
     free(path);
@@ -305,7 +305,7 @@ bool attempt_files_read_ending(const char *directory, engine_ending *ending, boo
     return true;
 }
 
-/* The file is closed each time: only then does a network file system show it to others. */
+/* The file is closed each time: other hosts of a network file system see the data only after that. */
 bool attempt_files_add_progress(const char *directory, const char *lines)
 {
     char *path = path_of(directory, ATTEMPT_FILES_PROGRESS);

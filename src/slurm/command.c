@@ -15,18 +15,19 @@
 #include "base/memory.h"
 #include "base/transfer.h"
 
-/* A listing of a hundred thousand jobs has some 20 MB. */
+/* Limit of the output. A listing of 100 000 jobs has about 20 MB. */
 #define MOST_BYTES ((size_t)256 << 20)
 
 typedef struct text {
     char *bytes;
-    size_t used, room;
+    size_t used, capacity;
 } text;
 
-/* False at the end of the stream or of what fits. */
+/* Reads a part of the output. False at the end of the stream, or at the limit. */
 static bool take(int fd, text *t)
 {
-    if (t->used + 65537 > t->room) t->bytes = mem_resize(t->bytes, t->room = 2 * t->room + 131072);
+    if (t->used + 65537 > t->capacity)
+        t->bytes = mem_resize(t->bytes, t->capacity = 2 * t->capacity + 131072);
     ssize_t got = read(fd, t->bytes + t->used, 65536);
     if (got < 0) return errno == EINTR || errno == EAGAIN;
     t->used += (size_t)got;
@@ -70,7 +71,7 @@ static void collect(int fds[2], pid_t pid, double limit_s, text texts[2], bool *
         int64_t left = *timed_out ? 1000 : end_ms - clock_monotonic_ms();
         struct pollfd watched[2] = {{.fd = fds[0], .events = POLLIN}, {.fd = fds[1], .events = POLLIN}};
         int ready = left > 0 ? poll(watched, 2, (int)left) : 0;
-        if (ready == 0 && *timed_out) return; /* a child of it holds the pipes */
+        if (ready == 0 && *timed_out) return; /* a child of the program still has the pipes open */
         if (ready == 0) {
             kill(pid, SIGKILL);
             *timed_out = true;
@@ -83,7 +84,8 @@ static void collect(int fds[2], pid_t pid, double limit_s, text texts[2], bool *
     }
 }
 
-/* Until its end: it has closed its output, so that it ends at once or is killed. */
+/* Waits for the end of a program that has closed its output, and kills it after limit_s. Returns its exit status;
+ * -1: a signal ended it. */
 static int await(pid_t pid, double limit_s, bool *timed_out)
 {
     int status = 0;

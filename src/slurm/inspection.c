@@ -1,4 +1,6 @@
-/* inspection: how each attempt has ended or why it waits, from the files of the attempts and from the answers of Slurm. */
+/* inspection: finds out how each attempt has ended or why it waits, from the files of the attempts and from the
+ * answers of Slurm.
+ */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,35 +14,36 @@
 #include "json/json.h"
 #include "slurm/place.h"
 
-/* Milliseconds by which a network file system may show an ending later than Slurm reports the end of the job. */
+/* Maximum time, in ms, by which a network file system may show an ending later than Slurm reports the end of the
+ * job. */
 #define LATE_MS 3000
-/* Milliseconds to wait until Slurm reports why it stopped a worker. */
+/* Maximum time, in ms, to wait until Slurm reports why it stopped a worker. */
 #define WORD_MS 30000
 #define AVOID_MS 600000
-/* How long a listing is believed that an attempt waits; then its files are looked at. */
+/* Maximum age, in ms, of a listing that shows that an attempt waits. After that the attempt's files are examined. */
 #define FRESH_MS 2000
 
-/* What is decided from, taken at once. */
+/* The data for the decision about an attempt, copied under the mutex. */
 typedef struct view {
     engine_attempt *a;
     char *directory;
     bool waits; /* it is not submitted */
-    bool refused, cancelled, forced, told;
-    slurm_task task; /* as Slurm says */
+    bool refused, cancelled, forced, notified;
+    slurm_task task; /* as reported by Slurm */
     bool began, taken, late;
     int64_t over_ms, stopped_ms, offset;
 } view;
 
-/* ---- what Slurm says */
+/* ---- the answers of Slurm */
 
-/* Slurm answers, and has not known the task for long enough. */
+/* Whether Slurm answers and has not listed the task for lost_s. */
 static bool is_gone(const slurm *s, const slurm_task *t)
 {
     return s->listing >= t->listing + 2 &&
            clock_monotonic_ms() - t->seen_ms >= (int64_t)(s->settings.lost_s * 1000);
 }
 
-/* With the mutex. */
+/* Updates `runs` and `waiter` of the batch. The caller holds the mutex. */
 static void survey(slurm *s, slurm_batch *b)
 {
     b->runs = false;
@@ -56,7 +59,8 @@ static void survey(slurm *s, slurm_batch *b)
     s->sharing |= b->shared && b->runs;
 }
 
-/* With the mutex. An attempt that any task may take has the state of the one that may take it first. */
+/* The task that determines the state of the attempt. An attempt that any task may run has the state of the task that
+ * may run it first. The caller holds the mutex. */
 static slurm_task find_task(const slurm *s, const engine_attempt *a)
 {
     const slurm_batch *b = a->batch;
@@ -75,7 +79,7 @@ static view take_view(const slurm *s, engine_attempt *a)
               .refused = a->refused,
               .cancelled = a->cancelled,
               .forced = a->forced,
-              .told = a->told,
+              .notified = a->notified,
               .began = a->began_ms != INT64_MAX,
               .taken = a->taken,
               .late = a->late,
@@ -86,14 +90,14 @@ static view take_view(const slurm *s, engine_attempt *a)
     return v;
 }
 
-/* ---- what is decided */
+/* ---- decisions */
 
-/* With the mutex. */
+/* Wakes the executor. The caller holds the mutex. */
 static void wake(const engine_attempt *a)
 {
     if (a->left) return;
     ssize_t written = write(a->place->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is enough */
+    (void)written; /* if the counter is full, it is readable already */
 }
 
 static void end(view *v, const engine_ending *ending)
@@ -116,7 +120,7 @@ static void end_lost(view *v, engine_loss loss, const char *why)
     end(v, &ending);
 }
 
-/* A line of progress, to be freed later. */
+/* Stores a line of progress; takes it over. */
 static void put_progress(view *v, char *line)
 {
     slurm *s = v->a->place;
@@ -127,7 +131,7 @@ static void put_progress(view *v, char *line)
     pthread_mutex_unlock(&s->mutex);
 }
 
-/* Says once why Slurm has it wait, also when that changes. */
+/* Reports the reason why the attempt waits in Slurm, whenever it changes. */
 static void tell_waiting(view *v)
 {
     if (!*v->task.reason || strcmp(v->task.reason, v->a->reason) == 0) return;
@@ -140,7 +144,7 @@ static void tell_waiting(view *v)
     json_free(line);
 }
 
-/* Whether it has begun, and where. */
+/* Records whether the attempt has begun, and in which task. */
 static void look_for_claim(view *v)
 {
     slurm *s = v->a->place;
@@ -170,14 +174,15 @@ static void keep_progress(view *v)
     put_progress(v, line);
 }
 
-/* The loss of an attempt whose worker has begun. A time limit that other attempts have used up does not count. */
+/* The loss of an attempt whose worker has begun. A time limit that other attempts have partly used does not count. */
 static engine_loss find_loss(const view *v)
 {
     engine_loss loss = v->task.state->begun;
     return loss == ENGINE_OUT_OF_TIME && v->late ? ENGINE_INTERRUPTED : loss;
 }
 
-/* Sets why a worker was stopped, which only Slurm may report. False: it has not reported it yet. */
+/* Sets the reason why a worker was stopped. Slurm may be the only source of the reason. False: Slurm has not
+ * reported it yet. */
 static bool explain(view *v, engine_ending *ending)
 {
     const slurm_state *state = v->task.state;
@@ -210,8 +215,8 @@ static bool explain(view *v, engine_ending *ending)
     return (state && state->over) || now - v->stopped_ms >= WORD_MS;
 }
 
-/* The storage may be at fault, which may pass: the ending is read again for lost_s, or until the attempt is given up.
- * False: it is given up. */
+/* Handles an ending that cannot be read. The storage may have failed temporarily: the ending is read again for
+ * lost_s, or until the attempt is abandoned. False: it was abandoned. */
 static bool wait_for_ending(view *v, const error *why)
 {
     char words[256];
@@ -228,7 +233,7 @@ static bool wait_for_ending(view *v, const error *why)
     return true;
 }
 
-/* True when there is an ending, which is complete, or one that is still to be read. */
+/* Reads the ending. True if there is an ending, or if it must be read again. */
 static bool read_ending(view *v)
 {
     engine_ending ending = {0};
@@ -243,16 +248,16 @@ static bool read_ending(view *v)
     return found;
 }
 
-/* The creator of the claim owns the attempt: if it is the service, no node will run the attempt. */
+/* Cancels an attempt. The creator of the claim owns it: if this is the service, no node will run the attempt. */
 static void follow_cancel(view *v)
 {
     error e = {0};
     attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
         end_lost(v, ENGINE_GIVEN_BACK, "its worker had not started");
-    } else if (!v->told && attempt_files_cancel(v->directory, &e)) {
+    } else if (!v->notified && attempt_files_cancel(v->directory, &e)) {
         pthread_mutex_lock(&v->a->place->mutex);
-        v->a->told = true;
+        v->a->notified = true;
         pthread_mutex_unlock(&v->a->place->mutex);
     } else if (v->forced) {
         end_lost(v, ENGINE_INTERRUPTED, "it was abandoned while its worker may still have run");
@@ -287,7 +292,7 @@ static void follow_over(view *v)
     if (now - v->over_ms < LATE_MS) return;
     attempt_files_claim claim = attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_UNCLEAR) return;
-    if (claim == ATTEMPT_FILES_TAKEN) attempt_files_cancel(v->directory, &e); /* its worker may run on */
+    if (claim == ATTEMPT_FILES_TAKEN) attempt_files_cancel(v->directory, &e); /* its worker may still run */
     if (claim == ATTEMPT_FILES_TAKEN && strcmp(state->name, "OUT_OF_MEMORY") == 0) {
         engine_ending ending = {.exit_status = -1, .signal = SIGKILL, .out_of_memory = true};
         end(v, &ending);
@@ -310,14 +315,14 @@ static void inspect(view *v)
         return;
     }
     bool fresh = clock_monotonic_ms() - v->task.seen_ms < FRESH_MS;
-    if (state && state->waits && fresh && !v->cancelled && !v->began) { /* spares the storage */
+    if (state && state->waits && fresh && !v->cancelled && !v->began) { /* no access to the storage */
         tell_waiting(v);
         return;
     }
     look_for_claim(v);
     state = v->task.state;
     bool over = state && state->over;
-    if (v->began || over) { /* else it has neither, and the storage is spared */
+    if (v->began || over) { /* otherwise there is neither */
         keep_progress(v);
         if (read_ending(v)) return;
     }

@@ -1,4 +1,4 @@
-/* listing: what Slurm says about all jobs of this service, in one answer. */
+/* listing: reads the states of all Slurm jobs of this service in one answer. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,16 +10,16 @@
 #include "slurm/command.h"
 #include "slurm/place.h"
 
-/* So that asking takes a quarter of the time at most, however many jobs there are. */
+/* The pause after a call of squeue in units of its duration: squeue then runs at most a quarter of the time. */
 #define PAUSE_TIMES 3
-/* Jobs that one scancel names. */
+/* Maximum number of jobs in one call of scancel. */
 #define CANCEL_MOST 500
 
 typedef struct row {
     char *number, *element, *name, *state, *host, *reason;
 } row;
 
-/* Splits the next line of `*text`, which moves on. */
+/* Splits the next line of *text and advances *text. */
 static bool next_row(char **text, row *r)
 {
     char *fields[6], *line = *text;
@@ -37,7 +37,7 @@ static bool next_row(char **text, row *r)
     return true;
 }
 
-/* Takes it over. The same one after the other is one. */
+/* Adds a name, which is taken over. A name that equals the last one is discarded. */
 static void add_name(attempt_files_names *n, char *name)
 {
     if (n->count && strcmp(n->name[n->count - 1], name) == 0) {
@@ -56,13 +56,14 @@ static bool has_name(const attempt_files_names *n, const char *name)
 }
 
 typedef struct listing {
-    slurm_batch *last; /* of the row before: arrays come in a piece */
-    /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again, and now */
+    slurm_batch *last; /* of the previous row: the rows of an array are consecutive */
+    /* "NAME NUMBER" or "NAME NUMBER_TASK". strays: to be cancelled if the next listing has them as well. doomed: to
+     * be cancelled now. */
     attempt_files_names strays, doomed;
 } listing;
 
-/* What to cancel because all attempts that the task runs or may run have ended or are cancelled: the task or all of its
- * array; NULL: nothing. A running task may have claimed one of the open attempts. */
+/* The id to cancel because all attempts that the task runs or may run have ended or were cancelled: of the task, or
+ * of its whole array. NULL: none. A running task may have claimed one of the open attempts. */
 static char *find_unwanted(const slurm *s, const slurm_batch *b, const row *r, const slurm_state *state)
 {
     bool any_open = s->open && (!b || b->shared);
@@ -72,7 +73,7 @@ static char *find_unwanted(const slurm *s, const slurm_batch *b, const row *r, c
                                         : mem_printf("%s %s", r->name, r->number);
 }
 
-/* With the mutex. */
+/* Stores the state in a row. The caller holds the mutex. */
 static void take_row(slurm *s, listing *l, const row *r)
 {
     if (strncmp(r->name, s->prefix, strlen(s->prefix)) != 0) return;
@@ -96,8 +97,8 @@ static void take_row(slurm *s, listing *l, const row *r)
     if (id) add_name(&l->doomed, id);
 }
 
-/* Cancels those from the first on that are of one job, and returns how many. The name goes along: a number alone may
- * be another job's by now. */
+/* Cancels the first elements that belong to one job, and returns their number. The call also contains the name,
+ * because Slurm may reuse a number for another job. */
 static size_t cancel_some(const slurm *s, char *const *doomed, size_t count)
 {
     const char *arguments[CANCEL_MOST + 4] = {"scancel", "--quiet"};
@@ -132,7 +133,7 @@ static bool ask(const slurm *s, command_result *said)
     return false;
 }
 
-/* With the mutex. */
+/* Stores the states of a listing. The caller holds the mutex. */
 static void take_listing(slurm *s, char *text, listing *l)
 {
     row r;

@@ -16,18 +16,19 @@
 #include "executor/local.h"
 #include "store/file.h"
 
-/* Between two looks for a cancellation, and between two writes of progress, which others read over the network. */
+/* Interval, in ms, between two checks for a cancellation, and between two writes of progress, which other hosts read
+ * over the network. */
 #define LOOK_MS 500
-/* An ending is worth some patience: without it the whole attempt is lost. */
+/* Number of tries, one per second, to write an ending. Without the ending the attempt is lost. */
 #define ENDING_TRIES 30
 
 typedef struct run {
     const char *directory;
     engine_attempt *attempt;
     int signals;
-    bool stopped, cancelled; /* by a signal; by that or by the service */
-    int64_t force_ms;        /* when the worker is killed */
-    char *progress;          /* lines to be written */
+    bool stopped, cancelled; /* by a signal; by a signal or by the service */
+    int64_t force_ms;        /* time at which the worker is killed */
+    char *progress;          /* lines that are not written yet */
     size_t progress_length;
 } run;
 
@@ -93,7 +94,7 @@ static bool tell_ending(const run *r, const engine_ending *ending, error *e)
 {
     for (int i = 0; i < ENDING_TRIES; i++) {
         if (attempt_files_write_ending(r->directory, ending, e)) return true;
-        if (!attempt_files_exist(r->directory)) return true; /* given up by the service */
+        if (!attempt_files_exist(r->directory)) return true; /* the service has abandoned it */
         poll(NULL, 0, 1000);
     }
     return false;
@@ -109,7 +110,7 @@ static bool run_attempt(const char *directory, int signals, bool *stopped, error
     r.attempt = engine_local.start(NULL, &request, e);
     attempt_files_clear_request(&request);
     if (!r.attempt) return false;
-    add_line(&r, "{\"phase\":\"load\",\"fraction\":0}"); /* shows that it has begun */
+    add_line(&r, "{\"phase\":\"load\",\"fraction\":0}"); /* shows that the attempt has begun */
     wait_for_end(&r);
     engine_local.settle(r.attempt, &ending);
     ending.ran_ms = clock_monotonic_ms() - began_ms + 1;
@@ -127,7 +128,8 @@ static bool is_restart(void)
     return count && atoi(count) > 0;
 }
 
-/* Slurm has requeued this task, which had claimed the attempt: the service may not have seen it wait. */
+/* If Slurm has requeued this task and the task had claimed the attempt before, records it: the service may not have
+ * seen the task wait. */
 static bool note_restart(const char *directory, const attempt_files_batch *self, error *e)
 {
     attempt_files_batch by;
@@ -138,7 +140,7 @@ static bool note_restart(const char *directory, const attempt_files_batch *self,
 typedef struct node {
     const char *farm;
     attempt_files_batch self;
-    int64_t end_ms; /* no others are taken from then on */
+    int64_t end_ms; /* attempts of other tasks are taken until then */
     int signals;
     bool stopped;
 } node;
@@ -165,7 +167,8 @@ static bool may_take_more(const node *n)
     return !n->stopped && clock_monotonic_ms() < n->end_ms;
 }
 
-/* Those of the list from `first` on, and round: `own` of them in any case. */
+/* Runs attempts of the list, beginning with index `first` and continuing cyclically. The first `own` attempts are
+ * always tried; the others while the task may take more. */
 static bool run_list(node *n, const attempt_files_names *names, size_t first, size_t own, error *e)
 {
     for (size_t i = 0; i < names->count && !n->stopped && (i < own || may_take_more(n)); i++)
@@ -173,7 +176,7 @@ static bool run_list(node *n, const attempt_files_names *names, size_t first, si
     return true;
 }
 
-/* Until nothing of the list is to be had. */
+/* Runs attempts of the list until none can be claimed. */
 static bool run_others(node *n, const char *list, error *e)
 {
     int before = -1;

@@ -14,11 +14,11 @@
 #include "slurm/place.h"
 #include "store/file.h"
 
-/* Between two looks at the files of the attempts. */
+/* Interval, in ms, between two inspections of the files of the attempts. */
 #define LOOK_MS 500
-/* Slurm's priority falls with a job's nice. Ours rises, from -1000 to 1000. */
+/* A larger nice value means a lower priority in Slurm. Priorities of hexad rise from -1000 to 1000. */
 #define HIGHEST_PRIORITY 1000
-/* In addition to the time that an attempt has left: the worker ends by itself before Slurm ends it. */
+/* Added to the remaining time of an attempt, so that the worker ends by itself before Slurm ends it. */
 #define MORE_TIME_S 60
 
 /* ---- batches */
@@ -99,7 +99,7 @@ void slurm_take(engine_attempt *a, const attempt_files_batch *by)
 
 void slurm_forsake(engine_attempt *a)
 {
-    count(a, (size_t)-1); /* nothing when it is so already */
+    count(a, (size_t)-1); /* no effect if it was cancelled before */
     a->cancelled = true;
 }
 
@@ -139,7 +139,8 @@ static char *add_need(char *needs, const char *option)
     return more;
 }
 
-/* sbatch uses the last of repeated options: the job's. `root`: of its spec. */
+/* The options of the Slurm job. sbatch uses the last of repeated options, so those of the spec take precedence.
+ * `root`: the root of the spec. */
 static char *describe_needs(const slurm_settings *settings, const engine_request *r, const json_at *root)
 {
     const char *account = find_account(settings, r->owner);
@@ -190,7 +191,7 @@ static void attempt_free(engine_attempt *a)
     free(a);
 }
 
-/* Gives the attempt to the threads; `batch`: it may have been submitted already. */
+/* Passes the attempt to the threads. `batch`: it may have been submitted already; NULL: it has not. */
 static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const attempt_files_batch *batch)
 {
     pthread_mutex_lock(&s->mutex);
@@ -214,8 +215,8 @@ static engine_attempt *start(void *place, const engine_request *request, error *
 {
     slurm *s = place;
     engine_attempt *a = make(s, request);
-    store_remove(a->directory,
-                 NULL); /* of an attempt with this number that a restored database has forgotten */
+    /* files of an attempt with this number that is missing in a restored database */
+    store_remove(a->directory, NULL);
     if (attempt_files_begin(a->directory, request, e)) {
         take_up(s, a, request, NULL);
         return a;
@@ -233,7 +234,7 @@ static bool runs_on(void *place, const char *directory)
     return found;
 }
 
-/* What waited for its submission is submitted now. What may be in Slurm's queue is looked for there. */
+/* Submits an attempt that had not been submitted. Searches Slurm's queue for an attempt that may have been. */
 static engine_attempt *resume(void *place, const engine_request *request, error *e)
 {
     (void)e;
@@ -244,7 +245,7 @@ static engine_attempt *resume(void *place, const engine_request *request, error 
     return a;
 }
 
-/* The files thread may look at it: slurm_close frees it. */
+/* Does not free the attempt, since the files thread may use it. slurm_close frees it. */
 static void leave(engine_attempt *a)
 {
     slurm *s = a->place;
@@ -253,14 +254,14 @@ static void leave(engine_attempt *a)
     pthread_mutex_unlock(&s->mutex);
 }
 
-/* With the mutex. */
+/* Takes over `directory`. The caller holds the mutex. */
 static void put_trash(slurm *s, char *directory)
 {
     s->trash = mem_resize(s->trash, (s->trash_count + 1) * sizeof *s->trash);
     s->trash[s->trash_count++] = directory;
 }
 
-/* With the mutex. */
+/* The caller holds the mutex. */
 static bool has_attempt(const slurm *s, const char *name)
 {
     const engine_attempt *a = s->first;
@@ -383,7 +384,8 @@ static void *run_commands(void *argument)
     return NULL;
 }
 
-/* Nodes look for attempts by their names: what has lost its claim first would be taken once more. */
+/* Removes the files of an attempt after renaming their directory. Nodes find attempts by their names; if the claim
+ * were removed first, a node could claim the attempt again. */
 static bool remove_files(const slurm *s, const char *directory, error *e)
 {
     char *aside = mem_printf("%s/.old-%s", s->farm, strrchr(directory, '/') + 1);
@@ -403,7 +405,8 @@ static void empty_trash(slurm *s)
     pthread_mutex_unlock(&s->mutex);
     for (size_t i = 0; i < count; i++) {
         error e = {0};
-        if (!remove_files(s, trash[i], &e)) /* an orphan may write there: the next start of hexad sweeps */
+        /* an orphaned worker may write there; the next start of hexad removes the rest */
+        if (!remove_files(s, trash[i], &e))
             log_write(LOG_LEVEL_WARNING, "cannot remove the files of an attempt: %s", e.message);
         free(trash[i]);
     }
@@ -443,7 +446,7 @@ static void place_free(slurm *s)
     pthread_mutex_destroy(&s->mutex);
     pthread_cond_destroy(&s->commands_due);
     pthread_cond_destroy(&s->files_due);
-    for (engine_attempt *a = s->first, *next; a; a = next) { /* was left */
+    for (engine_attempt *a = s->first, *next; a; a = next) { /* attempts that were left */
         next = a->next;
         slurm_leave(a);
         attempt_free(a);

@@ -1,4 +1,4 @@
-/* submission: submission of the attempts that wait: which go together, and what sbatch says. */
+/* submission: selects the waiting attempts that are submitted together, calls sbatch and interprets its answer. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -12,26 +12,26 @@
 #include "slurm/place.h"
 #include "store/file.h"
 
-/* Attempts of an array, whose names are in its script; Slurm takes scripts of 4 MB. */
+/* Maximum number of attempts of an array. The script contains their names; Slurm accepts scripts of up to 4 MB. */
 #define MOST_MEMBERS 8000
-/* Small attempts share tasks only if more wait than SPREAD tasks would hold. */
+/* Small attempts share tasks only if more than SPREAD of them wait. */
 #define SPREAD 16
-/* Milliseconds before the next command after Slurm could not be reached. */
+/* Wait, in ms, before the next command after Slurm could not be reached. */
 #define AWAY_MS 2000
-/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. While none is
- * in Slurm its nodes have nothing to do, and the first goes after a pause; while more small ones than these wait there,
- * there is less hurry. */
+/* Attempts are gathered, because a call of sbatch costs Slurm more than an attempt: until none has arrived for
+ * PAUSE_MS, and at most for GATHER_MS. If no attempt is in Slurm, its nodes are idle, and the limit is PAUSE_MS. If
+ * more small attempts wait in Slurm than here, the limit is GATHER_MORE_MS. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
 #define GATHER_MORE_MS 10000
 
-/* Error messages of Slurm's client commands after which nothing was submitted, and a repetition may succeed ... */
+/* Error messages of Slurm's client commands after which nothing was submitted, and a repetition may succeed. */
 static const char *const away[] = {
     "Unable to contact slurm controller",           "Connection refused",
     "Slurm temporarily unable to accept job",       "Resource temporarily unavailable",
     "Slurm backup controller in standby mode",      "Could not establish a configuration source",
     "job allocation cannot be granted at this time"};
-/* ... and those after which the job may have been accepted. */
+/* Error messages after which the job may have been accepted. */
 static const char *const unclear[] = {"Socket timed out",
                                       "Zero Bytes were transmitted",
                                       "Communication connection failure",
@@ -47,15 +47,15 @@ static bool says_any(const char *complaint, const char *const *list, size_t coun
     return false;
 }
 
-/* What is submitted at once. All texts are its own: the attempts may end meanwhile. */
+/* The data of one submission. It has copies of all texts, because the attempts may end in the meantime. */
 typedef struct load {
     slurm_batch *batch;
     char *needs;
     char **names;
     size_t count, task_count;
-    attempt_files_names open;        /* what the list names from now on */
-    size_t together;                 /* attempts that are given to a task */
-    double more_s;                   /* how long it goes on with those of others */
+    attempt_files_names open;        /* the new contents of the list */
+    size_t together;                 /* number of attempts per task */
+    double more_s;                   /* time in which a task takes attempts of other tasks */
     double timeout_s;                /* of a task; 0: none */
     char avoided[AVOIDED_MOST * 66]; /* nodes, separated by commas */
 } load;
@@ -79,7 +79,7 @@ static bool goes_with(const engine_attempt *head, const engine_attempt *a)
                          strcmp(a->needs, head->needs) == 0 && (a->timeout_s > 0) == (head->timeout_s > 0));
 }
 
-/* With the mutex. */
+/* Lists the excluded nodes. The caller holds the mutex. */
 static void list_avoided(const slurm *s, int64_t now, load *l)
 {
     size_t used = 0;
@@ -89,7 +89,8 @@ static void list_avoided(const slurm *s, int64_t now, load *l)
                                      s->avoided[i].host);
 }
 
-/* With the mutex: finds what nodes may run after their own, with as much time for each. */
+/* Makes the list of attempts that nodes may run after their own: attempts with the same needs and time limit. The
+ * caller holds the mutex. */
 static void share(slurm *s, load *l)
 {
     char hex[STORE_HASH_SIZE];
@@ -104,8 +105,8 @@ static void share(slurm *s, load *l)
             attempt_files_add_name(&l->open, a->name, strlen(a->name));
 }
 
-/* With the mutex: takes the first attempt that waits and those that go with it. False: none waits. *due_ms: when the
- * next one may. */
+/* Takes the first waiting attempt and the attempts that can be submitted with it. False: none is due; *due_ms is the
+ * time of the next one. The caller holds the mutex. */
 static bool gather(slurm *s, load *l, int64_t *due_ms)
 {
     int64_t now = clock_monotonic_ms();
@@ -122,7 +123,7 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
     }
     if (!head) return false;
     int64_t patience_ms = idle ? PAUSE_MS : head->small && s->open > waiting ? GATHER_MORE_MS : GATHER_MS;
-    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < patience_ms) { /* more are coming */
+    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < patience_ms) { /* more attempts may arrive */
         if (s->newest_ms + PAUSE_MS < *due_ms) *due_ms = s->newest_ms + PAUSE_MS;
         return false;
     }
@@ -150,7 +151,7 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
     return true;
 }
 
-/* Before it is submitted. */
+/* Records the batch in the files of its attempts, before it is submitted. */
 static bool note_batch(slurm *s, const load *l, error *e)
 {
     if (l->batch->list && !attempt_files_write_list(s->farm, l->batch->list, &l->open, e)) return false;
@@ -168,9 +169,9 @@ static bool note_batch(slurm *s, const load *l, error *e)
 
 static char *write_script(const slurm *s, const load *l)
 {
-    size_t room = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
-    for (size_t i = 0; i < l->count; i++) room += strlen(l->names[i]) + 1;
-    char *script = mem_alloc(room);
+    size_t capacity = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
+    for (size_t i = 0; i < l->count; i++) capacity += strlen(l->names[i]) + 1;
+    char *script = mem_alloc(capacity);
     size_t used = (size_t)sprintf(
         script, "#!/bin/sh\n# attempts of hexad\nexec '%s' '%s' %s $SLURM_ARRAY_TASK_ID %zu %.3f %s <<END\n",
         s->settings.node, s->farm, l->batch->name, l->together, l->more_s,
@@ -184,9 +185,9 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 {
     const char *const fixed[] = {"sbatch",     "--parsable",         "--no-requeue",
                                  "--ntasks=1", "--output=/dev/null", "--chdir=/"};
-    size_t count = sizeof fixed / sizeof *fixed, room = count + 6;
-    for (const char *line = l->needs; (line = strchr(line, '\n')); line++) room++;
-    const char **arguments = mem_alloc(room * sizeof *arguments);
+    size_t count = sizeof fixed / sizeof *fixed, capacity = count + 6;
+    for (const char *line = l->needs; (line = strchr(line, '\n')); line++) capacity++;
+    const char **arguments = mem_alloc(capacity * sizeof *arguments);
     memcpy(arguments, fixed, sizeof fixed);
     char *name = mem_printf("--job-name=%s", l->batch->name),
          *array = mem_printf("--array=0-%zu", l->task_count - 1);
@@ -212,7 +213,8 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 
 typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED, AGAIN } answer;
 
-/* sbatch repeats by itself what Slurm is too busy for, and is then cut short at its time limit. */
+/* Interprets the answer of sbatch. If Slurm is too busy, sbatch repeats the request by itself until the time limit
+ * ends it. */
 static answer understand(const command_result *said)
 {
     bool is_away = says_any(said->complaint, away, sizeof away / sizeof *away);
@@ -222,7 +224,7 @@ static answer understand(const command_result *said)
     return said->timed_out ? UNCLEAR : REFUSED;
 }
 
-/* The last line of what sbatch complained about, without its own name. */
+/* The last line of sbatch's error output, without the prefix "sbatch: error: ". */
 static void find_reason(const char *complaint, char *why, size_t size)
 {
     size_t length = strlen(complaint);
@@ -237,8 +239,8 @@ static void find_reason(const char *complaint, char *why, size_t size)
     snprintf(why, size, "Slurm refused the job: %.*s", (int)(length - first), words);
 }
 
-/* With the mutex: the attempts of a batch that Slurm has not taken. Those that were refused with others are tried one by
- * one. */
+/* Removes the attempts from a batch that Slurm has not accepted. If several attempts were refused together, each is
+ * submitted separately. The caller holds the mutex. */
 static void take_back(slurm *s, const load *l, answer a, const char *why)
 {
     for (engine_attempt *m = s->first; m; m = m->next) {
@@ -280,11 +282,11 @@ int64_t slurm_submit(slurm *s)
         pthread_mutex_unlock(&s->mutex);
         if (!any) return due_ms;
         bool called = note_batch(s, &l, &e) && call_sbatch(s, &l, &said, &e);
-        answer a = called ? understand(&said) : AWAY; /* without a program or a disk: later */
+        answer a = called ? understand(&said) : AWAY; /* a missing program or disk: try again later */
         if (a != ACCEPTED) find_reason(called ? said.complaint : e.message, why, sizeof why);
         tell(s, &l, a, why);
         pthread_mutex_lock(&s->mutex);
-        if (a == REFUSED && *l.avoided) { /* perhaps there are no other nodes */
+        if (a == REFUSED && *l.avoided) { /* there may be no nodes other than the excluded ones */
             memset(s->avoided, 0, sizeof s->avoided);
             a = AGAIN;
         }

@@ -1,15 +1,18 @@
-/* mesh_clip: a triangle mesh moved by a matrix, and what of it lies within a box. Pure functions but for allocation. */
+/* mesh_clip: transforms a triangle mesh by a matrix, and cuts it to a box. Pure functions except for memory
+ * allocation.
+ */
 #ifndef HEXAD_SOURCE_MESH_CLIP_H
 #define HEXAD_SOURCE_MESH_CLIP_H
 
 #include "base/error.h"
 #include "triangles/mesh.h"
 
-/* World = `to_world` applied to the mesh. Where that mirrors, triangles are turned, so that what was outside of them stays it. */
+/* Applies `to_world` to the vertices. If the matrix mirrors, the triangles are reversed, so that their outside
+ * remains the outside. */
 void mesh_move(mesh *m, const double to_world[3][4]);
 
-/* Cuts triangles along the faces of the box; cuts of triangles that share a side share their ends to the last bit. In place.
- * Errors: no_surface when nothing is left, limit_memory. */
+/* Removes the parts of the mesh outside of the box, in place. Where triangles share a side, the vertices of the cut
+ * on this side are equal to the last bit. Errors: no_surface (no triangle remains), limit_memory. */
 bool mesh_clip(mesh *m, bbox box, error *e);
 
 #endif

@@ -9,25 +9,27 @@
 #include "source/source.h"
 
 typedef struct mesh_projection {
-    field
-        base; /* F in world space is the distance from the surface on which points are delivered: from its triangles, if it has
-                 * some */
+    /* F in world space is the distance from the surface on which points are delivered: from its triangles, if it has
+     * triangles */
+    field base;
     const source *source;
 } mesh_projection;
 
-/* False, with *out untouched, if no mesh of the surface is to be projected onto (/surface/mesh/on_mesh). */
+/* False, with *out unchanged, if points are not to be projected onto a mesh of the surface (/surface/mesh/on_mesh). */
 bool mesh_projection_find(const source *s, mesh_projection *out);
 
-/* The same for the distance only, also if points were computed on triangles: of a mesh, or the mesh of labels. */
+/* mesh_projection_find for measuring distances only; also true if points were computed on triangles: of a mesh, or
+ * of interfaces of labels. */
 bool mesh_projection_find_distance(const source *s, mesh_projection *out);
 
-/* Moves points of the sampled surface onto their nearest triangles; points on a face of a region stay on it. Where
- * shells meet, points may come close to each other: those nearer than about half their `spacing` are moved apart on the
- * triangles. *largest: the largest move onto the triangles, world units. Errors: cancelled, limit_memory. */
+/* Moves points of the sampled surface onto the nearest triangles. Points on a face of a region stay on it. Where
+ * shells meet, projected points may be close to each other: points closer than about half of their `spacing` are
+ * moved apart on the triangles. *largest: the largest displacement by the projection, world units. Errors:
+ * cancelled, limit_memory. */
 bool mesh_projection_apply(const mesh_projection *l, vec3 *place, const double *spacing, size_t count,
                            threads *pool, double *largest, error *e);
 
-/* Projects the points that are farther than `most` from the triangles once more. */
+/* Projects points whose distance from the triangles is more than `most` again. */
 void mesh_projection_repeat(const mesh_projection *l, vec3 *place, size_t count, double most, threads *pool);
 
 #endif

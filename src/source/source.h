@@ -25,10 +25,10 @@
 /* An input file, or a directory. */
 typedef struct source_input {
     char *path;              /* as written in the spec, or in a file that the spec names */
-    store_facts facts;       /* known once the source is open */
-    store_identity identity; /* when it was first opened */
-    store_tree *tree;        /* while the source opens: the files of a directory, described by `facts` */
-    bool changed;            /* while the source opened, or it cannot be examined */
+    store_facts facts;       /* set after source_open */
+    store_identity identity; /* at the first opening */
+    store_tree *tree;        /* the files of a directory, during source_open; then `facts` describes them */
+    bool changed;            /* the input changed during source_open, or cannot be examined */
 } source_input;
 
 /* One surface of the spec: a leaf of one kind, or a combination or placement of parts. */
@@ -36,83 +36,83 @@ typedef struct source_part source_part;
 
 struct source_part {
     const field *field;
-    analytic *analytic; /* one of the six */
+    analytic *analytic; /* a formula */
     bspline *bspline;
     volume *volume;
-    mesh_surface *mesh; /* that is sampled on its triangles */
-    mesh_notes notes;   /* about it */
+    mesh_surface *mesh; /* sampled on its triangles */
+    mesh_notes notes;   /* on the mesh */
     label_surface *labels;
     combination *combination;
     placement *placement;
-    double *coefficients; /* of a B-spline whose file was read */
+    double *coefficients; /* of a B-spline read from a file */
     source_part *parts;
     size_t part_count;
-    char *nothing; /* why nothing is left of its solid, where that is so: then the rest is NULL and 0 */
+    char *nothing; /* reason why the solid is empty; then the other members are NULL and 0. Otherwise NULL */
 };
 
 typedef struct source {
-    const field *field; /* in the space that is sampled */
+    const field *field; /* in the sampled space */
     source_part whole;
-    source_part inside; /* the region, where it is one of a surface; else empty */
-    placement *
-        turned; /* that space in the world, where it is another: data that end obliquely, or a mesh far from the origin, which
-                         * is solved about its middle; or NULL */
-    vec3 origin;              /* of that space, of such a mesh */
-    map *map;                 /* of sampling.grid, or NULL */
-    region *region;           /* of surface.region, or NULL */
-    struct creased *creased;  /* the whole as patches, with features; or NULL */
-    const store_roots *roots; /* for files, or NULL; used while the source opens */
-    source_input *inputs;     /* in the order in which they were first opened */
+    source_part inside; /* the region, if it is bounded by a surface; otherwise empty */
+    /* transform from the sampled space to the world, for data with oblique boundaries, or a mesh far from the
+     * origin, which is sampled relative to its middle; otherwise NULL */
+    placement *turned;
+    vec3 origin;              /* of the sampled space, for a mesh far from the origin */
+    map *map;                 /* sampling.grid, or NULL */
+    region *region;           /* surface.region, or NULL */
+    struct creased *creased;  /* the whole surface as patches, if features are requested; or NULL */
+    const store_roots *roots; /* of input files, or NULL; used during source_open */
+    source_input *inputs;     /* in the order of the first opening */
     size_t input_count;
-    bool hashes_beside; /* while the source opens: a file is hashed while it is read */
-    late_hash *hash;    /* of the last input, while it is under way; or NULL */
+    bool hashes_beside; /* during source_open: a file is hashed while it is read */
+    late_hash *hash;    /* unfinished hash of the last input; or NULL */
 } source;
 
-/* `memory`: most bytes that the surface may hold. `kernels`: instruction set for sampling. The spec outlives the
- * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed
- * struct. */
+/* `memory`: maximum bytes of the surface. `kernels`: instruction set for sampling. The spec outlives the source.
+ * Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e);
 void source_close(source *s);
 
-/* Opens one more input, for reading, while the roots are there: -1 and an error if it cannot be. */
+/* Opens another input for reading; requires the roots. Returns its descriptor, or -1 and an error. */
 int source_open_file(source *s, const char *path, error *e);
 
-/* A stack of images as it is opened, but for the limit of memory; `files` opens them. */
+/* Returns the parameters for opening a stack of images, without a memory limit. `files` opens the images. */
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
-/* Says of an error that names places in the space that is sampled where its origin is, unless that is the world's;
- * returns false. */
+/* Adds the origin of the sampled space to an error that contains positions in it, unless it is that of the world.
+ * Returns false. */
 bool source_prefix_origin(const source *s, error *e);
 
-/* The surface in world space, for callers that evaluate F: the field itself unless its space is rotated. */
+/* The surface in world space, for evaluations of F: `field`, unless the sampled space is rotated or moved. */
 const field *source_world(const source *s);
 
 /* The bounding box of the surface in world space, from a scan of the field. */
 bbox source_box(const source *s, const surface *scan);
 
-/* Parts of the surface's first combination, 1 if it is none, and which of them a point of the surface lies on. */
+/* The number of parts of the first combination of the surface, 1 without a combination; and the index of the part on
+ * which a point of the surface lies. */
 size_t source_part_count(const source *s);
 size_t source_part_at(const source *s, vec3 x);
 
-/* The same of the parts of a part, 0 where it has one or none; x is in its space. */
+/* The index of the part of `whole` that is nearest to x; 0 if it has at most one part. x is in the space of `whole`. */
 size_t source_nearest_part(const source_part *whole, vec3 x);
 
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
-/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels; or of a combination
- * that may not be, since it is thinner than its cells. */
+/* Returns the larger of two fractions of area: of the meshes, parts that are not sampled, since they are thinner
+ * than the voxels; of combinations, parts that may be missing, since they are thinner than the cells. */
 double source_missing_share(const source *s);
-/* How many places there are on parts of a mesh that its level set leaves out, and where, in the sampled space; the
- * source's. A mesh that is placed, cut or one of several has none. */
+/* Returns the number of places on parts of a mesh that its level set omits. *place: the places, in the sampled
+ * space, owned by the source. 0 for a mesh that is transformed, cut or one of several. */
 size_t source_thin_places(const source *s, const vec3 **place);
 
-/* The mesh on whose triangles the points lie, or NULL; and only if these are closed. */
+/* The mesh on whose triangles the points lie, or NULL; source_closed_mesh: NULL also if the mesh is not closed. */
 const mesh *source_mesh(const source *s);
 const mesh *source_closed_mesh(const source *s);
 
-/* Bytes that the source holds; 0 for one that is not open. */
+/* Bytes of the source; 0 if it is not open. */
 size_t source_memory(const source *s);
 
 #endif

@@ -14,12 +14,12 @@
 
 #include "base/memory.h"
 
-/* Bytes that a flush of a large file writes at a time. 1 to 16 MB delay other flushes equally little (at most 40 ms on
- * a disk of 350 MB/s), a whole file of 235 MB by 120 ms. */
+/* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a disk of
+ * 350 MB/s; a whole file of 235 MB delays them by 120 ms. */
 #define PIECE (8 << 20)
 #define WRITE_AND_WAIT (SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER)
 
-/* What to do about a failed system call. */
+/* The instruction in the message about a failed system call. */
 static const char *remedy_of(int why)
 {
     if (why == ENOENT || why == ENOTDIR || why == EISDIR) return ". Check the path.";
@@ -33,7 +33,7 @@ static bool fail(error *e, const char *what, const char *path)
                      remedy_of(errno));
 }
 
-/* The directory that holds `path`; to be freed. */
+/* The parent directory of `path`; the caller frees it. */
 static char *parent_of(const char *path)
 {
     size_t length = strlen(path);
@@ -87,7 +87,7 @@ bool store_file_begin(const char *path, store_file *file, error *e)
     uint64_t random = 0;
     if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "create", path);
     char *temporary = mem_printf("%s.%0*" PRIx64, path, RANDOM_DIGITS, random);
-    /* not mkstemp, which would make it private whatever the umask says */
+    /* mkstemp would give mode 0600 regardless of the umask */
     int fd = open(temporary, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) {
         fail(e, "create", path);
@@ -115,7 +115,8 @@ void store_file_abort(store_file *file)
     *file = (store_file){0};
 }
 
-/* A stream keeps that a write failed, and not why: another one is made to fail, of a file that is thrown away. */
+/* A stream stores that a write failed, without the cause. The cause is found by another failing write; the file is
+ * discarded. */
 static int find_cause(FILE *stream)
 {
     clearerr(stream);
@@ -127,7 +128,7 @@ bool store_flush(int fd)
 {
     struct stat info;
     if (fstat(fd, &info) != 0) return false;
-    /* fsync does not report an error of the kernel's writing that sync_file_range has reported */
+    /* fsync does not report an error that sync_file_range has already reported */
     for (off_t at = 0; at + PIECE < info.st_size; at += PIECE)
         if (sync_file_range(fd, at, PIECE, WRITE_AND_WAIT) != 0) return false;
     return fsync(fd) == 0;
@@ -135,7 +136,7 @@ bool store_flush(int fd)
 
 bool store_file_flush(store_file *file, error *e)
 {
-    /* a write that failed earlier may have been followed by a good flush */
+    /* fflush may succeed although an earlier write failed */
     bool failed = ferror(file->stream) != 0;
     if (!failed && fflush(file->stream) == 0 && store_flush(fileno(file->stream))) return true;
     if (failed) errno = find_cause(file->stream);
@@ -182,7 +183,7 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
 {
     store_file file = {0};
     if (!store_file_begin(path, &file, e)) return false;
-    fwrite(bytes, 1, count, file.stream); /* commit looks at the stream's error flag */
+    fwrite(bytes, 1, count, file.stream); /* commit checks the stream's error flag */
     return store_file_commit(&file, e);
 }
 
@@ -195,11 +196,11 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
         errno = why;
         return NULL;
     }
-    size_t used = 0, room = 0, got;
+    size_t used = 0, capacity = 0, got;
     char *text = NULL;
     do {
-        if (room - used < 65536) text = mem_resize(text, (room = used * 2 + 65537));
-        got = fread(text + used, 1, room - used - 1, stream);
+        if (capacity - used < 65536) text = mem_resize(text, (capacity = used * 2 + 65537));
+        got = fread(text + used, 1, capacity - used - 1, stream);
         used += got;
     } while (got > 0 && used <= limit);
     bool failed = ferror(stream) != 0;
@@ -233,7 +234,8 @@ bool store_file_check_private(int fd, const char *path, error *e)
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s belongs to user %u, not to the user that runs the service", path,
                          (unsigned)info.st_uid);
-    /* An access control list shows as the group's permissions, with the group root, whatever group was set. */
+    /* With an access control list the group permissions are those of the list; the group is root, even if another
+     * one was set. */
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
     return !(info.st_mode & 0777 & ~allowed) ||
@@ -257,7 +259,7 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     struct sha256_ctx context;
     sha256_init(&context);
     size_t size = 256 * 1024;
-    uint8_t *block = mem_resize(NULL, size); /* a small file touches little of it */
+    uint8_t *block = mem_resize(NULL, size); /* a small file touches few of its pages */
     uint64_t total = 0;
     ssize_t got;
     while ((got = pread(fd, block, size, (off_t)total)) != 0) {
@@ -321,8 +323,7 @@ bool store_rename(const char *from, const char *to, error *e)
     return parent_sync(to, e) && parent_sync(from, e);
 }
 
-/* Takes `directory` over. Depth is bounded by the descriptors a process may hold, as with any tree
- * that a worker can make. */
+/* Takes over `directory`. The process's limit of descriptors bounds the depth. */
 static bool remove_contents(int directory)
 {
     DIR *listing = fdopendir(directory);

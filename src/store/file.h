@@ -1,8 +1,9 @@
-/* file: files and directories that the service owns, written so that a crash leaves the old or the new, never a part.
+/* file: writes, reads, renames and removes files and directories of the service. A crash leaves the old or the new
+ * file, never a part of it.
  *
- * A file is written beside its place under a temporary name, flushed to disk, renamed, and its directory flushed. Errors
- * have code storage_full, storage_failed or internal and name the path and the cause. The functions keep no state and
- * may be called by any thread; a store_file belongs to one thread.
+ * A file is written in its directory under a temporary name. It is flushed to disk and renamed, and its directory is
+ * flushed. Errors have the code storage_full, storage_failed or internal and name the path and the cause. The
+ * functions keep no state. Any thread may call them; a store_file belongs to one thread.
  */
 #ifndef HEXAD_STORE_FILE_H
 #define HEXAD_STORE_FILE_H
@@ -15,52 +16,56 @@
 #include "base/error.h"
 
 typedef struct store_file {
-    FILE *stream; /* where to write; owned by the store_file */
+    FILE *stream; /* stream to write to; owned by the store_file */
     char *path, *temporary;
 } store_file;
 
-/* Opens the temporary file, readable and writable. After success exactly one of commit and abort
- * follows; both leave *file empty. Commit that fails has aborted. Abort accepts an empty file. */
+/* Opens the temporary file for reading and writing. After success the caller calls exactly one of commit, place and
+ * abort. Each of them leaves *file empty. If commit or place fails, the temporary file has been removed. Abort
+ * accepts an empty file. */
 bool store_file_begin(const char *path, store_file *file, error *e);
 bool store_file_commit(store_file *file, error *e);
-/* As commit, but the directory is the caller's to flush, once for all files that go there. */
+/* Like commit, without flushing the directory. The caller flushes the directory once for all its files. */
 bool store_file_place(store_file *file, error *e);
-/* Brings to disk what was written. It is the first and slowest step of commit; called before, it leaves commit little to
- * do. After a failure abort follows. */
+/* Flushes the written bytes to disk. This is the first and slowest step of commit. If it is called earlier, commit
+ * has little left to do. After a failure the caller calls abort. */
 bool store_file_flush(store_file *file, error *e);
-/* Lets the disk begin with what has left the stream (flush that first), while the caller goes on. A wish: nothing is promised. */
+/* Asks the kernel to start writing to disk the bytes that have left the stream (fflush it first). Returns at once
+ * and guarantees nothing. */
 void store_file_begin_flush(store_file *file);
 void store_file_abort(store_file *file);
 
-/* Removes what files for `path` that were begun but neither committed nor aborted have left beside it, when
- * their process is over or about to be. Names are looked at, nothing else. */
+/* Removes the temporary files for `path` that were neither committed nor aborted. Their processes must have ended,
+ * or be about to end. Files are recognised by name only. */
 void store_file_clear(const char *path);
 
-/* begin, write, commit. */
+/* Calls begin, writes the bytes and calls commit. */
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e);
 
-/* The whole of a file, NUL-terminated, to be freed; an error when it has more than `limit` bytes.
- */
+/* Reads a whole file. Returns its bytes and a NUL; the caller frees them. *count excludes the NUL. A file of more
+ * than `limit` bytes is an error. On failure errno is set, too. */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
 
-/* Whether only the service and root can write and read an open file; else an error (spec_invalid).
- * A file of root may let its group read, which is how root shows it to the service: that has to be the process's
- * own group, or root's with an access control list. To root any group will do. */
+/* Checks that only the user of the service and root can access an open file. Otherwise returns false and the error
+ * spec_invalid. Root can show the service a file by making it readable for its group. The group must be the
+ * process's own, or root if an access control list gives the permission. If the process runs as root, any group is
+ * accepted. */
 bool store_file_check_private(int fd, const char *path, error *e);
 
-/* SHA-256 of bytes; and of an open file, with its length, from its beginning; the offset of `fd` is not
- * moved. */
+/* SHA-256 in hexadecimal digits, of bytes and of an open file. store_file_hash reads the file from its beginning and
+ * does not move the offset of `fd`. *bytes is the number of bytes read. */
 #define STORE_HASH_SIZE 65
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
 
-/* Which file it is, on any host that sees it, and when it was changed last. A change of the bytes changes it. */
+/* Identifies a file and its last change on any host that mounts its file system. A change of the bytes changes the
+ * identity. */
 typedef struct store_identity {
     uint64_t bytes, inode;
     int64_t mtime_ns, ctime_ns;
 } store_identity;
 
-/* The identity of an open file. False: it cannot be examined. */
+/* The identity of an open file. False if fstat fails. */
 bool store_identify(int fd, store_identity *out);
 bool store_identity_equals(const store_identity *a, const store_identity *b);
 
@@ -70,22 +75,21 @@ typedef struct store_facts {
     uint64_t bytes;
 } store_facts;
 
-/* Makes a directory, and what is missing above it, with mode 0777 less the umask; one that is there
- * is no error. */
+/* Makes a directory and its missing parents with mode 0777 less the umask. If the directory exists, returns true. */
 bool store_directory_create(const char *path, error *e);
 
-/* Flushes a file to disk, a large one piece by piece, so that flushes of other files do not wait for all of it. False:
- * errno. */
+/* Flushes a file to disk. A large file is flushed in pieces, so that flushes of other files need not wait for all of
+ * it. On failure returns false and sets errno. */
 bool store_flush(int fd);
 
-/* Flushes the names in a directory to disk. */
+/* Flushes the entries of a directory to disk. */
 bool store_directory_sync(const char *path, error *e);
 
-/* Renames and flushes both parent directories. `to` must not be there, or be an empty directory. */
+/* Renames and flushes both parent directories. `to` must not exist, or must be an empty directory. */
 bool store_rename(const char *from, const char *to, error *e);
 
-/* Removes a file or a directory with all that is in it, and flushes the name's end to disk; symbolic
- * links are not followed. Nothing there is no error. */
+/* Removes a file, or a directory and its contents, and flushes the parent directory. Symbolic links are removed, not
+ * followed. If the path does not exist, returns true. */
 bool store_remove(const char *path, error *e);
 
 #endif

@@ -16,20 +16,20 @@
 
 #define SENDER_PREFIX "sender:"
 
-/* What a user has sent. Users are never forgotten: there are few. */
+/* A user that has sent files. Entries are never removed; there are few users. */
 typedef struct sender {
     char name[STORE_INPUT_HEX + 1]; /* the hash of the user's name */
-    int64_t bytes;                  /* of files that are kept and that are on their way */
-    int uploads;                    /* on their way */
+    int64_t bytes;                  /* of stored files and unfinished uploads */
+    int uploads;                    /* unfinished uploads */
     struct sender *next;
 } sender;
 
 struct store_inputs {
     char *directory;
-    int64_t most_bytes, total_bytes, user_bytes; /* user_bytes and user_uploads 0: any number */
+    int64_t most_bytes, total_bytes, user_bytes; /* user_bytes and user_uploads 0: no limit */
     int user_uploads;
     pthread_mutex_t mutex;
-    int64_t used_bytes; /* what is in place and what is on its way */
+    int64_t used_bytes; /* of stored files and unfinished uploads */
     sender *senders;
 };
 
@@ -39,8 +39,8 @@ struct store_upload {
     store_file file;
     struct sha256_ctx hash;
     char wanted[STORE_INPUT_HEX + 1];
-    int64_t bytes; /* that have arrived, and have room */
-    store_upload_verdict verdict;
+    int64_t bytes; /* arrived bytes; their space is reserved */
+    store_upload_outcome outcome;
     bool committed;
 };
 
@@ -76,7 +76,7 @@ static void print_digest(struct sha256_ctx *hash, char hex[STORE_INPUT_HEX + 1])
     for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
 }
 
-/* The user's name may have any byte, so that paths have its hash. */
+/* A user's name may contain any byte, so file names contain its hash. */
 static void hash_name(const char *user, char name[STORE_INPUT_HEX + 1])
 {
     struct sha256_ctx hash;
@@ -92,7 +92,7 @@ static char *sender_path(const store_inputs *s, const char *hex, const char *use
     return mem_printf("%s/" SENDER_PREFIX "%s:%s", s->directory, hex, name);
 }
 
-/* Held: the mutex. */
+/* The caller holds the mutex. */
 static sender *find_sender(store_inputs *s, const char *name)
 {
     sender *found = s->senders;
@@ -104,7 +104,7 @@ static sender *find_sender(store_inputs *s, const char *name)
     return s->senders = found;
 }
 
-/* Adds a kept file to what a sender has, or takes it away. */
+/* Adds the bytes of a stored file to its sender; negative `bytes` subtract them. */
 static void count_for_sender(store_inputs *s, const char *name, int64_t bytes)
 {
     pthread_mutex_lock(&s->mutex);
@@ -118,7 +118,7 @@ static const char *name_in(const char *entry)
     return entry + strlen(SENDER_PREFIX) + STORE_INPUT_HEX + 1;
 }
 
-/* Whether the name is a sender's, of a file that is there; then *bytes is its length. */
+/* Whether the name is a record of a sender whose file exists. If so, *bytes is the length of the file. */
 static bool is_sender(int directory, const char *name, int64_t *bytes)
 {
     char input[STORE_INPUT_NAME_SIZE];
@@ -132,7 +132,7 @@ static bool is_sender(int directory, const char *name, int64_t *bytes)
     return true;
 }
 
-/* Counts what is in place and removes what is not. */
+/* Counts the stored files and removes unfinished uploads and records without a file. */
 static bool take_stock(store_inputs *s, error *e)
 {
     DIR *directory = opendir(s->directory);
@@ -196,7 +196,7 @@ int64_t store_inputs_find(store_inputs *s, const char *hex)
 int64_t store_inputs_use(store_inputs *s, const char *hex)
 {
     char *path = path_of(s, hex);
-    pthread_mutex_lock(&s->mutex); /* from here on it is not collected for a while */
+    pthread_mutex_lock(&s->mutex); /* protects the file from collection */
     int64_t bytes = store_inputs_find(s, hex);
     if (bytes >= 0) utimensat(AT_FDCWD, path, NULL, AT_SYMLINK_NOFOLLOW);
     pthread_mutex_unlock(&s->mutex);
@@ -208,7 +208,7 @@ bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user
 {
     char *path = sender_path(s, hex, user);
     int64_t bytes = store_inputs_find(s, hex);
-    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600); /* the file is counted once */
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600); /* O_EXCL: the file is counted once */
     bool ok = fd >= 0 || errno == EEXIST || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (fd >= 0) {
         close(fd);
@@ -237,7 +237,7 @@ static int compare_gone(const void *a, const void *b)
     return strncmp(((const gone_file *)a)->hex, ((const gone_file *)b)->hex, STORE_INPUT_HEX);
 }
 
-/* Removes what is noted of the senders of files that are gone, and gives them their room back. */
+/* Removes the records of the senders of removed files and releases the senders' bytes. */
 static void forget_senders(store_inputs *s, gone_file *files, size_t count)
 {
     DIR *directory = opendir(s->directory);
@@ -262,7 +262,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
 {
     DIR *directory = opendir(s->directory);
     gone_file *files = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     *gone = 0;
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
@@ -276,7 +276,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
             there ? (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000 : 0;
         if (there && may_go(context, d->d_name, used_ms) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
             s->used_bytes -= info.st_size;
-            if (*gone == room) files = mem_resize(files, (room = room * 2 + 16) * sizeof *files);
+            if (*gone == capacity) files = mem_resize(files, (capacity = capacity * 2 + 16) * sizeof *files);
             files[*gone].bytes = info.st_size;
             snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", d->d_name + strlen(STORE_INPUT_PREFIX));
         }
@@ -301,26 +301,27 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
     return space;
 }
 
-/* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. Held: the mutex. */
-static store_upload_verdict find_room(const store_inputs *s, const sender *who, int64_t bytes)
+/* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. The caller holds the
+ * mutex. */
+static store_upload_outcome find_space(const store_inputs *s, const sender *from, int64_t bytes)
 {
-    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_ROOM;
-    return s->user_bytes && bytes > s->user_bytes - who->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
+    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_SPACE;
+    return s->user_bytes && bytes > s->user_bytes - from->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
 }
 
-/* Takes room for bytes that have arrived. */
-static store_upload_verdict reserve(store_upload *u, int64_t bytes)
+/* Reserves space for arrived bytes. */
+static store_upload_outcome reserve(store_upload *u, int64_t bytes)
 {
     store_inputs *s = u->owner;
     pthread_mutex_lock(&s->mutex);
-    store_upload_verdict verdict = find_room(s, u->sender, bytes);
-    if (verdict == STORE_UPLOAD_GOOD) {
+    store_upload_outcome outcome = find_space(s, u->sender, bytes);
+    if (outcome == STORE_UPLOAD_GOOD) {
         s->used_bytes += bytes;
         u->sender->bytes += bytes;
         u->bytes += bytes;
     }
     pthread_mutex_unlock(&s->mutex);
-    return verdict;
+    return outcome;
 }
 
 static void release(store_inputs *s, int64_t bytes)
@@ -348,78 +349,78 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
     return ok && (!gone || store_directory_sync(s->directory, e));
 }
 
-/* Enters an upload, if the sender may have one more and there is room for it now. */
-static store_upload_verdict enter(store_inputs *s, const char *user, int64_t announced, sender **who)
+/* Begins an upload if the user may have one more and there is space for the announced bytes. */
+static store_upload_outcome enter(store_inputs *s, const char *user, int64_t announced, sender **from)
 {
     char name[STORE_INPUT_HEX + 1];
     hash_name(user, name);
     pthread_mutex_lock(&s->mutex);
-    *who = find_sender(s, name);
-    store_upload_verdict verdict = find_room(s, *who, announced > 0 ? announced : 0);
-    if (s->user_uploads && (*who)->uploads >= s->user_uploads) verdict = STORE_UPLOAD_TOO_MANY;
-    if (verdict == STORE_UPLOAD_GOOD) (*who)->uploads++;
+    *from = find_sender(s, name);
+    store_upload_outcome outcome = find_space(s, *from, announced > 0 ? announced : 0);
+    if (s->user_uploads && (*from)->uploads >= s->user_uploads) outcome = STORE_UPLOAD_TOO_MANY;
+    if (outcome == STORE_UPLOAD_GOOD) (*from)->uploads++;
     pthread_mutex_unlock(&s->mutex);
-    return verdict;
+    return outcome;
 }
 
-/* Gives back what an upload has, but for `kept` bytes that stay in place. */
-static void leave(store_inputs *s, sender *who, int64_t bytes, int64_t kept)
+/* Releases the space of an upload except `kept` bytes, which stay in place. */
+static void leave(store_inputs *s, sender *from, int64_t bytes, int64_t kept)
 {
     pthread_mutex_lock(&s->mutex);
     s->used_bytes -= bytes - kept;
-    who->bytes -= bytes; /* a file that stays is counted by its note of the sender */
-    who->uploads--;
+    from->bytes -= bytes; /* store_inputs_note_sender counts a file that stays */
+    from->uploads--;
     pthread_mutex_unlock(&s->mutex);
 }
 
-store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
+store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload, error *e)
 {
     if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
-    sender *who;
-    store_upload_verdict verdict = enter(s, user, announced, &who);
-    if (verdict != STORE_UPLOAD_GOOD) return verdict;
+    sender *from;
+    store_upload_outcome outcome = enter(s, user, announced, &from);
+    if (outcome != STORE_UPLOAD_GOOD) return outcome;
     store_upload *u = mem_alloc(sizeof *u);
     char *path = path_of(s, hex);
     bool ok = store_file_begin(path, &u->file, e);
     free(path);
     if (!ok) {
         int fault = errno;
-        leave(s, who, 0, 0);
+        leave(s, from, 0, 0);
         free(u);
-        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
     }
     u->owner = s;
-    u->sender = who;
+    u->sender = from;
     sha256_init(&u->hash);
     strcpy(u->wanted, hex);
     *upload = u;
     return STORE_UPLOAD_GOOD;
 }
 
-store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
+store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
 {
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
-    if (u->bytes + (int64_t)count > u->owner->most_bytes) return u->verdict = STORE_UPLOAD_TOO_LARGE;
-    u->verdict = reserve(u, (int64_t)count);
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
+    if (u->bytes + (int64_t)count > u->owner->most_bytes) return u->outcome = STORE_UPLOAD_TOO_LARGE;
+    u->outcome = reserve(u, (int64_t)count);
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
     sha256_update(&u->hash, count, bytes);
     if (fwrite(bytes, 1, count, u->file.stream) == count) return STORE_UPLOAD_GOOD;
     error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", u->file.path, strerror(errno));
-    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
 }
 
-store_upload_verdict store_upload_commit(store_upload *u, error *e)
+store_upload_outcome store_upload_commit(store_upload *u, error *e)
 {
     char hex[STORE_INPUT_HEX + 1];
-    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
     print_digest(&u->hash, hex);
-    if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
-    bool ok = store_file_flush(&u->file, e); /* before others wait for the mutex */
+    if (strcmp(hex, u->wanted) != 0) return u->outcome = STORE_UPLOAD_MISMATCH;
+    bool ok = store_file_flush(&u->file, e); /* outside the mutex, since it is slow */
     if (ok) {
-        /* what is there must not be collected in between: its room would be given back twice */
+        /* under the mutex, so that an existing file is not collected in between: its space would be released twice */
         pthread_mutex_lock(&u->owner->mutex);
-        /* of two that send the same the first is kept: workers may read it */
+        /* if the file exists, it is kept, since workers may be reading it */
         bool there = store_inputs_find(u->owner, hex) >= 0;
         ok = there ? utimensat(AT_FDCWD, u->file.path, NULL, AT_SYMLINK_NOFOLLOW) == 0
                    : store_file_commit(&u->file, e);
@@ -427,7 +428,7 @@ store_upload_verdict store_upload_commit(store_upload *u, error *e)
         pthread_mutex_unlock(&u->owner->mutex);
     }
     if (ok) return STORE_UPLOAD_GOOD;
-    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
 }
 
 void store_upload_end(store_upload *u)

@@ -1,4 +1,6 @@
-/* late_hash: hashes an open file on a thread of its own, while the caller reads it. One caller; the file is not to change. */
+/* late_hash: hashes an open file on its own thread, while the caller reads it. One thread calls. The file must not
+ * change.
+ */
 #ifndef HEXAD_STORE_LATE_HASH_H
 #define HEXAD_STORE_LATE_HASH_H
 
@@ -6,12 +8,13 @@
 
 typedef struct late_hash late_hash;
 
-/* The caller keeps the descriptor, and may close it. Not `beside`, of a small file, or without a thread to be had: it is hashed at
- * once, by the calling thread. Never NULL; `end` follows. */
+/* Begins to hash. The caller keeps the descriptor and may close it. If `beside` is false, the file is small, or no
+ * thread can be started, the calling thread hashes before this function returns. Never returns NULL. The caller
+ * calls late_hash_end. */
 late_hash *late_hash_begin(int fd, bool beside);
 
-/* Waits for it; frees it whatever comes of it. Errors as store_file_hash's. NULL: there is
- * nothing to wait for, true. */
+/* Waits for the hash and frees `h`, also on failure. Errors are those of store_file_hash. If `h` is NULL, returns
+ * true. */
 bool late_hash_end(late_hash *h, store_facts *out, error *e);
 
 #endif

@@ -24,7 +24,8 @@ static const char *below(const char *path, const char *root)
     return strncmp(path, root, length) == 0 && path[length] == '/' ? path + length : NULL;
 }
 
-/* The next part of a path, and moves on; false at the end, or *ok false if the part is not a valid name. */
+/* Returns the next component of a path and advances. False at the end; *ok is false if the component is not a valid
+ * name. */
 static bool next_part(const char **at, char name[NAME_MAX + 1], bool *ok)
 {
     *at += strspn(*at, "/");
@@ -38,7 +39,7 @@ static bool next_part(const char **at, char name[NAME_MAX + 1], bool *ok)
     return true;
 }
 
-/* An error for a path that lies below no root. */
+/* Sets the error for a path that lies below no root. */
 static bool set_outside(const store_outputs *outputs, const char *path, error *e)
 {
     if (*path != '/')
@@ -123,17 +124,17 @@ static bool fail(error *e, const char *what, const char *path)
             : "");
 }
 
-/* What was made is given its mode and group, whatever the umask. */
+/* Sets the mode and group of a new file or directory, whatever the umask. */
 static bool adopt(const store_outputs *outputs, int fd, mode_t mode)
 {
     return (outputs->group == (gid_t)-1 || fchown(fd, (uid_t)-1, outputs->group) == 0) &&
            fchmod(fd, mode) == 0;
 }
 
-/* What is done about directories that are missing. */
+/* How missing directories are treated. */
 typedef enum missing { MISSING_IS_ERROR, MISSING_IS_MADE, MISSING_ENDS } missing;
 
-/* Makes and opens a directory in `here`; -1 and errno on failure. */
+/* Makes and opens a directory in `here`. On failure returns -1 and sets errno. */
 static int make_directory(const store_outputs *outputs, int here, const char *name)
 {
     mode_t mode = outputs->mode | ((outputs->mode & 0444) >> 2);
@@ -165,8 +166,8 @@ int store_output_open_root(const char *root, error *e)
     return fd;
 }
 
-/* Opens the directory; with MISSING_ENDS the deepest existing one on its path, and *whole is whether that is the
- * directory itself. -1 on failure. */
+/* Opens the directory. With MISSING_ENDS it opens the deepest existing directory on the path; *whole is true if this
+ * is the directory itself. Returns -1 on failure. */
 static int open_directory(const store_outputs *outputs, const char *path, missing way, bool *whole, error *e)
 {
     const char *root = outputs->roots[store_output_root_of(outputs, path)], *rest = below(path, root);
@@ -237,7 +238,7 @@ static bool copy_file(const store_outputs *outputs, int from, int to, const char
 {
     int in = openat(from, name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     if (in < 0) return false;
-    unlinkat(to, temporary, 0); /* of a try before */
+    unlinkat(to, temporary, 0); /* left by an interrupted copy */
     int out = openat(to, temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
     bool ok = out >= 0 && copy_bytes(in, out) && adopt(outputs, out, outputs->mode) && store_flush(out);
     int why = errno;

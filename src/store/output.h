@@ -1,8 +1,10 @@
-/* output: copies results into directories of users, below configured roots. results/output_place has the rules for that.
+/* output: copies results into directories of users, below configured roots. results/output_place has the rules for
+ * that.
  *
- * A copy is a set of files. Each is written under a temporary name in its directory, flushed and renamed. The last file
- * marks the set as complete: it is removed first and written last. Missing directories are created. No symbolic
- * link below a root is followed, and other files there are not changed. No state; any thread.
+ * A copy is a set of files. Each file is written under a temporary name in its directory, flushed and renamed. The
+ * last file marks the set as complete: it is removed first and written last. Missing directories are created.
+ * Symbolic links below a root are not followed. Other files in the directory are not changed. The functions keep no
+ * state; any thread may call them.
  */
 #ifndef HEXAD_STORE_OUTPUT_H
 #define HEXAD_STORE_OUTPUT_H
@@ -22,8 +24,8 @@ typedef struct store_outputs {
     const bool *of_user;
 } store_outputs;
 
-/* Whether a copy may go there: an error (path_forbidden) unless the path is absolute, below a root, and
- * without "..". Looks at the words only. */
+/* Checks that a path is absolute, below a root, and without "..". Otherwise returns false and the error
+ * path_forbidden. Only the text of the path is examined. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
 
 /* The same for a user. Below a root of users, the path must be below the directory of this user. */
@@ -32,30 +34,32 @@ bool store_output_check_user(const store_outputs *outputs, const char *user, con
 /* The number of the root that a path lies below which store_output_check has accepted. */
 size_t store_output_root_of(const store_outputs *outputs, const char *path);
 
-/* Opens a root. -1 and an error: output_unwritable when there is none. */
+/* Opens a root. Returns -1 and the error output_unwritable if the root does not exist. */
 int store_output_open_root(const char *root, error *e);
 
-/* Opens the directory; missing ones are made. -1 and an error: path_forbidden, also of a symbolic link on the way;
- * output_unwritable (permissions, a read-only file system, no root); storage_full, storage_failed, internal. */
+/* Opens the directory and makes missing directories. On failure returns -1 and an error: path_forbidden (also for a
+ * symbolic link on the way), output_unwritable (permissions, a read-only file system, no root), storage_full,
+ * storage_failed or internal. */
 int store_output_open(const store_outputs *outputs, const char *path, error *e);
 
-/* Opens the directory, or the last one on the way to it that exists; *whole: it is the directory itself. */
+/* Opens the directory or, if it does not exist, its nearest existing parent. *whole: the directory itself was
+ * opened. */
 int store_output_open_nearest(const store_outputs *outputs, const char *path, bool *whole, error *e);
 
-/* The path of an open directory without links, to be freed; NULL: not known. */
+/* The path of an open directory with symbolic links resolved, or NULL if it cannot be read. The caller frees it. */
 char *store_output_name(int directory);
 
-/* Whether files can be made in an open directory: makes a hidden one and removes it. `path` is for the message. */
+/* Checks that files can be made in an open directory: makes a hidden file and removes it. `path` is for the message. */
 bool store_output_try(int directory, const char *path, error *e);
 
-/* Copies the files of these names from the directory `from` to the open directory `to`; `path` is for messages.
- * `temporary` is a plain name that nothing else has in the directory: a process that is killed leaves at most a file of that
- * name. Copies into one directory must not overlap. Errors as store_output_open. */
+/* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages. `temporary`
+ * is a plain name that no other file in the directory has. A process that is killed leaves at most a file of this
+ * name. Copies into one directory must not overlap. Errors are those of store_output_open. */
 bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
                        int to, const char *path, const char *temporary, error *e);
 
-/* Removes what a copy that was cut off has left. A file that is not there is no error; a directory that is not there
- * is one, since it may be on a disk that is away. */
+/* Removes the temporary file of an interrupted copy. If the file is missing, returns true. If the directory is
+ * missing, returns false and an error, because the directory may be on a disk that is not mounted. */
 bool store_output_clear(const store_outputs *outputs, const char *path, const char *temporary, error *e);
 
 #endif

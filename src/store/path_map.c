@@ -8,7 +8,7 @@
 #include "base/memory.h"
 
 typedef struct mapping {
-    char *from, *to; /* plain */
+    char *from, *to; /* as make_plain returns them */
 } mapping;
 
 struct path_map {
@@ -27,7 +27,7 @@ static bool is_windows(const char *path)
            (is_separator(path[0]) && path[0] == path[1]);
 }
 
-/* One `/` between components and none at the end; two at the beginning of a share. */
+/* One `/` between components, none at the end, two at the beginning of a share. */
 static char *make_plain(const char *path)
 {
     bool windows = is_windows(path);
@@ -78,7 +78,7 @@ path_map *path_map_read(const char *const *texts, size_t count, error *e)
 {
     path_map *m = mem_alloc(sizeof *m);
     bool ok = true;
-    m->item = mem_alloc((count + 1) * sizeof *m->item); /* never of no size */
+    m->item = mem_alloc((count + 1) * sizeof *m->item); /* + 1: never a size of 0 */
     for (size_t i = 0; ok && i < count; i++) {
         mapping read = {0};
         ok = read_mapping(m, texts[i], &read, e);

@@ -1,10 +1,10 @@
 /* path_map: translates paths of other machines into paths of this host.
  *
- * A table of pairs of prefixes, `from` and `to`. A path is translated when its first components equal a `from`;
- * the longest `from` wins and is applied once. In Windows paths, which begin with a drive (`Z:`) or a share (`\\` or
- * `//`), `/` and `\` are equal, and so are upper and lower case of ASCII letters. Relative paths and names of
- * uploaded files (store/inputs.h) are never translated. Only the text is compared; no file is opened, and
- * the code that opens the path checks for `..`. Immutable once read; any thread may use it.
+ * The map is a table of pairs of prefixes, `from` and `to`. A path is translated if its first components equal a
+ * `from`. The longest matching `from` is used, and it is applied once. A Windows path begins with a drive (`Z:`) or
+ * a share (`\\` or `//`). In Windows paths `/` equals `\`, and the case of ASCII letters is ignored. Relative paths
+ * and names of uploaded files (store/inputs.h) are not translated. Only the text is compared and no file is opened.
+ * The code that opens the path checks for `..`. A map does not change after it was read; any thread may use it.
  */
 #ifndef HEXAD_STORE_PATH_MAP_H
 #define HEXAD_STORE_PATH_MAP_H
@@ -15,14 +15,14 @@
 
 typedef struct path_map path_map;
 
-/* Reads `from=to` from each text. Returns NULL and spec_invalid if a text has another form, a `from` or `to` is not
- * absolute, or a `from` is the root or appears twice. The caller releases with path_map_free, which
- * accepts NULL. */
+/* Reads `from=to` from each text. Returns NULL and the error spec_invalid in these cases: a text has another form; a
+ * `from` or `to` is not absolute; a `from` is the root directory; a `from` appears twice. The caller frees the map
+ * with path_map_free, which accepts NULL. */
 path_map *path_map_read(const char *const *texts, size_t count, error *e);
 void path_map_free(path_map *m);
 
-/* The translated path, to be freed by the caller; NULL if no prefix applies or the path does not change. `m` NULL
- * is an empty table. */
+/* The translated path, which the caller frees. NULL if no prefix matches or the path does not change. If `m` is
+ * NULL, the table is empty. */
 char *path_map_apply(const path_map *m, const char *path);
 
 #endif

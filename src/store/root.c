@@ -25,7 +25,7 @@
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */
 #define OPEN_FLAGS (O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK)
 
-/* Links on the way to a file; the kernel follows as many. */
+/* Limit of links on the way to a file; equal to the kernel's limit. */
 #define MOST_LINKS 40
 
 /* openat2 fails with EAGAIN if a rename happens during its walk. OPEN_TRIES failures indicate an attack. */
@@ -33,14 +33,14 @@
 
 typedef struct root {
     int directory;
-    char *only;     /* the one file in it that may be read; NULL: all */
-    bool sent;      /* the directory of files that clients have sent */
+    char *only;     /* the only file in it that may be read; NULL: all files */
+    bool sent;      /* the directory of uploaded files */
     char *given;    /* as configured, without trailing slashes */
     char *resolved; /* without symbolic links */
 } root;
 
 struct store_roots {
-    atomic_bool changed; /* in the settings file */
+    atomic_bool changed; /* the setting input_roots has changed */
     size_t count;
     root item[];
 };
@@ -52,7 +52,7 @@ static char *without_trailing_slashes(const char *path)
     return mem_strndup(path, length);
 }
 
-/* The directory itself, or that of a single file. */
+/* Opens the directory, or the parent of a single file. */
 static int open_directory(const char *resolved, char **only)
 {
     struct stat info;
@@ -67,7 +67,7 @@ static int open_directory(const char *resolved, char **only)
     return directory;
 }
 
-/* What to do about a root that cannot be opened. */
+/* The instruction in the message about a root that cannot be opened. */
 static const char *advice_on_root(const char *path)
 {
     if (*path != '/') return "; write an absolute path";
@@ -137,7 +137,7 @@ static int walk(int directory, const char *path, int flags)
             name[length] = '\0';
             next = openat(here, length ? name : ".",
                           *rest ? O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC : flags | O_NOFOLLOW);
-            /* O_PATH with O_DIRECTORY says ENOTDIR of a symbolic link */
+            /* openat with O_PATH and O_DIRECTORY fails with ENOTDIR for a symbolic link */
             struct stat info;
             if (next < 0 && (errno == ELOOP || errno == ENOTDIR)) {
                 int why = errno;
@@ -188,7 +188,7 @@ static bool has_parent_step(const char *path)
     return false;
 }
 
-/* What follows `prefix` in `path`, or NULL when the path does not lie below it. */
+/* The part of `path` after `prefix`, or NULL if the path does not lie below the prefix. */
 static const char *below(const char *path, const char *prefix)
 {
     size_t length = strlen(prefix);
@@ -197,7 +197,7 @@ static const char *below(const char *path, const char *prefix)
     return path + length + strspn(path + length, "/");
 }
 
-/* What is left of the path below the root; NULL: it does not lie there. */
+/* The part of the path below the root, or NULL if the path does not lie below it. */
 static const char *inside(const root *r, const char *path, bool sent)
 {
     if (r->only) {
@@ -211,13 +211,13 @@ static const char *inside(const root *r, const char *path, bool sent)
     return rest ? rest : below(path, r->resolved);
 }
 
-/* A path that is being freed of its links: the part without links, below a root, and the rest. */
+/* A path whose links are being resolved: the part without links, below a root, and the rest. */
 typedef struct route {
     const root *in;
     char done[PATH_MAX], rest[PATH_MAX];
 } route;
 
-/* Puts `first` in front of the rest; false and errno when that is too long. */
+/* Inserts `first` before the rest. False and errno if the result is too long. */
 static bool prepend(route *w, const char *first)
 {
     char rest[PATH_MAX];
@@ -227,7 +227,7 @@ static bool prepend(route *w, const char *first)
     return fits;
 }
 
-/* Takes the first part off the rest; false: there is none. */
+/* Removes the first component from the rest. False if the rest is empty. */
 static bool next_part(route *w, char part[PATH_MAX])
 {
     const char *start = w->rest + strspn(w->rest, "/");
@@ -238,7 +238,7 @@ static bool next_part(route *w, char part[PATH_MAX])
     return length > 0;
 }
 
-/* Appends a part, at the place where the text ends; false and errno when it is too long. */
+/* Appends a component. False and errno if the result is too long. */
 static bool append_part(char path[PATH_MAX], const char *part)
 {
     size_t used = strlen(path), length = strlen(part);
@@ -258,7 +258,7 @@ static bool drop_last(char *path)
     return slash != NULL;
 }
 
-/* The rest is an absolute path: goes on below the root that it leads into. */
+/* The rest is an absolute path: finds the root that contains it and continues below that root. */
 static bool enter_root(const store_roots *roots, route *w)
 {
     char part[PATH_MAX];
@@ -283,7 +283,7 @@ static bool enter_root(const store_roots *roots, route *w)
     return false;
 }
 
-/* Takes the next part of the rest, through one link at most. */
+/* Moves the next component of the rest to the resolved part. Resolves at most one link. */
 static bool take_part(const store_roots *roots, route *w, const char *part, int *links)
 {
     char target[PATH_MAX];
@@ -291,14 +291,14 @@ static bool take_part(const store_roots *roots, route *w, const char *part, int 
     if (strcmp(part, ".") == 0) return true;
     if (strcmp(part, "..") == 0) {
         if (drop_last(w->done)) return true;
-        char above[PATH_MAX]; /* the root */
+        char above[PATH_MAX]; /* the parent of the root */
         snprintf(above, sizeof above, "%s", w->in->resolved);
         drop_last(above);
         return prepend(w, above) && enter_root(roots, w);
     }
     if (!append_part(w->done, part)) return false;
     ssize_t length = readlinkat(w->in->directory, w->done + 1, target, sizeof target - 1);
-    if (length < 0) return errno == EINVAL; /* no link */
+    if (length < 0) return errno == EINVAL; /* EINVAL: not a link */
     w->done[used] = '\0';
     target[length] = '\0';
     if (++*links > MOST_LINKS) {
@@ -308,7 +308,7 @@ static bool take_part(const store_roots *roots, route *w, const char *part, int 
     return prepend(w, target) && (*target != '/' || enter_root(roots, w));
 }
 
-/* Opens a path whose links may lead from root to root. */
+/* Opens a path with links that may lead to other roots. */
 static int open_linked(const store_roots *roots, const root *in, const char *path, int flags)
 {
     char part[PATH_MAX];
@@ -326,8 +326,8 @@ static int open_below(const store_roots *roots, const root *r, const char *path,
     return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path, flags) : fd;
 }
 
-/* The paths of frames have numbers in the place of the pattern: one that still has it names no frame. A relative path is
- * often one on the machine of a client. `sent`: the path is the name of an upload. */
+/* The path of a frame has a number in place of the pattern, so a path that still has the pattern names no frame. A
+ * relative path is often a path on the client's machine. `sent`: the path is the name of an uploaded file. */
 static void set_missing(const char *path, const char *where, bool sent, int why, error *e)
 {
     const bool denied = why == EACCES;
@@ -341,7 +341,7 @@ static void set_missing(const char *path, const char *where, bool sent, int why,
     error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s; %s", path, where, strerror(why), hint);
 }
 
-/* An error for a path that lies below no root. */
+/* Sets the error for a path that lies below no root. */
 static void set_outside(const store_roots *roots, const char *path, error *e)
 {
     for (size_t i = 0; i < roots->count; i++) {
@@ -362,7 +362,7 @@ static int open_in_roots(const store_roots *roots, const char *path, int flags, 
 {
     char name[STORE_INPUT_NAME_SIZE];
     bool sent = store_inputs_is_sent(path, name);
-    bool found_root = sent; /* what was sent and is gone has no root any more */
+    bool found_root = sent; /* a removed upload lies below no root */
     int why = ENOENT;
     if (has_parent_step(path)) {
         error_set(e, ERROR_PATH_FORBIDDEN, "%s: the path must not contain \"..\"", path);
@@ -413,7 +413,7 @@ int store_open_place(const store_roots *roots, const char *path, bool *is_direct
         error_set(&failed, ERROR_INPUT_UNSUPPORTED, "%s is not a regular file: give the path of a file",
                   path);
     }
-    /* in a sandbox a directory can be passed through, and not be read */
+    /* a sandbox may permit to pass through a directory and not to read it */
     const int directory = open_place(roots, path, O_PATH | O_DIRECTORY | O_CLOEXEC, NULL);
     *is_directory = directory >= 0;
     if (directory < 0 && e) *e = failed;
@@ -437,7 +437,7 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
 int store_open_directory(const store_roots *roots, const char *path, error *e)
 {
     struct stat info;
-    char *inside_it = mem_printf("%s/", path); /* a root lies below itself */
+    char *inside_it = mem_printf("%s/", path); /* with a slash a root lies below itself */
     int fd = open_in_roots(roots, inside_it, OPEN_FLAGS, e);
     free(inside_it);
     if (fd < 0 || (fstat(fd, &info) == 0 && S_ISDIR(info.st_mode))) return fd;

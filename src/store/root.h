@@ -1,16 +1,17 @@
-/* root: input files, opened beneath configured directories.
+/* root: opens input files below configured directories.
  *
- * A path from outside may only reach regular files below one of the roots. The kernel walks (openat2 with
- * RESOLVE_BENEATH), so there is no moment between check and use; it follows links that stay below the root. A
- * link that is absolute, or leads out of the root, may lead below a root again, as `latest` does on farms. It
- * is read as text and put in place of its name, as often as there are links; what comes of it is opened by a
- * walk that follows no link at all. So moving files meanwhile gives no access.
+ * A path from outside can reach only regular files below one of the roots. The kernel walks the path (openat2 with
+ * RESOLVE_BENEATH), so nothing can change between the check and the use. The kernel follows links that stay below
+ * the root. A link that is absolute or leads out of the root may lead below a root again; render farms often have
+ * such a link named `latest`. The text of such a link replaces the name of the link in the path, repeatedly if
+ * necessary. The resulting path is opened by a walk that follows no link. Files that are moved in the meantime
+ * therefore give no access.
  *
- * A root that is a file stands for itself alone, named by its last part. In the directory of uploaded files
- * (store/inputs.h) only these can be opened, and only by the name `sha256:HEX`; an ending behind the hash,
- * `sha256:HEX.obj`, is not looked at.
+ * A root that is a file admits this file only, by its last component. In the directory of uploaded files
+ * (store/inputs.h) only uploaded files can be opened, and only by the name `sha256:HEX`. An extension after the
+ * hash, `sha256:HEX.obj`, is ignored.
  *
- * Roots are immutable once opened and may be used by any thread.
+ * Roots do not change after they were opened. Any thread may use them.
  */
 #ifndef HEXAD_STORE_ROOT_H
 #define HEXAD_STORE_ROOT_H
@@ -23,39 +24,41 @@
 
 typedef struct store_roots store_roots;
 
-/* Opens the directories or files. `sent` is the directory of files that clients have sent, NULL: none; it is
- * searched first. NULL and an error (input_missing) when one is not there. The caller
- * releases with store_roots_close, which accepts NULL. A count of 0 gives an empty set, which
- * admits nothing. */
+/* Opens the directories or files. `sent` is the directory of uploaded files; NULL: none. It is searched first.
+ * Returns NULL and the error input_missing if a root does not exist. The caller frees the roots with
+ * store_roots_close, which accepts NULL. A `count` of 0 gives an empty set, which admits no file. */
 store_roots *store_roots_open(const char *sent, const char *const *paths, size_t count, error *e);
 void store_roots_close(store_roots *roots);
 
-/* Whether the setting input_roots has changed since the start, which a restart applies. The messages on paths outside of the
- * roots say so. Any thread may call this. */
+/* Records whether the setting input_roots has changed since the start. A restart applies the change; the messages
+ * about paths outside the roots say so. Any thread may call this. */
 void store_roots_note_change(store_roots *roots, bool changed);
 
-/* Opens a file for reading and returns its descriptor (close-on-exec), or -1 and an error:
- * path_forbidden   the path is outside the roots or leads out of them
- * input_missing    nothing readable is there, or what a client had sent is gone
- * input_unsupported  not a regular file
- * An absolute path belongs to the root that it begins with; a relative one is tried under each root
- * in order. With `roots` NULL (a worker without a daemon) the path is opened as it is. */
+/* Opens a file for reading. Returns its descriptor (close-on-exec), or -1 and an error:
+ *   path_forbidden     the path is outside the roots or leads out of them
+ *   input_missing      the file does not exist or cannot be read, or an uploaded file was removed
+ *   input_unsupported  not a regular file
+ * An absolute path belongs to the root that it begins with. A relative path is tried below each root in order. If
+ * `roots` is NULL (a worker without a daemon), the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);
 
-/* The same for what may be a file, or a directory below which files are opened (openat): it cannot be read itself. */
+/* As store_open_input, and also opens a directory. Files below the directory can be opened with openat; the
+ * directory itself need not be readable. */
 int store_open_place(const store_roots *roots, const char *path, bool *is_directory, error *e);
 
-/* The same for a directory that can be read. Files that clients have sent are in none. */
+/* As store_open_input, for a directory that can be read. The directory of uploaded files cannot be opened. */
 int store_open_directory(const store_roots *roots, const char *path, error *e);
 
-/* Whether a directory or a regular file is at the path; then what is known of it. */
+/* Whether the path is a directory or a regular file. If so, *info is its status. */
 bool store_find_input(const store_roots *roots, const char *path, struct stat *info);
 
-/* The path of a root as configured, NULL behind the last one. *directory: it is not a single file. */
+/* The path of a root as configured; NULL if `index` is not less than the number of roots. *directory is false if the
+ * root is a single file. */
 const char *store_roots_name(const store_roots *roots, size_t index, bool *directory);
 
-/* Opens the file at the relative `path` beneath `directory` by a walk that follows no link, as on kernels without openat2. -1 and errno on
- * failure (EXDEV: leads out, or a symbolic link). */
+/* Opens the file at the relative `path` below `directory` by a walk that follows no link. The same walk is used on
+ * kernels without openat2. On failure returns -1 and sets errno (EXDEV: the path leads out or contains a symbolic
+ * link). */
 int store_open_walking(int directory, const char *path);
 
 #endif

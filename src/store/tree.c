@@ -19,8 +19,8 @@ typedef struct entry {
 struct store_tree {
     int directory;
     bool hashes, has_changed;
-    entry *entries; /* sorted by path up to `sorted`; the rest in the order in which they came */
-    size_t count, room, sorted;
+    entry *entries; /* sorted by path up to `sorted`; the others in the order of opening */
+    size_t count, capacity, sorted;
 };
 
 store_tree *store_tree_new(int directory, bool hashes)
@@ -44,7 +44,7 @@ static int by_path(const void *a, const void *b)
     return strcmp(((const entry *)a)->path, ((const entry *)b)->path);
 }
 
-/* Callers usually open all files, and then all of them again: entries are sorted by the second time. */
+/* Callers usually open all files and then open all of them again; by then most entries are sorted. */
 static entry *find_entry(store_tree *t, const char *path)
 {
     const entry key = {.path = (char *)path};
@@ -54,7 +54,7 @@ static entry *find_entry(store_tree *t, const char *path)
     return found;
 }
 
-/* Unsorted entries are few: searching them stays cheap. */
+/* Bounds the number of unsorted entries, which are searched linearly. */
 static void sort_if_many(store_tree *t)
 {
     enum { FEW = 256 };
@@ -72,9 +72,9 @@ static bool note(store_tree *t, const char *path, int fd, error *e)
         t->has_changed |= !is_known || !store_identity_equals(&before->identity, &identity);
         return true;
     }
-    if (t->count == t->room) {
-        t->room = t->room ? 2 * t->room : 64;
-        t->entries = mem_resize(t->entries, t->room * sizeof *t->entries);
+    if (t->count == t->capacity) {
+        t->capacity = t->capacity ? 2 * t->capacity : 64;
+        t->entries = mem_resize(t->entries, t->capacity * sizeof *t->entries);
     }
     entry *new = &t->entries[t->count];
     *new = (entry){.identity = identity};
@@ -115,14 +115,14 @@ int store_tree_open(store_tree *t, const char *path, bool *is_missing, error *e)
 
 void store_tree_facts(store_tree *t, store_facts *out, bool *has_changed)
 {
-    size_t length = 0, room = 1;
+    size_t length = 0, capacity = 1;
     qsort(t->entries, t->count, sizeof *t->entries, by_path);
     t->sorted = t->count;
-    for (size_t k = 0; k < t->count; k++) room += strlen(t->entries[k].path) + STORE_HASH_SIZE + 3;
-    char *lines = mem_alloc(room);
+    for (size_t k = 0; k < t->count; k++) capacity += strlen(t->entries[k].path) + STORE_HASH_SIZE + 3;
+    char *lines = mem_alloc(capacity);
     out->bytes = 0;
     for (size_t k = 0; k < t->count; k++) {
-        length += (size_t)snprintf(lines + length, room - length, "%s  %s\n", t->entries[k].facts.sha256,
+        length += (size_t)snprintf(lines + length, capacity - length, "%s  %s\n", t->entries[k].facts.sha256,
                                    t->entries[k].path);
         out->bytes += t->entries[k].facts.bytes;
     }

@@ -1,7 +1,7 @@
-/* tree: files below an open directory, opened without following links, and one hash of those that were opened.
+/* tree: opens files below a directory without following links, and computes one hash of the opened files.
  *
- * The hash is the SHA-256 of a line for each file, sorted by path: its SHA-256, two blanks and its path below the directory, as sha256sum
- * prints them. One caller at a time.
+ * The hash is the SHA-256 of a list with a line for each file, sorted by path. A line is the SHA-256 of the file,
+ * two blanks and the path below the directory, as sha256sum prints it. One thread at a time may call.
  */
 #ifndef HEXAD_STORE_TREE_H
 #define HEXAD_STORE_TREE_H
@@ -12,17 +12,19 @@
 
 typedef struct store_tree store_tree;
 
-/* Takes over the descriptor of the directory. `hashes`: files are hashed when they are opened for the first time; otherwise the
- * hash of store_tree_facts has no meaning. Never NULL. */
+/* Takes over the descriptor of the directory. If `hashes` is true, each file is hashed when it is first opened.
+ * Otherwise the hash of store_tree_facts is undefined. Never returns NULL. */
 store_tree *store_tree_new(int directory, bool hashes);
 void store_tree_free(store_tree *t); /* accepts NULL */
 
-/* Opens a regular file for reading, close-on-exec: its descriptor, or -1. *is_missing: there is none by this path, which is not an error.
- * Otherwise *e: path_forbidden (a link, or a path that leads out), input_missing (it cannot be read), input_unsupported (no regular
- * file); the messages begin with the path. */
+/* Opens a regular file for reading (close-on-exec). Returns its descriptor, or -1. *is_missing is true if the path
+ * does not exist; then *e is not set. Otherwise *e is path_forbidden (a link, or a path that leads out),
+ * input_missing (the file cannot be read) or input_unsupported (not a regular file). The messages begin with the
+ * path. */
 int store_tree_open(store_tree *t, const char *path, bool *is_missing, error *e);
 
-/* The hash and the number of bytes of all files that were opened. *has_changed: one of them was another one when it was opened again. */
+/* The hash of all opened files and their total length in bytes. *has_changed: a file had changed or was replaced
+ * when it was opened again. */
 void store_tree_facts(store_tree *t, store_facts *out, bool *has_changed);
 
 #endif

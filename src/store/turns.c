@@ -11,7 +11,7 @@
 struct store_turns {
     pthread_mutex_t mutex;
     pthread_cond_t ended;
-    store_turn *taken; /* a few: each thread has one at most */
+    store_turn *taken; /* few: a thread has at most one */
     size_t count;
 };
 
@@ -32,7 +32,7 @@ void store_turns_free(store_turns *t)
     free(t);
 }
 
-/* Under the mutex. The index of a turn that is taken; `count` when there is none. */
+/* The index of a taken turn; `count` if it is not taken. The caller holds the mutex. */
 static size_t find(const store_turns *t, store_turn turn)
 {
     size_t i = 0;

@@ -1,11 +1,11 @@
-/* bent_areas: the areas of cells that the surface crosses and in which it bends: if there are many, their areas are
+/* bent_areas: areas of the cells within which the surface bends. If there are many such cells, most areas are
  * estimated from samples.
  *
- * The area of a cell is measured by 4^3 parts or, in less time, by 2^3 parts or by its own triangles. The faster
- * estimates are too small by a share that is similar for similar cells. If all of the surface is as the part that the
- * samples were chosen by, 8 000 cells or more are measured by all parts, one of eight at most, and 50 000 or more by
- * half as many along each axis. Areas of fogs are off by some 4e-4 then, of noise by 1.3e-3. Units: world, squared. No
- * state, any threads.
+ * The area of a cell is computed from 4^3 parts or, in less time, from 2^3 parts or from the triangles of the whole
+ * cell. The faster estimates are too small by a ratio that is similar for similar cells. At 8 000 cells or more, at
+ * most one of eight cells is measured by all parts; at 50 000 or more, others are measured by half as many parts
+ * along each axis. The errors are then about 4e-4 for fogs and 1.3e-3 for noise. Units: world, squared. No state,
+ * any thread.
  */
 #ifndef HEXAD_SURFACE_BENT_AREAS_H
 #define HEXAD_SURFACE_BENT_AREAS_H
@@ -14,28 +14,30 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Areas by all parts and by half of them, of cells that have both, and how many have; by half of the parts and by
- * triangles, of those that have these. */
+/* Sums of areas and numbers of cells. Of the cells measured by all parts: `whole` by all parts, `half_of_whole` by
+ * half of the parts along each axis, `wholes` their number. Of the cells measured by half of the parts: `half` by
+ * these parts, `rough_of_half` by the triangles of the cell. */
 typedef struct bent_sums {
     double whole, half_of_whole, half, rough_of_half;
     size_t wholes;
 } bent_sums;
 
-/* One of `whole` bent cells is measured by all its parts, and one of `half` by half as many along each axis; `whole` is
- * a multiple of `half`. Both 1: all are measured by all. */
+/* One of `whole` bent cells is measured by all parts, and one of `half` by half as many along each axis; `whole` is
+ * a multiple of `half`. Both 1: all cells are measured by all parts. */
 typedef struct bent_samples {
     uint32_t whole, half;
 } bent_samples;
 
-/* The samples for this number of cells. */
+/* Returns the samples for this number of bent cells. */
 bent_samples bent_choose(double cells);
 
-/* Whether cell k is in the sample of one of `every` cells. */
+/* Whether cell k belongs to the sample of one of `every` cells. */
 bool bent_is_drawn(size_t k, uint32_t every);
 
-/* `area`: of `cells` cells. Values below 0 are estimates with the sign reversed: by half of the parts if the cell is
- * in the sample for that, else by its triangles. They are scaled by the ratios of the sampled cells of the same stretch,
- * since the shape of a surface varies by place. `sums`: of each `grain` cells. */
+/* Replaces the estimates in area[0 .. cells - 1]. An estimate is stored with a negative sign: by half of the parts
+ * if the cell is in that sample, otherwise by the triangles of the cell. Estimates are scaled by the ratios of the
+ * sampled cells of the same stretch, since the shape of a surface varies with the position. `sums`: one element for
+ * each stretch of `grain` cells. */
 void bent_settle(double *area, size_t cells, size_t grain, const bent_sums *sums, bent_samples every);
 
 #endif

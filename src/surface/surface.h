@@ -1,9 +1,9 @@
-/* surface: quantities of a surface that follow from the crossing cells, before there are particles:
- * its area, its box, and initial points, drawn in proportion to area.
+/* surface: properties of a surface computed from its crossing cells: area, bounding box, and points drawn in
+ * proportion to area.
  *
- * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
- * moved onto the surface. A triangle's area is corrected for the surface's curvature by how the normals at
- * its corners turn, which leaves an error of fourth order in cell size over radius of curvature.
+ * Each cell is cut into six tetrahedra, and the surface cuts these into triangles, whose corners are moved onto the
+ * surface. The area of a triangle is corrected for the curvature of the surface by the change of the normal between
+ * its corners. The remaining error is of fourth order in cell size over radius of curvature.
  */
 #ifndef HEXAD_SURFACE_SURFACE_H
 #define HEXAD_SURFACE_SURFACE_H
@@ -19,20 +19,22 @@ typedef struct surface {
     double area;        /* world units squared */
     bbox box;           /* of the surface */
     size_t cells;
-    components parts;    /* cells are numbered part after part, so that strata of area keep to the parts */
-    double *area_before; /* cells + 1: area of the cells before each, the last is the whole */
+    /* cells are numbered part after part, so that strata of equal area lie within parts */
+    components parts;
+    /* cells + 1 values: the area of the cells before each cell; the last value is the whole area */
+    double *area_before;
 } surface;
 
 /* The k-th of the surface's cells. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
-/* Its middle, and a bound of how far its corners are from that. */
+/* Returns the centre of the k-th cell. *radius: an upper bound of the distance of its corners from the centre. */
 vec3 surface_cell_middle(const surface *s, size_t k, double *radius);
 
-/* As field_ops's cell_group; false as well where cells are numbered part after part. */
+/* As cell_group of field_ops. Also false if cells are numbered part after part. */
 bool surface_cell_group(const surface *s, size_t k, size_t *end, vec3 *middle, double *radius);
 
-/* The patch of a place of the k-th cell; 0 without patches. */
+/* The patch of a place x of the k-th cell; 0 without patches. */
 uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x);
 
 static inline double surface_cell_area(const surface *s, size_t k)
@@ -40,53 +42,54 @@ static inline double surface_cell_area(const surface *s, size_t k)
     return s->area_before[k + 1] - s->area_before[k];
 }
 
-/* Share of a part (with patches: of a patch) in the whole. `before`: per cell and one more the sum of the cells before
- * it, of area (area_before) or of area weighted by a sizing field. */
+/* Returns the share of a part (of a surface with patches: of a patch) in the whole. `before`: cells + 1 cumulative
+ * values, of area (area_before) or of area weighted by a sizing field. */
 static inline double surface_part_share(const surface *s, const double *before, size_t part)
 {
     return (before[s->parts.begin[part + 1]] - before[s->parts.begin[part]]) / before[s->cells];
 }
 
-/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was stopped). Deterministic for any
- * number of threads. */
+/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was stopped). Deterministic for any number of
+ * threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
 
-/* The triangles of the cell that was drawn from last: draws in the order of cells cut each once. Zeroed before the first;
- * for draws from one surface. */
+/* A cache with the triangles of the last cell from which a point was drawn. If points are drawn in the order of
+ * cells, each cell is cut once. Zero it before the first call; use it for one surface only. */
 typedef struct surface_last_cell {
     bool known;
     size_t cell;
     int count;
     vec3 at[FIELD_CELL_TRIANGLES][3];
-    double area[FIELD_CELL_TRIANGLES]; /* of what lies in the domain */
+    double area[FIELD_CELL_TRIANGLES]; /* of the part of each triangle in the domain */
 } surface_last_cell;
 
-/* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to
- * area within it. With area_before equal lengths of `where` give equal areas. The point lies near the
- * surface, within the cell; project it. The same point with `last` and without it, NULL. */
+/* Returns a point of the triangles of the cell k with before[k] <= where < before[k + 1], uniformly distributed over
+ * their area. With area_before, equal lengths of `where` give equal areas. The point is near the surface, within the
+ * cell; the caller projects it. `last`: a cache, or NULL; it does not change the result. */
 vec3 surface_point(const surface *s, const double *before, double where, rng *r, surface_last_cell *last);
 
-/* The same of the patch alone, `where` in [0, 1); without patches, of the surface. False, nothing drawn but `r` moved on, where
- * the patch has no share or the point fell on another patch of its cell. */
+/* Draws a point of one patch, `where` in [0, 1); without patches, of the whole surface. False if the patch has no
+ * share, or if the point lies on another patch of its cell; then *out is unchanged, but `r` may have advanced. */
 bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
                          vec3 *out);
 
-/* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the
- * domain. False, outputs untouched, when that does not end within `reach`. */
+/* Moves *x onto the surface by Newton's method along the axes that are not in `fixed` (bit k: axis k). Ignores the
+ * domain. False if the method does not converge within `reach`; the outputs are unchanged. */
 bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
 
-/* The place where the surface passes between x, in the k-th cell, and the nearest of the cell's corners on the other
- * side, by bisection. For places from which Newton's method leads nowhere, as beside a droplet. x where all corners are
- * on its side, or F is not defined. */
+/* Returns the point where the surface passes between x, in the k-th cell, and the nearest corner of the cell on the
+ * other side, found by bisection. For places where Newton's method fails, as beside a droplet. Returns x if all
+ * corners are on its side, or if F is undefined. */
 vec3 surface_bisect(const surface *s, size_t k, vec3 x);
 
-/* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
- * same corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how
- * many. */
+/* Computes the triangles of a cell. Their corners lie on the surface to a millionth of the cell. Triangles of
+ * adjacent cells have the same corners, to the last bit, on their common face. Parts outside of the domain are not
+ * cut off. Returns the number of triangles. */
 int surface_cell_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
-/* The same with F linear between the cell's corners: near the surface, and much sooner. */
+/* surface_cell_triangles for F that is linear between the corners of the cell: the triangles are near the surface,
+ * and are computed faster. */
 int surface_cell_rough_triangles(const surface *s, size_t cell, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
 #endif

@@ -1,4 +1,5 @@
-/* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping single triangles.
+/* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping single
+ * triangles.
  *
  * Corner c is corner c % 3 of triangle c / 3. Triangles with two equal corners are in no list. Single-threaded.
  */
@@ -22,7 +23,8 @@ typedef struct linked_mesh {
     size_t triangle_room, next_room, previous_room, dead_room, vertex_room, head_room, degree_room;
 } linked_mesh;
 
-/* Makes the lists. Equal vertices have been joined. The mesh is owned by the caller; its arrays grow. Error: limit_memory. */
+/* Makes the lists. Equal vertices have been joined. The mesh is owned by the caller; its arrays grow. Error:
+ * limit_memory. */
 bool linked_mesh_begin(mesh *m, linked_mesh *out, error *e);
 /* Removes dropped triangles from the mesh, keeping the order of the others, and frees the lists. */
 void linked_mesh_end(linked_mesh *l);

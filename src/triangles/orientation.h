@@ -1,7 +1,8 @@
 /* orientation: connected sets of triangles, and which triangles must be reversed for a consistent orientation.
  *
- * A union-find forest over the triangles. Each triangle stores whether its orientation is opposite to that of its parent. The least triangle of a set
- * is its root. Free with orientation_free. Single-threaded: orientation_find compresses paths.
+ * A union-find forest over the triangles. Each triangle stores whether its orientation is opposite to that of its
+ * parent. The least triangle of a set is its root. Free with orientation_free. Single-threaded: orientation_find
+ * compresses paths.
  */
 #ifndef HEXAD_TRIANGLES_ORIENTATION_H
 #define HEXAD_TRIANGLES_ORIENTATION_H

@@ -1,4 +1,4 @@
-/* archive: whole files to a descriptor, for the C++ units that write. Not for C. */
+/* archive: writes whole files to a descriptor, for C++ units. Not for C. */
 #ifndef HEXAD_VDB_ARCHIVE_H
 #define HEXAD_VDB_ARCHIVE_H
 
@@ -15,8 +15,8 @@
 
 namespace shim {
 
-/* Archive's own write is protected; io::File and io::Stream are its two public faces, neither of
- * which writes a seekable file to a stream in memory. */
+/* Archive's own write is protected. Its two public subclasses, io::File and io::Stream, cannot write a seekable file
+ * to a stream in memory. */
 class archive : public openvdb::io::Archive {
 public:
     void write_all(std::ostream &out, const openvdb::GridCPtrVec &grids, bool seekable) const

@@ -1,11 +1,12 @@
-/* plain_vdb: the usual OpenVDB files without the library, whose 52 000 symbols take the dynamic linker longer than a small
- * job, and whose tree is a second copy of the voxels.
+/* plain_vdb: reads usual OpenVDB files without the library. The dynamic linker needs more time for its 52 000
+ * symbols than a small job takes, and its tree is a second copy of the voxels.
  *
- * Usual are files of format versions 222 to 224 with offsets, and of their grids those of floats (whole or half), without a
- * tree shared with others, of an affine transform. Whatever else there is, or is wrong, the library is to look at: nothing
- * is an error here. What is read is what vdb.h's functions give; but voxels smaller than 1e-5, whose transform the library
- * takes for singular, and any identifier of a file are accepted. Lengths are checked against the file's before they are
- * believed. Threads: calls share no state; values are unpacked by those of a pool, which may be NULL and does not show.
+ * A usual file has a format version from 222 to 224 and offsets. A usual grid has floats (whole or half), an affine
+ * transform and a tree of its own. All other files, and all faults, are left to the library: no function returns an
+ * error. Results equal those of the functions of vdb.h, with two exceptions: voxels smaller than 1e-5, whose
+ * transform the library considers singular, and any identifier of a file are accepted. Lengths are checked against
+ * the length of the file before they are used. Calls share no state; the threads of a pool, which may be NULL,
+ * unpack the values. Results do not depend on the pool.
  */
 #ifndef HEXAD_VDB_PLAIN_VDB_H
 #define HEXAD_VDB_PLAIN_VDB_H
@@ -17,10 +18,10 @@
 extern "C" {
 #endif
 
-/* As vdb_list_grids, where every grid's type is one that vdb_visit_grid takes; false: ask the library. */
+/* Like vdb_list_grids, if vdb_visit_grid accepts the type of every grid. False: use the library. */
 bool plain_vdb_list_grids(int fd, vdb_listing *out);
 
-/* As vdb_load_grid; NULL: ask the library. */
+/* Like vdb_load_grid. NULL: use the library. */
 vdb_grid *plain_vdb_load_grid(int fd, size_t index, size_t memory_limit, threads *pool);
 
 #ifdef __cplusplus

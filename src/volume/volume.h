@@ -1,9 +1,10 @@
-/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the isosurface.
+/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the
+ * isosurface.
  *
  * A volume is read completely by one call, through src/vdb. An open volume keeps no file and no library object, only
- * coefficient blocks (8^3 cells and the coefficients around them that their splines need) around the surface, with a margin within
- * which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few places will be
- * sampled, coefficient blocks are made on first access.
+ * coefficient blocks (8^3 cells and the coefficients around them that their splines need) around the surface, with a
+ * margin within which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few
+ * places will be sampled, coefficient blocks are made on first access.
  */
 #ifndef HEXAD_VOLUME_VOLUME_H
 #define HEXAD_VOLUME_VOLUME_H
@@ -96,9 +97,9 @@ typedef struct volume_info {
  * isovalue_required, no_surface, limit_memory, cancelled. */
 volume *volume_open(const volume_request *request, error *e);
 
-/* Converts a closed triangle mesh to a level set (see levelset.h). `whole` and `notes`: the mesh and the notes of its
- * reader. Defects of the mesh become warnings. Errors, with file and reason: input_unsupported (open meshes), spec_invalid
- * (voxels that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
+/* Converts a closed triangle mesh to a level set (see levelset.h). `whole` and `notes`: the mesh and the notes of
+ * its reader. Defects of the mesh become warnings. Errors, with file and reason: input_unsupported (open meshes),
+ * spec_invalid (voxels that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
 

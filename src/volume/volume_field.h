@@ -1,5 +1,5 @@
-/* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place, also far from its stored voxels. Internal to volume.c and volume_field.c;
- * others use volume.h. Reading: any thread.
+/* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place, also
+ * far from its stored voxels. Internal to volume.c and volume_field.c; others use volume.h. Reading: any thread.
  */
 #ifndef HEXAD_VOLUME_VOLUME_FIELD_H
 #define HEXAD_VOLUME_VOLUME_FIELD_H
@@ -40,8 +40,8 @@ extern const field_ops volume_field_ops;
 /* The bounding box of the boxes of all cells, world space. */
 bbox volume_field_cells_box(const volume *v);
 
-/* The side of all places outside the bounding box of the coefficient blocks, or 0 if its corners differ. Coefficient blocks, sides and cells
- * have been set. */
+/* The side of all places outside the bounding box of the coefficient blocks, or 0 if its corners differ. Coefficient
+ * blocks, sides and cells have been set. */
 double volume_field_side_beyond(const volume *v);
 
 #endif

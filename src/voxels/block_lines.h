@@ -1,4 +1,4 @@
-/* block_lines: lines of voxels in blocks, for code that visits all of them. */
+/* block_lines: lines of voxels in blocks, for code that processes all of them. */
 #ifndef HEXAD_VOXELS_BLOCK_LINES_H
 #define HEXAD_VOXELS_BLOCK_LINES_H
 
@@ -11,17 +11,18 @@
 
 _Static_assert(LANES == GRID_VIEW_SIDE, "a row of a block is what one instruction works on");
 
-/* From a voxel to the next along each axis. */
+/* Offset from a voxel to the next one along each axis. */
 static const int block_stride[3] = {64, 8, 1};
 
-/* Prefetches the voxels of the next block: blocks are scattered in memory, which a hardware prefetcher cannot predict. */
+/* Prefetches the voxels of the next block: blocks are scattered in memory, which a hardware prefetcher cannot
+ * predict. */
 ISA_INLINE void block_fetch(const float *f)
 {
 #pragma GCC unroll 8
     for (int k = 0; k < GRID_VIEW_VOXELS; k += 16) __builtin_prefetch(f + k);
 }
 
-/* Bit 8 j + i goes to 8 i + j. Source: Warren, Hacker's Delight, section 7-3. */
+/* Transposes: bit 8 j + i becomes bit 8 i + j. Source: Warren, Hacker's Delight, section 7-3. */
 ISA_INLINE uint64_t block_transposed(uint64_t m)
 {
     uint64_t t = (m ^ m >> 7) & 0x00aa00aa00aa00aau;
@@ -32,7 +33,7 @@ ISA_INLINE uint64_t block_transposed(uint64_t m)
     return m ^ t ^ t << 28;
 }
 
-/* Byte k of each of a block's layers, which is a layer of its own: in y instead of x. */
+/* Byte k of each layer of a block, as a layer perpendicular to y instead of x. */
 ISA_INLINE uint64_t block_turned(const uint64_t bits[GRID_VIEW_SIDE], int k)
 {
     uint64_t layer = 0;
@@ -40,7 +41,7 @@ ISA_INLINE uint64_t block_turned(const uint64_t bits[GRID_VIEW_SIDE], int k)
     return layer;
 }
 
-/* The bits of row y of a layer, each in a lane. */
+/* The bits of row y of a layer, one per lane. */
 ISA_INLINE lanes_mask block_row(uint64_t layer, int y)
 {
     return lanes_spread((uint8_t)(layer >> GRID_VIEW_SIDE * y));
@@ -53,9 +54,10 @@ ISA_INLINE bool block_has_any(const uint64_t bits[GRID_VIEW_SIDE])
     return any != 0;
 }
 
-/* The second difference of a line that goes on beyond its voxels a, b, c, the nearest first. The parabola of a curved surface is
- * followed where it is gentle: a bend of more than half of the slope is an edge or noise, which a parabola would throw far off. A
- * ball of 10 voxels comes as near to the one with all data at 0.25 to 1 of it; with straight lines ten times less. */
+/* The second difference for extrapolating a line beyond its voxels a, b, c, the nearest first. A gentle bend is
+ * extrapolated as a parabola. A bend of more than half of the slope is an edge or noise, and a parabola would be far
+ * off. For a ball of 10 voxels, limits of 0.25 to 1 of the slope give equally small errors; with straight lines they
+ * are ten times larger. */
 ISA_INLINE double block_line_bend(double a, double b, double c)
 {
     const double most = 0.5 * fabs(a - b);

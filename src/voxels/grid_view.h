@@ -1,12 +1,11 @@
-/* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any place.
+/* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any position.
  *
- * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The
- * value of a level set's voxel is known if the voxel is active and not clamped to +-background; other voxels
- * only determine the side. Every voxel of a fog volume is known: outside the leaves it has the value of its tile or the
- * background. In a dense volume exactly the active voxels of the leaves are known. Voxel
- * (x, y, z) of a block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F
- * in the grid's own unit.
- * Threads: reading is safe in any number.
+ * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The value of a level
+ * set's voxel is known if the voxel is active and not clamped to +-background; other voxels determine only the sign.
+ * Every voxel of a fog volume is known: outside of the leaves it has the value of its tile or the background. In a
+ * dense volume exactly the active voxels of the leaves are known. Voxel (x, y, z) of a block has offset 64 x + 8 y +
+ * z and bit 8 y + z of word x, as in vdb.h. Units: index space; F in the unit of the grid. Reading is safe with any
+ * number of threads.
  */
 #ifndef HEXAD_VOXELS_GRID_VIEW_H
 #define HEXAD_VOXELS_GRID_VIEW_H
@@ -38,15 +37,16 @@ typedef struct grid_view {
     const vdb_grid *grid; /* the caller's, must outlive the view */
     double isovalue;
     grid_view_kind kind;
-    bool plain;                     /* values are F as they are */
-    float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
+    bool plain;                     /* values need no conversion to F */
+    float clamp_below, clamp_above; /* limits of active values that are clamped; or infinite */
     float background;               /* as F */
     block_map leaves;
-    block_map tiles[GRID_VIEW_TILE_LEVELS];    /* by tiles' coordinates */
+    block_map tiles[GRID_VIEW_TILE_LEVELS];    /* by the coordinates of tiles */
     float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
-    float lowest, highest;                     /* of the grid's own finite values, background included */
-    uint64_t not_finite;                       /* voxels in leaves */
-    grid_view_signs *signs;                    /* of each leaf */
+    /* range of the finite values in the grid, including the background */
+    float lowest, highest;
+    uint64_t not_finite;    /* number of voxels in leaves */
+    grid_view_signs *signs; /* of each leaf */
 } grid_view;
 
 /* A block that has one value everywhere, or a leaf. */
@@ -55,10 +55,11 @@ typedef struct grid_view_block {
     float constant; /* F */
 } grid_view_block;
 
-/* The pool, which may be NULL, does not show. Errors: limit_memory, input_damaged, cancelled. */
+/* Results do not depend on the pool, which may be NULL. Errors: limit_memory, input_damaged, cancelled. */
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e);
-/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same time. */
+/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same
+ * time. */
 enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 
@@ -73,7 +74,7 @@ void grid_view_around(const grid_view *l, const int32_t block[3], grid_view_bloc
 /* F of all 512 voxels; `f` may be the leaf's own values. */
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS]);
 
-/* The signs of any block. `constant` is filled in and returned where there is no leaf. */
+/* Returns the signs of a block. For a constant block they are written to *constant, which is returned. */
 const grid_view_signs *grid_view_find_signs(const grid_view *l, grid_view_block b, grid_view_signs *constant);
 
 #endif

@@ -1,13 +1,14 @@
-/* prefilter: from samples to coefficients of the cubic spline that has their values. Threads: as in samples.h. */
+/* prefilter: converts samples to the coefficients of the interpolating cubic spline. Threads: as in samples.h. */
 #ifndef HEXAD_VOXELS_PREFILTER_H
 #define HEXAD_VOXELS_PREFILTER_H
 
 #include "voxels/samples.h"
 
-/* In place, axis by axis, along runs of voxels in neighbouring blocks. For a narrow band (`known`) these are the known
- * voxels only: each run goes on beyond its ends as the parabola of its last three voxels does, and voxels that are not
- * known stay as they are: beyond a known one they do instead of coefficients. Else all voxels count, to the last block.
- * Source: Unser 1999, box 2, with other ends: what the recursion would have come to on the parabola. */
+/* Works in place, axis by axis, along runs of voxels in neighbouring blocks. For a narrow band (`known`) the runs
+ * have the known voxels only. Each run is extrapolated beyond its ends as the parabola of its last three voxels.
+ * Unknown voxels are unchanged and serve as coefficients beyond a known one. Otherwise the runs have all voxels up
+ * to the last block. Source: Unser 1999, box 2, with other ends: the value to which the recursion converges on the
+ * parabola. */
 bool prefilter_run(samples *s, bool known, threads *pool, error *e);
 
 #endif

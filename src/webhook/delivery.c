@@ -23,9 +23,9 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* The wait after an error of the database (a full disk). */
+/* Wait, in ms, after an error of the database, such as a full disk. */
 #define TROUBLE_MS 1000
-/* The longest wait between two checks of the outbox and of the wall clock, which may be set. */
+/* Maximum time, in ms, between two checks of the outbox and of the wall clock, which may be set. */
 #define LOOK_MS 60000
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
@@ -34,7 +34,7 @@
 #define KEY_LEAST 24
 #define KEY_MOST 64
 
-/* A thread that makes the calls it is given, one after another. */
+/* A thread that makes the calls given to it, one after another. */
 typedef struct caller {
     delivery *c;
     CURL *curl;
@@ -51,16 +51,16 @@ struct delivery {
     uint8_t *key;
     size_t key_length;
     queue *q;
-    _Atomic int64_t not_before_ms; /* monotonic; after trouble */
+    _Atomic int64_t not_before_ms; /* monotonic; after an error of the database */
     atomic_bool stopping;
-    clock_watch watch; /* of the next thread */
+    clock_watch watch; /* used by `thread` only */
     pthread_t thread;  /* gives due notifications to callers */
     pthread_mutex_t mutex;
     pthread_cond_t given;
     caller *callers;
 };
 
-/* Decodes what follows KEY_PREFIX; NULL: it is not the base64 text of a key. */
+/* Decodes the text after KEY_PREFIX. NULL if it is not the base64 text of a key. */
 static uint8_t *decode_key(const char *text, size_t *length, error *e)
 {
     struct base64_decode_ctx context;
@@ -83,7 +83,7 @@ static uint8_t *decode_key(const char *text, size_t *length, error *e)
     return NULL;
 }
 
-/* The key in the text of a secret, to be freed; takes over the text. */
+/* The key in the text of a secret, which the caller frees. Takes over the text. */
 static uint8_t *take_key(char *text, size_t *length, error *e)
 {
     text[strcspn(text, "\r\n")] = '\0';
@@ -164,7 +164,7 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     free(content);
     char *lines[] = {
         mem_strdup("Content-Type: application/json"),
-        mem_strdup("Expect:"), /* a short body is sent without waiting for 100 Continue */
+        mem_strdup("Expect:"), /* send a short body without waiting for 100 Continue */
         mem_printf("webhook-id: %s", d->event),
         mem_printf("webhook-timestamp: %lld", now),
         mem_printf("webhook-signature: v1,%s", signature),
@@ -178,7 +178,7 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     return headers;
 }
 
-/* A line of the head. The last one is empty. */
+/* Called for each line of the head. The last line is empty. */
 static size_t take_line(char *data, size_t size, size_t count, void *context)
 {
     caller *r = context;
@@ -190,25 +190,25 @@ static size_t take_line(char *data, size_t size, size_t count, void *context)
     return size * count;
 }
 
-/* What follows the head of an answer that counts is not waited for. */
+/* Discards the body of an answer. After a status of 2xx it stops the transfer at the first byte. */
 static size_t drop_body(char *data, size_t size, size_t count, void *context)
 {
     (void)data;
     const caller *r = context;
-    return r->taken ? 0 : size * count; /* 0 breaks off */
+    return r->taken ? 0 : size * count; /* 0 stops the transfer */
 }
 
 static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all_up, curl_off_t up)
 {
     (void)all, (void)got, (void)all_up, (void)up;
     const caller *r = context;
-    return r->taken || r->c->stopping; /* not 0 breaks off */
+    return r->taken || r->c->stopping; /* a value other than 0 stops the transfer */
 }
 
 /* The answer of a receiver that did not accept a call. */
 typedef struct refusal {
     bool gone;           /* it requests no further tries (410) */
-    int64_t at_least_ms; /* before the next one */
+    int64_t at_least_ms; /* before the next try */
 } refusal;
 
 static refusal read_refusal(const caller *r)
@@ -221,7 +221,7 @@ static refusal read_refusal(const caller *r)
     return (refusal){status == 410, (int64_t)(1000 * wait_s)};
 }
 
-/* Makes one call; on failure `why` has the reason. */
+/* Makes one call. On failure *why is set. */
 static bool post(caller *r, refusal *refused, error *why)
 {
     const delivery *c = r->c;
@@ -237,7 +237,7 @@ static bool post(caller *r, refusal *refused, error *why)
     curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, r->fault);
     curl_easy_setopt(curl, CURLOPT_URL, d->url);
     curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
-    curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* only the listed hosts, without a proxy between */
+    curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* connect to the listed hosts directly */
     curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(curl, CURLOPT_USERAGENT, PACKAGE_NAME "/" PACKAGE_VERSION);
     curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, (long)(c->settings.timeout_s * 1000));
@@ -268,7 +268,7 @@ static int64_t wait_ms(const delivery_settings *s, int tries)
     return (int64_t)(1000 * (wait_s < s->retry_most_s ? wait_s : s->retry_most_s));
 }
 
-/* Makes one try and stores its result in the queue; false when it could not be stored. */
+/* Makes one try and stores its result in the queue. False if it could not be stored. */
 static bool deliver(caller *r)
 {
     const delivery *c = r->c;
@@ -313,8 +313,7 @@ static void *make_calls(void *argument)
         queue_delivery_clear(&r->delivery);
         free(r->host);
         r->host = NULL;
-        queue_signal(
-            c->q); /* more calls may wait for this host, or calls to other hosts waited for a free thread */
+        queue_signal(c->q); /* further calls may wait for this host or for an idle thread */
     }
     pthread_mutex_unlock(&c->mutex);
     return NULL;
@@ -347,7 +346,7 @@ static void give(caller *r, const queue_delivery *d)
     pthread_mutex_unlock(&r->c->mutex);
 }
 
-/* Gives due notifications to idle callers; returns when to check again, monotonic. */
+/* Gives due notifications to idle callers. Returns the time of the next check, monotonic. */
 static int64_t give_due(delivery *c)
 {
     for (;;) {
@@ -382,7 +381,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Ends the callers and aborts calls under way. */
+/* Ends the callers and aborts calls in progress. */
 static void release(delivery *c)
 {
     pthread_mutex_lock(&c->mutex);

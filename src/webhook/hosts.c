@@ -10,7 +10,7 @@
 #include "base/memory.h"
 
 typedef struct host {
-    char *name, *port; /* port NULL: that of the scheme */
+    char *name, *port; /* port NULL: the default port of the scheme */
 } host;
 
 struct webhook_hosts {
@@ -18,7 +18,7 @@ struct webhook_hosts {
     host *item;
 };
 
-/* A part of an address, to be freed; NULL when it has none. */
+/* A part of a URL, which the caller frees; NULL if the URL does not have it. */
 static char *take_part(CURLU *address, CURLUPart part, unsigned flags)
 {
     char *text = NULL;
@@ -59,7 +59,7 @@ webhook_hosts *webhook_hosts_read(const char *const *texts, size_t count, error 
 {
     webhook_hosts *hosts = mem_alloc(sizeof *hosts);
     bool ok = true;
-    hosts->item = mem_alloc((count + 1) * sizeof *hosts->item); /* never of no size */
+    hosts->item = mem_alloc((count + 1) * sizeof *hosts->item); /* + 1: never a size of 0 */
     for (size_t i = 0; ok && i < count; i++) ok = read_host(texts[i], &hosts->item[hosts->count++], e);
     if (ok) return hosts;
     webhook_hosts_free(hosts);
@@ -127,7 +127,7 @@ char *webhook_address(const char *url)
         text = take_part(address, CURLUPART_URL, CURLU_DEFAULT_PORT);
     curl_url_cleanup(address);
     char *begin = text ? strstr(text, "://") : NULL;
-    /* behind % is the name of a network interface */
+    /* the text after % is the name of a network interface, which keeps its case */
     for (char *c = begin ? begin + 3 : NULL; c && *c && !strchr("/%", *c); c++) *c = (char)tolower(*c);
     return text;
 }

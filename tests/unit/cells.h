@@ -1,4 +1,4 @@
-/* cells: what every field says of its cells. */
+/* cells: checks that hold for the cells of every field. */
 #ifndef HEXAD_TESTS_CELLS_H
 #define HEXAD_TESTS_CELLS_H
 
@@ -7,7 +7,7 @@
 #include "close.h"
 #include "field/field.h"
 
-/* The middle of a cell is that of its corners, and the farthest of these is a radius from it. */
+/* Checks that the centre of a cell is the centre of its corners, and that its radius reaches the farthest corner. */
 static inline void check_middle(const field *f, size_t k, const field_cell *cell)
 {
     double radius, farthest = 0;

@@ -1,4 +1,4 @@
-/* close: comparison in double precision (cmocka's assert_float_equal compares floats). After cmocka. */
+/* close: comparison in double precision (cmocka's assert_float_equal compares floats). Include after cmocka. */
 #ifndef HEXAD_TESTS_CLOSE_H
 #define HEXAD_TESTS_CLOSE_H
 

@@ -1,4 +1,4 @@
-/* faces: surfaces made of flat rectangles, as fields with patches: what the tests of those are about. */
+/* faces: surfaces made of flat rectangles, as fields with patches, for tests of patches. */
 #ifndef HEXAD_TESTS_FACES_H
 #define HEXAD_TESTS_FACES_H
 
@@ -10,9 +10,9 @@
 
 enum { FACES_MOST = 8, FACE_CELLS = 20 /* along each side */ };
 
-/* A rectangle: centre, half of its sides, normal. */
+/* A rectangle: centre, half side vectors, normal. */
 typedef struct face {
-    field base; /* its own F: the height */
+    field base; /* its own F: the height above its plane */
     vec3 centre, u, v, normal;
 } face;
 
@@ -80,7 +80,7 @@ static vec3 face_place(const face *a, double u, double v)
     return vec3_axpy(u, a->u, vec3_axpy(v, a->v, a->centre));
 }
 
-/* The square of a cell, as two triangles. */
+/* The two triangles of a square cell. */
 static int faces_cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     const face *a = &((const faces *)f)->face[k / (FACE_CELLS * FACE_CELLS)];
@@ -121,7 +121,7 @@ static const field_ops faces_ops = {.sample = faces_sample,
                                     .cell_triangles = faces_cell_triangles,
                                     .patch_at = faces_patch_at};
 
-/* The curve with these ends, made if there is none. */
+/* The curve with these ends; it is added if it is missing. */
 static field_curve *faces_curve(faces *s, vec3 a, vec3 b)
 {
     for (field_curve *c = s->curve; c < s->curve + s->patches.curve_count; c++) {
@@ -137,7 +137,7 @@ static field_curve *faces_curve(faces *s, vec3 a, vec3 b)
     return &s->curve[k];
 }
 
-/* To be called once all faces are there: `add_face` makes them. */
+/* Call it after `add_face` has added all faces. */
 static void faces_join(faces *s)
 {
     static const double turn[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
@@ -181,7 +181,7 @@ static void add_face(faces *s, vec3 centre, vec3 u, vec3 v)
         .base = {.ops = &face_ops}, .centre = centre, .u = u, .v = v, .normal = vec3_unit(vec3_cross(u, v))};
 }
 
-/* The cube of side 1 about the origin. */
+/* The cube of side 1 centred at the origin. */
 static void make_cube(faces *s)
 {
     *s = (faces){0};

@@ -96,7 +96,7 @@ scene scene_torus(int n, int rows)
     return s;
 }
 
-/* Adds the triangles between corners that are `side` apart, outside to the front. */
+/* Adds the triangles between corners at the distance `side`, with outward normals. */
 static void add_solid(scene *s, const vec3 *corner, int count, double side, int n)
 {
     for (int a = 0; a < count; a++)

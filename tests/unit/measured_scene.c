@@ -15,7 +15,7 @@ enum { MOST_NORMALS = 16 };
 
 static void *grown(void *array, size_t count, size_t size)
 {
-    if (count & (count + 1)) return array; /* room for 2^k - 1 elements */
+    if (count & (count + 1)) return array; /* its capacity is 2^k - 1 elements */
     array = realloc(array, 2 * (count + 1) * size);
     assert_non_null(array);
     return array;
@@ -214,7 +214,7 @@ scene scene_shuffled(const scene *s, uint64_t seed)
 
 /* ---- measures */
 
-/* The stands of the points: arrays of measures_input. */
+/* The copies of the points: arrays of measures_input. */
 typedef struct stand_list {
     size_t count;
     vec3 *normal;
@@ -240,7 +240,7 @@ static bool is_on_segment(vec3 x, vec3 a, vec3 b)
     return is_at(x, vec3_axpy(t < 0 ? 0 : t > 1 ? 1 : t, ab, a));
 }
 
-/* Whether a triangle has an edge through x that no other triangle has. */
+/* Whether the triangle has an edge through x that belongs to no other triangle. */
 static bool has_border_at(const scene *s, size_t k, vec3 x)
 {
     for (int i = 0; i < 3; i++) {
@@ -272,7 +272,7 @@ static int find_normals(const scene *s, vec3 x, vec3 *out, bool *border)
     return count;
 }
 
-/* A point that lies on no triangle has no normal of its own: a fault of the scene. */
+/* A point that lies on no triangle has no normal: a fault of the scene. */
 static stand_list find_stands(const scene *s)
 {
     stand_list out = {.count = s->points};

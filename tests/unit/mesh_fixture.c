@@ -51,7 +51,7 @@ static mesh icosahedron(void)
     return m;
 }
 
-/* Middles of shared edges are made twice, with the same coordinates, so that every ball tests the welding. */
+/* Midpoints of shared edges are made twice with equal coordinates, so that every ball tests the welding. */
 static mesh split(mesh m)
 {
     mesh out = with_room(m.vertex_count + 3 * m.triangle_count, 4 * m.triangle_count);
@@ -86,7 +86,7 @@ mesh mesh_fixture_ball(vec3 center, double radius, int splits)
 
 static vec3 rotate(vec3 p, double angle)
 {
-    const vec3 axis = vec3_unit((vec3){1, 2, 3}); /* Rodrigues */
+    const vec3 axis = vec3_unit((vec3){1, 2, 3}); /* Rodrigues' formula */
     vec3 out = vec3_scale(p, cos(angle));
     out = vec3_axpy(sin(angle), vec3_cross(axis, p), out);
     return vec3_axpy((1 - cos(angle)) * vec3_dot(axis, p), axis, out);

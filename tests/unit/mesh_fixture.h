@@ -1,4 +1,4 @@
-/* mesh_fixture: small meshes made for the tests, as arrays and as files in memory. */
+/* mesh_fixture: small meshes for tests, as arrays and as files in memory. */
 #ifndef HEXAD_TESTS_MESH_FIXTURE_H
 #define HEXAD_TESTS_MESH_FIXTURE_H
 
@@ -8,20 +8,20 @@
 #include "base/threads.h"
 #include "triangles/mesh.h"
 
-/* Two workers, for as long as the program runs. */
+/* A pool of two workers that exists until the program ends. */
 threads *mesh_fixture_pool(void);
 
-/* A ball: an icosahedron whose triangles were split in four so many times; outward. */
+/* A ball: an icosahedron whose triangles are split in four `splits` times; normals point outwards. */
 mesh mesh_fixture_ball(vec3 center, double radius, int splits);
-/* A box of 12 triangles, outward, turned about an oblique axis by `angle`. */
+/* A box of 12 triangles with outward normals, rotated about an oblique axis by `angle`. */
 mesh mesh_fixture_box(vec3 center, vec3 half, double angle);
-/* The same rotation, backwards: a point relative to the centre in the box's own axes. */
+/* The inverse rotation: converts a point relative to the centre to the axes of the box. */
 vec3 mesh_fixture_unturn(vec3 p, double angle);
 
-/* A grid of squares, two triangles each, over u and v from 0 to 1, and where it lies. */
+/* A grid of squares of two triangles each, over u and v in [0, 1]; `place` returns the positions. */
 mesh mesh_fixture_sheet(int nu, int nv, vec3 (*place)(double u, double v));
-vec3 mesh_fixture_moebius(double u, double v); /* such a strip, of radius 1 and width .6 */
-/* Coordinates of ends that are to meet are rounded, so that they are equal. */
+vec3 mesh_fixture_moebius(double u, double v); /* for a Moebius strip of radius 1 and width .6 */
+/* Rounds coordinates, so that those of ends that meet are equal. */
 vec3 mesh_fixture_rounded(vec3 p);
 
 /* Appends b to a, and frees b. */
@@ -32,7 +32,7 @@ void mesh_fixture_add(mesh *m, uint32_t a, uint32_t b, uint32_t c);
 
 double mesh_fixture_area(const mesh *m);
 
-/* The file of a format ("obj", "off", "ply", "stl", "bstl" for binary STL), in memory. */
+/* A file in this format ("obj", "off", "ply", "stl", "bstl" for binary STL), in memory. */
 char *mesh_fixture_print(const mesh *m, const char *format, size_t *bytes);
 
 #endif

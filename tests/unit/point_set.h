@@ -1,4 +1,4 @@
-/* point_set: made-up points for the tests of the formats. */
+/* point_set: synthetic points for tests of formats. */
 #ifndef HEXAD_TESTS_POINT_SET_H
 #define HEXAD_TESTS_POINT_SET_H
 
@@ -49,7 +49,7 @@ static inline void point_set_scalars(point_set *s, size_t i, double kappa1, doub
     for (int k = 0; k < 7; k++) s->scalar[k][i] = values[k];
 }
 
-/* Fibonacci's lattice on a sphere: nearly even, good enough to look at. */
+/* A Fibonacci lattice on a sphere, nearly uniform. */
 static inline point_set point_set_sphere(size_t count, vec3 center, double radius)
 {
     point_set s = point_set_new(count);

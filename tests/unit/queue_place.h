@@ -1,4 +1,6 @@
-/* A queue in a directory of its own, what tests ask of it, and a look at the plans of its statements. */
+/* queue_place: a queue in its own directory, functions for tests of it, and checks of the query plans of its
+ * statements.
+ */
 #ifndef HEXAD_TESTS_QUEUE_PLACE_H
 #define HEXAD_TESTS_QUEUE_PLACE_H
 
@@ -21,7 +23,7 @@ typedef struct place {
     queue *q;
 } place;
 
-/* The connections of the queue, whose statements are looked at: the first one writes, the others read. */
+/* The connections of the queue whose statements are checked. The first one writes, the others read. */
 enum { CONNECTIONS = 64 };
 static sqlite3 *connections[CONNECTIONS];
 static int connection_count;
@@ -31,29 +33,29 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
     (void)message;
     (void)api;
     const char *file = sqlite3_db_filename(opened, "main");
-    if (file && *file && connection_count < CONNECTIONS) /* not where tables are made to be compared with */
-        connections[connection_count++] = opened;
+    /* not a database that is created only for comparison */
+    if (file && *file && connection_count < CONNECTIONS) connections[connection_count++] = opened;
     return SQLITE_OK;
 }
 
-/* Whether a step of a plan costs no more with a hundred thousand jobs than with one. Owners are those that
- * have unfinished jobs; partial indexes hold what runs, waits for its time, or expires. */
+/* Whether a step of a plan costs the same with 100 000 jobs as with one. Owners are those with unfinished jobs;
+ * partial indexes have running, delayed and expiring rows. */
 static inline bool is_cheap(const char *sql, const char *step)
 {
     static const char *const harmless[] = {"SCAN owner USING INDEX owner_turn",
                                            "SCAN service", /* one row */
                                            "SCAN near",    /* at most 64 rows */
-                                           "SCAN usage",   /* a row for each user who has results */
+                                           "SCAN usage",   /* a row for each user with results */
                                            "SCAN copy",
                                            "SCAN json_each",
                                            "SCAN CONSTANT ROW",
                                            "SCAN (subquery",
-                                           "SCAN sqlite_sequence", /* a row for each of few tables */
+                                           "SCAN sqlite_sequence", /* one row per table */
                                            "SCAN removed_events",  /* one row */
                                            "SCAN task USING INDEX task_running",
                                            "SCAN task USING INDEX task_delayed",
                                            "SCAN outbox USING INDEX outbox_by_time",
-                                           "SCAN outbox USING COVERING INDEX", /* to count them */
+                                           "SCAN outbox USING COVERING INDEX", /* for a count */
                                            "SCAN state_count",
                                            "SCAN pragma_page", /* one row */
                                            "SCAN instance",
@@ -62,7 +64,7 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN job USING INDEX job_copying",
                                            "SCAN job USING INDEX job_undelivered",
                                            "SCAN task USING COVERING INDEX task_delayed"};
-    if (strncmp(sql, "DELETE FROM owner", 17) == 0) return true; /* only when a user's last job has ended */
+    if (strncmp(sql, "DELETE FROM owner", 17) == 0) return true; /* only after a user's last job has ended */
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
         return strstr(sql, "AS near") || strstr(sql, "FROM usage") || strstr(sql, "DISTINCT value");
     if (strncmp(step, "SCAN", 4) != 0) return true;
@@ -84,7 +86,7 @@ static inline void check_plan(const char *sql)
     free(explain);
 }
 
-/* Of every statement that a test has used. */
+/* Checks the plan of every statement that a test has used. */
 static inline void check_plans(void)
 {
     for (int k = 0; k < connection_count; k++)
@@ -96,12 +98,12 @@ static inline void check_plans(void)
         }
 }
 
-/* The counts of jobs that are kept by state are those of the jobs. */
+/* Checks that the stored counts of jobs by state are correct. */
 static inline void check_counts(queue *q)
 {
     sqlite3_stmt *s = NULL;
     int64_t kept[QUEUE_STATE_COUNT];
-    if (!queue_count(q, kept, NULL)) return; /* a database that a test has damaged */
+    if (!queue_count(q, kept, NULL)) return; /* a test has damaged the database */
     if (sqlite3_prepare_v2(connections[0], "SELECT state, count(*) FROM job GROUP BY state", -1, &s, NULL) ==
         SQLITE_OK)
         while (sqlite3_step(s) == SQLITE_ROW) {
@@ -151,7 +153,7 @@ static inline queue_receipt submit(place *p, const queue_submission *s)
 static inline void submit_for(place *p, const queue_submission *s, char id[ULID_SIZE])
 {
     queue_receipt receipt = submit(p, s);
-    assert_int_equal(receipt.verdict, QUEUE_CREATED);
+    assert_int_equal(receipt.admission, QUEUE_CREATED);
     assert_true(ulid_is_valid(receipt.id));
     memcpy(id, receipt.id, sizeof receipt.id);
 }
@@ -186,7 +188,7 @@ static inline queue_task get_task(place *p, const char *id, int number)
     size_t count = 0;
     assert_true(queue_list_tasks(p->q, id, number - 1, 1, &tasks, &count, NULL));
     assert_int_equal(count, 1);
-    queue_task task = tasks[0]; /* whose texts go with the list */
+    queue_task task = tasks[0]; /* its texts belong to the list */
     task.error_code = task.error_message = NULL;
     queue_tasks_free(tasks, count);
     return task;
@@ -195,13 +197,13 @@ static inline queue_task get_task(place *p, const char *id, int number)
 static const queue_resources wide = {
     .threads = 64, .all_threads = 64, .memory_mb = 100000, .all_memory_mb = 100000};
 
-/* Claims the next task, which has to be of `id`, or there is none where that is NULL. */
-static inline queue_task claim_in(place *p, const queue_resources *room, const char *id)
+/* Claims the next task, which must be of the job `id`; NULL: there must be no task. */
+static inline queue_task claim_in(place *p, const queue_resources *resources, const char *id)
 {
     queue_claimed claimed = {0};
     bool found = true;
     error e = {0};
-    if (!queue_claim(p->q, room, &claimed, &found, &e)) fail_msg("%s", e.message);
+    if (!queue_claim(p->q, resources, &claimed, &found, &e)) fail_msg("%s", e.message);
     if (found && id) assert_string_equal(claimed.job.id, id);
     assert_int_equal(found, id != NULL);
     if (found) {
@@ -214,7 +216,7 @@ static inline queue_task claim_in(place *p, const queue_resources *room, const c
     return task;
 }
 
-/* The attempt's number. */
+/* Claims a task of the job; returns the number of the attempt. */
 static inline int claim(place *p, const char *id)
 {
     return claim_in(p, &wide, id).attempt;
@@ -238,8 +240,8 @@ static inline bool requeue(place *p, const char *id, int attempt, bool counts, i
     return accepted;
 }
 
-/* What the command makes of the job; whether it changed anything has to be as expected. */
-static inline queue_state tell(place *p, const char *id, queue_command command, bool expected)
+/* Applies a command; `expected`: whether it changes the job. Returns the new state. */
+static inline queue_state apply_command(place *p, const char *id, queue_command command, bool expected)
 {
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;
@@ -290,7 +292,7 @@ static inline void expect_listed(place *p, const queue_filter *filter, const cha
     queue_jobs_free(jobs, count);
 }
 
-/* Its events are to be freed. */
+/* The caller frees the events. */
 static inline queue_event_page list_events(place *p, const queue_event_filter *filter)
 {
     queue_event_page page;
@@ -299,7 +301,7 @@ static inline queue_event_page list_events(place *p, const queue_event_filter *f
     return page;
 }
 
-/* How things stand, without an event. */
+/* The positions and bounds of the events, without events. */
 static inline queue_event_page look_at_events(place *p)
 {
     return list_events(p, &(queue_event_filter){.after_seq = QUEUE_EVENTS_FROM_NOW});
@@ -318,7 +320,7 @@ static inline sqlite3 *open_raw(place *p)
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
-/* Changes the database behind the queue's back, which is closed for that. */
+/* Changes the database while the queue is closed. */
 static inline void alter_database(place *p, const char *sql)
 {
     queue_close(p->q);

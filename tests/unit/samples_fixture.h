@@ -1,4 +1,4 @@
-/* Samples of random voxels, for tests of what is made of them. */
+/* samples_fixture: samples of random voxels. */
 #ifndef HEXAD_TESTS_SAMPLES_FIXTURE_H
 #define HEXAD_TESTS_SAMPLES_FIXTURE_H
 
@@ -12,7 +12,7 @@
 #include "base/rng.h"
 #include "voxels/samples.h"
 
-/* A cube of blocks, `side` along each axis from `low` on; of each seven the fourth is missing with `gaps`. */
+/* A cube of `side` blocks per axis, beginning at `low`. With `gaps`, the fourth of each seven blocks is missing. */
 static inline samples samples_fixture(int side, int low, bool gaps, rng *r)
 {
     samples s = {0};

@@ -1,4 +1,6 @@
-/* set_clock: the clocks of a test program, which it sets. Include it in one file of the program. */
+/* set_clock: replaces the clocks of a test program by clocks that the test sets. Include it in one file of the
+ * program.
+ */
 #ifndef HEXAD_TESTS_SET_CLOCK_H
 #define HEXAD_TESTS_SET_CLOCK_H
 
@@ -9,11 +11,11 @@
 #include <time.h>
 #include <unistd.h>
 
-/* Added to what the kernel says, or to a fixed time after stop_clocks(). `passed_ms` belongs to both clocks. */
+/* Added to the time of the kernel, or to a fixed time after stop_clocks(). `passed_ms` is added to both clocks. */
 static _Atomic int64_t stepped_ms, passed_ms;
 static atomic_bool clocks_are_stopped;
-/* What the thread's last reading of the wall clock took from `passed_ms`, for the next reading of the time since boot:
- * a program that reads both, one after the other, must not see time pass between them. */
+/* The value of `passed_ms` at the thread's last reading of the wall clock, for its next reading of the time since
+ * boot. A program that reads both clocks in turn then sees no difference. */
 static _Thread_local int64_t passed_at_wall_ms = -1;
 
 static int64_t clock_ahead_ms(clockid_t clock)
@@ -29,7 +31,7 @@ static int64_t clock_ahead_ms(clockid_t clock)
     return passed;
 }
 
-/* Takes the place of the C library's function. */
+/* Replaces the function of the C library. */
 int clock_gettime(clockid_t clock, struct timespec *now)
 {
     int64_t ahead_ms = clock_ahead_ms(clock);
@@ -46,27 +48,27 @@ int clock_gettime(clockid_t clock, struct timespec *now)
     return 0;
 }
 
-/* Only step_wall() and pass() change the wall clock and the time since boot from now on. The time that a test itself
- * takes is then not in what it measures. */
+/* From now on only step_wall() and pass() change the wall clock and the time since boot. The duration of the test
+ * itself then does not affect its measurements. */
 static inline void stop_clocks(void)
 {
     clocks_are_stopped = true;
 }
 
-/* The wall clock is set. */
+/* Steps the wall clock. */
 static inline void step_wall(int64_t ms)
 {
     stepped_ms += ms;
 }
 
-/* Time passes. */
+/* Advances both clocks. */
 static inline void pass(int64_t ms)
 {
     passed_ms += ms;
     passed_at_wall_ms = -1;
 }
 
-/* Both clocks are those of the kernel again. */
+/* Restores both clocks of the kernel. */
 static inline void reset_clocks(void)
 {
     stepped_ms = passed_ms = 0;

@@ -1,4 +1,4 @@
-/* shapes: the formulas that tests try, and random points near them. Include after cmocka. */
+/* shapes: formulas for tests, and random points near their surfaces. Include after cmocka. */
 #ifndef HEXAD_TESTS_SHAPES_H
 #define HEXAD_TESTS_SHAPES_H
 
@@ -27,8 +27,7 @@ static const analytic_params shapes[SHAPE_COUNT] = {
 static const char *const shape_names[SHAPE_COUNT] = {"sphere",    "torus",   "box",
                                                      "ellipsoid", "quartic", "gyroid"};
 
-/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one; printed, so that a failure can be
- * reproduced. */
+/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one. It is printed, so that a failure can be reproduced. */
 static inline uint64_t test_seed(void)
 {
     const char *text = getenv("HEXAD_TEST_SEED");
@@ -43,7 +42,7 @@ static inline vec3 random_between(rng *r, vec3 low, vec3 high)
     return (vec3){low.x + x * (high.x - low.x), low.y + y * (high.y - low.y), low.z + z * (high.z - low.z)};
 }
 
-/* A unit vector, uniformly distributed. */
+/* A uniformly distributed unit vector. */
 static inline vec3 random_direction(rng *r)
 {
     const double z = 2 * rng_uniform(r) - 1, turn = 2 * M_PI * rng_uniform(r), side = sqrt(1 - z * z);

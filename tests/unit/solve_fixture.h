@@ -22,7 +22,7 @@ typedef struct solve {
     threads *pool;
     surface *scan;
     solver *solver;
-    const solver_points *points; /* once finalized */
+    const solver_points *points; /* valid after the end of the solve */
 } solve;
 
 static inline void solve_begin(const field *f, const solver_params *params, int workers,
@@ -68,7 +68,7 @@ static inline void solve_free(solve *x)
     threads_free(x->pool);
 }
 
-/* The distance of x from the nearest point except `skip`, in the requested spacings of that point. */
+/* The distance from x to the nearest point except `skip`, in the requested spacings of that point. */
 static inline double solve_nearest(const solver_points *p, vec3 x, size_t skip)
 {
     double least = INFINITY;
@@ -85,7 +85,7 @@ static inline double solve_least_distance(const solver_points *p)
     return least;
 }
 
-/* The largest distance of a place of the surface from its nearest point, in requested spacings. The places are the middles of
+/* The largest distance from the surface to the nearest point, in requested spacings. It is sampled at the centres of
  * the triangles of every `stride`-th cell. */
 static inline double solve_largest_gap(const solve *x, size_t stride)
 {
@@ -99,7 +99,7 @@ static inline double solve_largest_gap(const solve *x, size_t stride)
     return largest;
 }
 
-/* |F| / |grad F| at a point, by the field of its patch. */
+/* F| / |grad F| at a point, of the field of its patch. */
 static inline double solve_residual(const solve *x, size_t i)
 {
     field_sample at;

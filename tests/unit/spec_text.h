@@ -1,4 +1,4 @@
-/* spec_text: the spec of a quartic with further members. Include after cmocka. */
+/* spec_text: the spec of a quartic with additional members. Include after cmocka. */
 #ifndef HEXAD_TESTS_SPEC_TEXT_H
 #define HEXAD_TESTS_SPEC_TEXT_H
 

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "shapes.h"
 
-/* Beside those that other tests try. */
+/* Formulas in addition to those of shapes.h. */
 enum { CUT_CONE = SHAPE_COUNT, CAPSULE, HALFSPACE, FORMULAS };
 static const analytic_params more[FORMULAS - SHAPE_COUNT] = {
     {.shape = ANALYTIC_FRUSTUM,
@@ -48,7 +48,7 @@ static void sample(const analytic *a, vec3 x, field_sample *s)
     assert_true(field_sample_at(&a->base, x, FIELD_HESSIAN, s));
 }
 
-/* Points near the surface, but for the box' edges between its parts, where derivatives jump. */
+/* Points near the surface, except near the edges of the box between its parts, where derivatives jump. */
 static bool near_surface(const analytic *a, vec3 x, field_sample *s)
 {
     if (!field_sample_at(&a->base, x, FIELD_HESSIAN, s)) return false;
@@ -103,7 +103,7 @@ static void hessian_matches_differences(void **state)
             double scale = vec3_norm(s.gradient) / a->base.extent + vec3_norm(s.gradient) * 10;
             if (vec3_norm(worst) > 1e-4 * scale) outliers++;
         }
-        /* the parts of a box and of a cone meet in planes that a difference may straddle */
+        /* the parts of a box and of a cone meet in planes, which a difference may cross */
         assert_true(outliers <= (formula(k)->shape == ANALYTIC_BOX || k == CUT_CONE ? 2 : 0));
         assert_int_equal(done, 200);
         analytic_free(a);
@@ -151,8 +151,8 @@ static void cells_have_corners_of_both_signs(void **state)
     }
 }
 
-/* Sixteen side by side are the same as one by one, to the last bit; a lane that is not wanted stays out. */
-static void lanes_are_samples(void **state)
+/* Sixteen samples in lanes equal single samples bit by bit. A masked lane is unchanged. */
+static void lanes_equal_single_samples(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -182,7 +182,7 @@ static void lanes_are_samples(void **state)
     }
 }
 
-/* Grown cones against their outlines, point by point. */
+/* Distances from enlarged cones against their outlines, point by point. */
 static void frustums_are_distances(void **state)
 {
     (void)state;
@@ -215,7 +215,7 @@ static void frustums_are_distances(void **state)
     }
 }
 
-/* Faces move along their normals; a tip goes down, and nothing is left beyond the radius of the ball within. */
+/* Faces move along their normals and a tip moves down. Nothing remains beyond the radius of the inscribed ball. */
 static void frustums_shrink(void **state)
 {
     (void)state;
@@ -231,8 +231,8 @@ static void frustums_shrink(void **state)
     assert_true(left.bottom == -1 && left.top_radius == 0);
 }
 
-/* A plane that misses its bounds: there is one cell, and the sides are told everywhere. */
-static void a_half_space_may_miss_its_bounds(void **state)
+/* A plane outside of its bounds has one cell, and F is defined everywhere. */
+static void half_space_outside_its_bounds_has_one_cell(void **state)
 {
     (void)state;
     analytic_params p = *formula(HALFSPACE);
@@ -245,8 +245,8 @@ static void a_half_space_may_miss_its_bounds(void **state)
     analytic_free(a);
 }
 
-/* Formulas within the ranges of a spec whose cells cannot be below the precision, or are too many. */
-static void what_is_too_fine_is_refused(void **state)
+/* Formulas within the ranges of a spec whose cells are below the precision or too many. */
+static void too_fine_cells_are_refused(void **state)
 {
     (void)state;
     static const struct {
@@ -300,9 +300,9 @@ int main(void)
         cmocka_unit_test(inside_is_negative),
         cmocka_unit_test(frustums_are_distances),
         cmocka_unit_test(frustums_shrink),
-        cmocka_unit_test(a_half_space_may_miss_its_bounds),
-        cmocka_unit_test(what_is_too_fine_is_refused),
-        cmocka_unit_test(lanes_are_samples),
+        cmocka_unit_test(half_space_outside_its_bounds_has_one_cell),
+        cmocka_unit_test(too_fine_cells_are_refused),
+        cmocka_unit_test(lanes_equal_single_samples),
         cmocka_unit_test(cells_have_corners_of_both_signs),
     };
     return cmocka_run_group_tests_name("analytic", tests, NULL, NULL);

@@ -1,5 +1,6 @@
-/* Attributes from grids of every type that is read, which pyopenvdb of Debian cannot write: values at samples and between them. The
- * interpolation itself is held against scipy in tests/service/test_attributes.py. */
+/* Attributes from grids of every readable type, which Debian's pyopenvdb cannot write: values at samples and between
+ * them. tests/service/test_attributes.py compares the interpolation with scipy.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,7 +19,7 @@ enum { SIDE = 4, VOXELS = SIDE * SIDE * SIDE, PLACES = 27 };
 
 static const double to_world[16] = {0.5, 0, 0, 1, 0, 0.25, 0, 2, 0, 0, 2, 3, 0, 0, 0, 1};
 
-/* Whole, so that each type holds it. */
+/* A whole number, which every type represents. */
 static float value_at(int x, int y, int z)
 {
     return (float)((7 * x + 11 * y + 13 * z + x * y * z) % 17 - 5);
@@ -47,7 +48,7 @@ static int open_grid(const char *type)
     return fd;
 }
 
-/* Between the eight samples around, by the products of the distances. */
+/* Trilinear interpolation between the eight surrounding samples. */
 static double linear(double x, double y, double z)
 {
     int i = (int)x, j = (int)y, k = (int)z;

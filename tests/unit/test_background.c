@@ -24,7 +24,7 @@ static void *answer(void *argument)
     return NULL;
 }
 
-static void test_a_thread_wakes_who_waits_for_it(void **state)
+static void test_a_waiting_thread_is_woken(void **state)
 {
     (void)state;
     enum { PATIENCE_MS = 60000 };
@@ -51,7 +51,7 @@ static void test_a_wait_ends_at_its_deadline(void **state)
     place p = {.mutex = PTHREAD_MUTEX_INITIALIZER};
     background_init_condition(&p.changed);
     pthread_mutex_lock(&p.mutex);
-    assert_false(background_wait_until(&p.changed, &p.mutex, 0)); /* long ago */
+    assert_false(background_wait_until(&p.changed, &p.mutex, 0)); /* a deadline in the past */
     int64_t until_ms = clock_monotonic_ms() + 5;
     while (background_wait_until(&p.changed, &p.mutex, until_ms)) {
     }
@@ -63,7 +63,7 @@ static void test_a_wait_ends_at_its_deadline(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_thread_wakes_who_waits_for_it),
+        cmocka_unit_test(test_a_waiting_thread_is_woken),
         cmocka_unit_test(test_a_wait_ends_at_its_deadline),
     };
     return cmocka_run_group_tests_name("background", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* Blocks are found by their coordinates, wherever these lie, as the map grows. */
+/* Blocks are found by their coordinates, whatever the coordinates, while the map grows. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,7 +14,7 @@
 
 enum { COUNT = 20000, LOOKS = 100000 };
 
-/* As spread out as `reach` says, around a corner of all coordinates, or around 0. */
+/* A block within `reach` of a corner of the range of coordinates, or of 0. */
 static void random_block(rng *r, int corner, int64_t reach, int32_t out[3])
 {
     for (int axis = 0; axis < 3; axis++) {
@@ -41,7 +41,7 @@ static void check_map(rng *r, int corner, int64_t reach, size_t expected)
     for (uint32_t n = 0; n < m.count; n++)
         assert_int_equal(block_map_find(&m, m.blocks[n][0], m.blocks[n][1], m.blocks[n][2]), n);
     block_map_seen seen = {0};
-    for (int k = 0; k < LOOKS; k++) { /* what is not there is not found, what is found is it */
+    for (int k = 0; k < LOOKS; k++) { /* missing blocks are not found, and existing ones are */
         int32_t b[3];
         random_block(r, corner, 2 * reach, b);
         const uint32_t n = block_map_find(&m, b[0], b[1], b[2]);
@@ -57,7 +57,7 @@ static void check_map(rng *r, int corner, int64_t reach, size_t expected)
             assert_int_equal(around[i],
                              block_map_find(&m, b[0] + i / 9 - 1, b[1] + i / 3 % 3 - 1, b[2] + i % 3 - 1));
     }
-    block_map copy; /* goes on by itself */
+    block_map copy; /* an independent copy */
     const uint32_t count = m.count;
     assert_true(block_map_copy(&m, &copy, &e));
     for (uint32_t k = 0; k < count; k++)
@@ -78,7 +78,7 @@ static void blocks_are_found(void **state)
         for (int corner = 0; corner < 3; corner++) check_map(&r, corner, reaches[k], k % 2 ? COUNT : 0);
 }
 
-/* Each in a node of its own, they take the most; what was there before stays. */
+/* Each block has its own node, which needs the most memory. Earlier blocks are kept. */
 static void scattered_blocks_keep_the_limit(void **state)
 {
     (void)state;

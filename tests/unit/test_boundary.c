@@ -1,5 +1,6 @@
-/* Rims of open surfaces: along every curve in which a face cuts the surface particles stand in a row, none
- * outside of it and no gap in it. The curves are traced here, from F on the face alone. */
+/* Boundaries of open surfaces: particles lie along every curve in which a face cuts the surface, with no particle
+ * outside and no gap. The curves are traced here from F on the face only.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,20 +17,21 @@
 #include "shapes.h"
 #include "solver/curves/boundary.h"
 
-/* A particle this near to a face (of h) is on it; one this far from a curve (of h) belongs to another. */
+/* A particle closer to a face than ON_FACE h is on it. A particle farther from a curve than ON_CURVE h belongs to
+ * another curve. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;
-/* Squares of a face along h, and along a side of it at most. */
+/* Squares of a face per h, and maximum number along a side. */
 enum { SQUARES_PER_SPACING = 6, SQUARES_MOST = 1500 };
 
 /* ---- the curves of a face: the contour F = 0, square by square */
 
 typedef struct face {
     const field *field;
-    int axis, u, v; /* the normal's, and the two in the face */
+    int axis, u, v; /* of the normal, and of the two directions in the face */
     double plane;
     int nu, nv;    /* squares */
     double *value; /* (nu + 1) (nv + 1); NaN where F is not defined */
-    int64_t *next; /* two for each edge of a square: the edges that a curve goes on to, or -1 */
+    int64_t *next; /* two for each edge of a square: the next edges of the curve, or -1 */
     bool *seen;    /* of each edge */
 } face;
 
@@ -69,7 +71,7 @@ static void join(face *f, int64_t a, int64_t b)
 
 static void look_at_square(face *f, int64_t i, int64_t j)
 {
-    /* round the square: its corners, and the edge from each to the next */
+    /* around the square: its corners, and the edge from each corner to the next */
     const double c[4] = {value_at(f, i, j), value_at(f, i + 1, j), value_at(f, i + 1, j + 1),
                          value_at(f, i, j + 1)};
     const int64_t edge[4] = {edge_number(f, i, j, 0), edge_number(f, i + 1, j, 1),
@@ -84,13 +86,13 @@ static void look_at_square(face *f, int64_t i, int64_t j)
     }
     if (count == 2) join(f, crossed[0], crossed[1]);
     if (count < 4) return;
-    /* a saddle: the middle says which corners hang together; edge `first` comes after corner `first` */
+    /* a saddle: the sign at the centre decides which corners are connected; edge `first` follows corner `first` */
     bool middle = c[0] + c[1] + c[2] + c[3] < 0, apart = middle != (c[(first + 1) % 4] < 0);
     join(f, crossed[0], crossed[apart ? 1 : 3]);
     join(f, crossed[2], crossed[apart ? 3 : 1]);
 }
 
-/* The nodes around a cell, if the face passes through it: F far from the cells is nobody's. */
+/* Samples the nodes around a cell if the face intersects it. F far from the cells is not used. */
 static void sample_cell(face *f, size_t number)
 {
     field_cell cell;
@@ -155,12 +157,12 @@ static int64_t go_on(const face *f, int64_t edge)
     return -1;
 }
 
-/* The curve through an edge, from one of its ends if it has ends. */
-static curve walk(face *f, int64_t start, size_t room)
+/* The curve through an edge. If it has ends, it begins at one of them. */
+static curve walk(face *f, int64_t start, size_t capacity)
 {
-    curve c = {mem_alloc(room * sizeof *c.point), mem_alloc(room * sizeof *c.at), 0, true};
+    curve c = {mem_alloc(capacity * sizeof *c.point), mem_alloc(capacity * sizeof *c.at), 0, true};
     int64_t edge = start;
-    for (int64_t before = -1, k = 0; k < (int64_t)room; k++) { /* back to an end, or once around */
+    for (int64_t before = -1, k = 0; k < (int64_t)capacity; k++) { /* back to an end, or once around */
         int64_t a = f->next[2 * edge], b = f->next[2 * edge + 1], on = a == before ? b : a;
         if (on < 0) {
             c.closed = false;
@@ -185,7 +187,7 @@ static curve walk(face *f, int64_t start, size_t room)
     return c;
 }
 
-/* Where along the curve x is nearest to it, and how near. */
+/* The position along the curve that is nearest to x, and its distance. */
 static double place_on(const curve *c, vec3 x, double *off)
 {
     double best = INFINITY, where = 0;
@@ -205,8 +207,9 @@ static double place_on(const curve *c, vec3 x, double *off)
 
 typedef struct rim_rows {
     size_t curves, particles;
-    double length;   /* of all curves, over h */
-    double gap, end; /* longest between neighbours along a curve, and before or after an end, over h */
+    double length; /* of all curves, over h */
+    /* longest distances, in h, between neighbours along a curve, and before or after an end */
+    double gap, end;
 } rim_rows;
 
 static int compare_double(const void *a, const void *b)
@@ -297,8 +300,8 @@ static region *zone(const analytic *whole, double low, double high)
     return r;
 }
 
-/* Before anything moves: rows on the circles, evenly spaced, exactly in the face. */
-static void places_stand_in_rows(void **state)
+/* Initial particles lie on the circles, evenly spaced and exactly in the face. */
+static void initial_points_lie_evenly_on_the_boundary(void **state)
 {
     (void)state;
     error e = {0};
@@ -328,7 +331,7 @@ static void places_stand_in_rows(void **state)
         }
     surface_free(scan);
     region_free(part);
-    /* a corner of three faces of the sphere: its three corners once each */
+    /* a corner of three faces of the sphere: each of its three corners once */
     boundary r;
     part = region_new(&whole->base, (bbox){{0, 0, 0}, {2, 2, 2}}, &e);
     scan = surface_scan(region_field(part), pool, &e);
@@ -351,7 +354,7 @@ static void places_stand_in_rows(void **state)
     analytic_free(whole);
 }
 
-/* The rims of a zone are circles whose length is known, so the tracing is tested with it. */
+/* The boundaries of a zone are circles of known length, so they also test the tracing. */
 static void zones_of_a_sphere(void **state)
 {
     (void)state;
@@ -387,7 +390,7 @@ static void zones_of_a_sphere(void **state)
     analytic_free(whole);
 }
 
-/* Many curves, each from an edge of the box to another. */
+/* Many curves, each between two edges of the box. */
 static void the_gyroid_in_its_box(void **state)
 {
     (void)state;
@@ -412,7 +415,7 @@ static void the_gyroid_in_its_box(void **state)
     }
 }
 
-/* A region that cuts a gyroid askew of its cells. */
+/* A region that cuts a gyroid obliquely to its cells. */
 static void a_region_of_a_gyroid(void **state)
 {
     (void)state;
@@ -432,7 +435,7 @@ static void a_region_of_a_gyroid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_stand_in_rows),
+        cmocka_unit_test(initial_points_lie_evenly_on_the_boundary),
         cmocka_unit_test(zones_of_a_sphere),
         cmocka_unit_test(the_gyroid_in_its_box),
         cmocka_unit_test(a_region_of_a_gyroid),

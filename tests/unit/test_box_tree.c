@@ -1,4 +1,4 @@
-/* Walks over a tree of boxes find the same boxes as tests of all of them, whatever their sizes. */
+/* Walks over a tree of boxes find the same boxes as a test of all boxes, whatever their sizes. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,7 @@ static vec3 random_place(rng *r)
     return random_between(r, (vec3){-3, -2, 0}, (vec3){3, 2, 1});
 }
 
-/* From 1e-4 to 1. */
+/* A length from 1e-4 to 1. */
 static double random_length(rng *r)
 {
     return pow(10, 4 * (rng_uniform(r) - 1));
@@ -49,7 +49,7 @@ static box_tree random_tree(rng *r, size_t count)
     return t;
 }
 
-/* Marks the items of the present leaf. Each item is found once. */
+/* Marks the items of the current leaf. Each item is found once. */
 static void mark(const box_tree *t, const box_tree_walk *w, bool *found)
 {
     assert_true(w->end <= t->count);
@@ -80,7 +80,7 @@ static void boxes_that_meet_a_box_are_found(void **state)
     for (size_t n = 0; n < COUNTS; n++) {
         box_tree t = random_tree(&r, counts[n]);
         check_meeting(&t, &r);
-        for (size_t k = 0; k < t.count; k += 7) { /* half of the places are far away, half in the box */
+        for (size_t k = 0; k < t.count; k += 7) { /* half of the positions are far away, half in the box */
             const uint32_t item = t.order[k];
             const vec3 x = k % 2 ? random_place(&r) : box[item].max;
             box_tree_extend(&t, k, x);
@@ -132,8 +132,8 @@ static void boxes_that_a_line_crosses_are_found(void **state)
                 const vec3 in = {fmin(fmax(to.x, box[k].min.x), box[k].max.x),
                                  fmin(fmax(to.y, box[k].min.y), box[k].max.y),
                                  fmin(fmax(to.z, box[k].min.z), box[k].max.z)};
-                assert_true(
-                    box_tree_is_crossed(&box[k], x, vec3_sub(in, x))); /* a line to one of its points */
+                /* a line to one of its points */
+                assert_true(box_tree_is_crossed(&box[k], x, vec3_sub(in, x)));
                 assert_true(found[k] || !box_tree_is_crossed(&box[k], x, d));
             }
         }

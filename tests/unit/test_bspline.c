@@ -1,5 +1,6 @@
-/* B-splines: against the sum over their basis functions, derivatives against finite differences and across
- * knots, the convention of knots, which faces are open, areas. */
+/* B-splines against the sum of their basis functions, derivatives against finite differences and across knots, the
+ * convention of knots, open faces, areas.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,7 +24,7 @@ typedef struct fixture {
 
 static const bbox oblong = {{-1, 2, 0.5}, {3, 3, 4}};
 
-/* Where coefficient number i of an axis stands: the knots' convention of the header, once more. */
+/* The position of coefficient i of an axis by the convention of knots in the header. */
 static double place(int axis, int i)
 {
     const int dims[3] = {NX, NY, NZ};
@@ -192,7 +193,7 @@ static void second_derivatives_are_continuous(void **state)
     bspline_free(b);
 }
 
-static void nothing_is_defined_outside(void **state)
+static void field_is_undefined_outside_its_domain(void **state)
 {
     (void)state;
     fixture x;
@@ -224,7 +225,7 @@ static void cells_have_corners_of_both_signs(void **state)
         }
         assert_in_range(inside, 1, 7);
     }
-    /* none is missing: the bound by coefficients drops no block with a crossing */
+    /* no cell is missing: the bound by coefficients drops no block with a crossing */
     for (int64_t n = 0; n < b->grid.cells[0] * b->grid.cells[1] * b->grid.cells[2]; n++) {
         int64_t at[3] = {n % b->grid.cells[0], n / b->grid.cells[0] % b->grid.cells[1],
                          n / b->grid.cells[0] / b->grid.cells[1]};
@@ -270,7 +271,7 @@ static void open_where_the_surface_meets_a_face(void **state)
     bspline_free(b);
 }
 
-static void no_zero_is_no_surface(void **state)
+static void field_without_a_zero_has_no_surface(void **state)
 {
     (void)state;
     fixture x;
@@ -289,10 +290,10 @@ int main(void)
         cmocka_unit_test(linear_coefficients_give_a_linear_field),
         cmocka_unit_test(derivatives_match_differences),
         cmocka_unit_test(second_derivatives_are_continuous),
-        cmocka_unit_test(nothing_is_defined_outside),
+        cmocka_unit_test(field_is_undefined_outside_its_domain),
         cmocka_unit_test(cells_have_corners_of_both_signs),
         cmocka_unit_test(open_where_the_surface_meets_a_face),
-        cmocka_unit_test(no_zero_is_no_surface),
+        cmocka_unit_test(field_without_a_zero_has_no_surface),
     };
     return cmocka_run_group_tests_name("bspline", tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
-/* What a build without some parts does with members of a spec and settings that belong to them. This test replaces
- * build_part_missing; `make check-builds` tries real builds. */
+/* Members of a spec and settings that belong to missing parts. This test replaces build_part_missing; `make
+ * check-builds` tests real builds.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -59,7 +60,7 @@ static void members_of_missing_parts_are_not_supported(void **state)
     refuse(",\"queue\":{\"slurm\":[\"--partition=a\"]}", "/queue/slurm", "--without-slurm");
 }
 
-static void members_that_ask_for_nothing_are_accepted(void **state)
+static void members_that_disable_missing_parts_are_accepted(void **state)
 {
     (void)state;
     spec *s = accept(",\"output\":{\"preview\":false,\"convergence\":false},\"queue\":{\"slurm\":[]}");
@@ -67,8 +68,8 @@ static void members_that_ask_for_nothing_are_accepted(void **state)
     spec_free(s);
 }
 
-/* A worker reads what the daemon has read before, and warns. */
-static void default_preview_is_left_out_also_when_read_again(void **state)
+/* A worker reads a spec that the daemon has already read, and warns. */
+static void default_preview_is_omitted_by_daemon_and_worker(void **state)
 {
     (void)state;
     error e = {0};
@@ -113,8 +114,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(members_of_missing_parts_are_not_supported),
-        cmocka_unit_test(members_that_ask_for_nothing_are_accepted),
-        cmocka_unit_test(default_preview_is_left_out_also_when_read_again),
+        cmocka_unit_test(members_that_disable_missing_parts_are_accepted),
+        cmocka_unit_test(default_preview_is_omitted_by_daemon_and_worker),
         cmocka_unit_test(settings_of_missing_parts_are_not_supported),
         cmocka_unit_test(defaults_of_missing_parts_are_accepted),
     };

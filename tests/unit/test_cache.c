@@ -28,7 +28,7 @@ static void put(const char *path, const char *text)
     assert_true(store_file_write(path, text, strlen(text), NULL));
 }
 
-/* As a worker does that has opened the input as it is now. */
+/* Writes the report of a worker that has opened the input in its present state. */
 static void write_report(const place *p)
 {
     store_identity id;
@@ -108,11 +108,11 @@ static void test_keys(void **state)
         assert_true(key_of(different[i], other));
         assert_string_not_equal(key, other);
     }
-    assert_false(
-        key_of("{\"sampling\":{\"time_s\":3}}", other)); /* the best of that time is another each time */
+    /* the best result within a time limit varies */
+    assert_false(key_of("{\"sampling\":{\"time_s\":3}}", other));
 }
 
-static void test_inputs_that_change(void **state)
+static void test_changed_inputs_make_an_entry_invalid(void **state)
 {
     place *p = *state;
     int64_t later = INT64_C(1) << 42;
@@ -125,7 +125,8 @@ static void test_inputs_that_change(void **state)
     assert_int_equal(rename(copy, p->input), 0);
     assert_false(cache_is_fresh(p->roots, inputs));
     free(inputs);
-    assert_null(cache_describe_inputs(p->roots, p->result, later)); /* it is not the file that was read */
+    /* it is another file than the one that was read */
+    assert_null(cache_describe_inputs(p->roots, p->result, later));
     write_report(p);
     inputs = cache_describe_inputs(p->roots, p->result, later);
     assert_true(cache_is_fresh(p->roots, inputs));
@@ -174,7 +175,7 @@ static void test_a_hit_shares_all_files_but_the_report(void **state)
     char *there = spec_in(p->result), *here = spec_in(p->target);
     assert_string_equal(there, "{\"name\":\"first\"}");
     assert_string_equal(here, "{\"name\":\"asking\"}");
-    assert_true(store_remove(p->result, NULL)); /* each job has its files */
+    assert_true(store_remove(p->result, NULL)); /* each job has its own links */
     assert_true(result_read(p->target, &r, NULL));
     result_clear(&r);
     assert_false(cache_link_result(p->result, p->base, "{}", &r, &e));
@@ -243,7 +244,7 @@ static void test_the_report_of_a_hit_has_its_summary(void **state)
     assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking for more\"}", &r, NULL));
     result_clear(&r);
     assert_true(result_read(p->target, &r, NULL));
-    assert_int_equal(r.count, 8); /* the summary's */
+    assert_int_equal(r.count, 8); /* from the summary */
     result_clear(&r);
     free(text);
     free(summary);
@@ -258,7 +259,7 @@ static void test_a_report_with_another_spec_is_corrected(void **state)
     char *old = mem_printf("%s/report.json", p->result), *linked = mem_printf("%s/report.json", p->target);
     assert_true(store_directory_create(p->target, NULL));
     assert_int_equal(link(old, linked), 0);
-    assert_false(own_report_correct(p->target, "{}", &e)); /* it is no result */
+    assert_false(own_report_correct(p->target, "{}", &e)); /* the directory is not a result */
     assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
     char *from = mem_printf("%s/points.ply", p->result), *to = mem_printf("%s/points.ply", p->target);
     assert_int_equal(link(from, to), 0);
@@ -274,7 +275,7 @@ static void test_a_report_with_another_spec_is_corrected(void **state)
     size_t length = 0;
     char *text = store_file_read(linked, 10000, &length, NULL);
     store_hash(text, length, hash);
-    assert_true(result_list(p->target, &r, NULL)); /* the list is not the one of the old report */
+    assert_true(result_list(p->target, &r, NULL)); /* the stored list of the old report was removed */
     assert_string_equal(r.output[1].sha256, hash);
     result_clear(&r);
     free(text);
@@ -290,7 +291,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_keys),
-        cmocka_unit_test_setup_teardown(test_inputs_that_change, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_changed_inputs_make_an_entry_invalid, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_hit_shares_all_files_but_the_report, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_long_report_is_not_in_memory_as_a_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_the_report_of_a_hit_has_its_summary, set_up, tear_down),

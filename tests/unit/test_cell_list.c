@@ -43,8 +43,8 @@ static void the_nearest_is_found(void **state)
     free(x);
 }
 
-/* Some of the points, or all, move; a search uses their present positions. */
-static void the_nearest_is_found_while_some_move(void **state)
+/* Some or all points move; a search uses their current positions. */
+static void the_nearest_is_found_while_points_move(void **state)
 {
     (void)state;
     enum { COUNT = 400, PLACES = 100 };
@@ -63,7 +63,7 @@ static void the_nearest_is_found_while_some_move(void **state)
             const uint32_t except = moving[(size_t)p % some];
             const vec3 place = random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2});
             double least2 = INFINITY;
-            x[moving[(size_t)(p / 2) % some]] = place; /* sometimes the excepted point */
+            x[moving[(size_t)(p / 2) % some]] = place; /* sometimes the excluded point */
             for (uint32_t i = 0; i < COUNT; i++)
                 if (i != except) least2 = fmin(least2, vec3_norm2(vec3_sub(x[i], place)));
             assert_true(moving_cell_list_nearest2(m, place, except) == least2);
@@ -120,7 +120,7 @@ static void all_within_reach_are_visited_once(void **state)
     free(seen);
 }
 
-/* Points of two distant clusters share cells, points of a plane do not. The nearest point is found in both cases. */
+/* Points of two distant clusters share cells; points of a plane do not. The nearest point is found in both cases. */
 static void over_dense_points_are_detected(void **state)
 {
     (void)state;
@@ -154,7 +154,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_nearest_is_found),
-        cmocka_unit_test(the_nearest_is_found_while_some_move),
+        cmocka_unit_test(the_nearest_is_found_while_points_move),
         cmocka_unit_test(all_within_reach_are_visited_once),
         cmocka_unit_test(over_dense_points_are_detected),
     };

@@ -1,4 +1,6 @@
-/* Roots on the edges of cells: each on the surface, found once, and the same one by one and side by side. */
+/* Roots on the edges of cells: each lies on the surface and is found once, with equal results one at a time and in
+ * lanes.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,7 +34,7 @@ static void roots_of_a_group_are_those_of_its_cells(void **state)
                 f->ops->cell(f, first + (size_t)k, &cell[k]);
                 count[k] = cell_crossed_edges(&cell[k], edge[k]);
                 for (int i = 0; i < count[k]; i++) root[k][i] = root_group_add(g, &cell[k], edge[k][i]);
-                for (int i = 0; i < count[k]; i++) /* the same edge again */
+                for (int i = 0; i < count[k]; i++) /* a repeated edge */
                     assert_ptr_equal(root_group_add(g, &cell[k], edge[k][i]), root[k][i]);
             }
             root_group_find(g, f);
@@ -64,8 +66,9 @@ static bool nowhere(const field *f, vec3 x, field_order order, field_sample *out
     return false;
 }
 
-/* A group is used again and again: who has no normal has not that of an edge before, which would depend on the thread. */
-static void a_root_without_a_normal_has_none_of_before(void **state)
+/* A group is reused. A root without a normal must not get the normal of an earlier edge, which would depend on the
+ * thread. */
+static void a_root_without_a_normal_does_not_reuse_an_earlier_normal(void **state)
 {
     (void)state;
     static const field_ops undefined = {.sample = nowhere};
@@ -89,7 +92,7 @@ static void a_root_without_a_normal_has_none_of_before(void **state)
     root_group_free(g);
 }
 
-/* Kuhn's tetrahedra have 19 edges; a plane through a cell's middle passes those between its sides alone. */
+/* Kuhn's tetrahedra have 19 edges. A plane through the centre of a cell crosses only the edges between its sides. */
 static void a_plane_crosses_the_edges_between_its_sides(void **state)
 {
     (void)state;
@@ -97,7 +100,8 @@ static void a_plane_crosses_the_edges_between_its_sides(void **state)
         field_cell cell = {.bend = FIELD_FLAT};
         crossed_edge edge[CELL_EDGES];
         for (int k = 0; k < 8; k++) cell.value[k] = k >> axis & 1 ? 1 : -1;
-        /* 4 along the axis, 4 diagonals of the faces beside it, and the cell's own; those within a side have none */
+        /* 4 along the axis, 4 diagonals of the adjacent faces, and the diagonal of the cell; edges within a side are
+         * not crossed */
         assert_int_equal(cell_crossed_edges(&cell, edge), 9);
         for (int i = 0; i < 9; i++)
             assert_true(cell.value[edge[i].inside] < 0 && cell.value[edge[i].outside] > 0);
@@ -108,7 +112,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(roots_of_a_group_are_those_of_its_cells),
-        cmocka_unit_test(a_root_without_a_normal_has_none_of_before),
+        cmocka_unit_test(a_root_without_a_normal_does_not_reuse_an_earlier_normal),
         cmocka_unit_test(a_plane_crosses_the_edges_between_its_sides),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* chart: ticks, and curves where their values are. */
+/* chart: ticks, and the positions of curves. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -38,7 +38,7 @@ static canvas draw(const double *values, size_t count, bool decades)
     return c;
 }
 
-/* The first and the last row of a column that are blue, as curves are; false if none is. */
+/* The first and the last blue row of a column, where curves are; false if there is none. */
 static bool rows_of(const canvas *c, int x, int *first, int *last)
 {
     *first = *last = -1;
@@ -51,7 +51,7 @@ static bool rows_of(const canvas *c, int x, int *first, int *last)
     return *first >= 0;
 }
 
-/* A straight line from the left to the right, upwards; the same as powers of ten over decades. */
+/* A straight line from the lower left to the upper right; the same for powers of ten on a logarithmic axis. */
 static void lines_are_straight(void **state)
 {
     (void)state;
@@ -75,7 +75,7 @@ static void lines_are_straight(void **state)
         }
 }
 
-/* What has no logarithm is a gap; the rest stays. */
+/* A value without a logarithm is a gap; the other values are drawn. */
 static void gaps_stay_open(void **state)
 {
     (void)state;
@@ -93,7 +93,7 @@ static void gaps_stay_open(void **state)
     for (int x = 0; x < WIDTH; x++) assert_false(rows_of(&c, x, &first, &last));
     free(c.rgb);
     values[0] = 7;
-    c = draw(values, 1, false); /* one value is a level */
+    c = draw(values, 1, false); /* one value is a horizontal line */
     assert_true(rows_of(&c, WIDTH / 2, &first, &last) && last - first <= 4);
     free(c.rgb);
 }

@@ -1,4 +1,4 @@
-/* How fine a spacing must be, on shapes whose thickness is known. */
+/* The required spacing on shapes of known thickness. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -26,7 +26,7 @@ static clearance measure(const analytic_params *shape, double h, int workers)
     return c;
 }
 
-/* A plate of thickness t is resolved with t / 1.2, less the reserve. */
+/* A plate of thickness t is resolved with a spacing of t / 1.2, less the reserve. */
 static void plates_need_their_thickness(void **state)
 {
     (void)state;

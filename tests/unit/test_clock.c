@@ -9,7 +9,7 @@
 
 #include "base/clock.h"
 
-static void test_a_time_reads_back(void **state)
+static void test_a_printed_time_is_parsed_to_the_same_time(void **state)
 {
     (void)state;
     static const int64_t times[] = {0, 1, 951782400123, 1763712000000, 4102444799999};
@@ -38,7 +38,7 @@ static void test_parts_and_offsets(void **state)
     }
 }
 
-static void test_what_is_no_time(void **state)
+static void test_texts_that_are_no_times_are_refused(void **state)
 {
     (void)state;
     static const char *const wrong[] = {"",
@@ -63,9 +63,9 @@ static void test_what_is_no_time(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_time_reads_back),
+        cmocka_unit_test(test_a_printed_time_is_parsed_to_the_same_time),
         cmocka_unit_test(test_parts_and_offsets),
-        cmocka_unit_test(test_what_is_no_time),
+        cmocka_unit_test(test_texts_that_are_no_times_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
-/* Coefficient blocks: whether those that are made when they are looked at are those that are made at once; and whether their cells are flat,
- * as hidden_crossing says of many cells at once. */
+/* Coefficient blocks that are made at the first access equal those that are made in advance. Their flat cells equal
+ * those that hidden_crossing finds for many cells at once.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,16 +20,16 @@ enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 
 typedef struct looking {
     const coefficient_blocks *later, *once;
-    bool has_room; /* for all of them */
+    bool stores_all; /* the coefficients of all blocks are stored */
     atomic_int wrong;
 } looking;
 
-/* Whether the coefficients of a cell of a coefficient block that has no room are those of its coefficient block. */
+/* Whether the coefficients of a cell of a coefficient block that is not stored are those of its coefficient block. */
 static bool cell_is(const coefficient_blocks *b, uint32_t n, size_t k, const float *coefficients)
 {
-    float room[COEFFICIENT_BLOCK_CELL];
+    float buffer[COEFFICIENT_BLOCK_CELL];
     const int cell[3] = {(int)(k % 8), (int)(k / 8 % 8), (int)(k / 64 % 8)};
-    const float *got = coefficient_blocks_find_cell(b, n, cell, room),
+    const float *got = coefficient_blocks_find_cell(b, n, cell, buffer),
                 *right = coefficient_block_cell(coefficients, cell[0], cell[1], cell[2]);
     bool same = true;
     for (int row = 0; row < 16; row++) {
@@ -43,19 +44,19 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     looking *job = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        float room[COEFFICIENT_BLOCK_SIZE];
+        float buffer[COEFFICIENT_BLOCK_SIZE];
         const uint32_t n = (uint32_t)(k * 2654435761u % job->once->map->count);
         const float *coefficients = k % 3 ? coefficient_blocks_at(job->later, n)
-                                          : coefficient_blocks_read_once(job->later, n, room),
+                                          : coefficient_blocks_read_once(job->later, n, buffer),
                     *right = coefficient_blocks_at(job->once, n);
         const bool differs =
             coefficients ? memcmp(coefficients, right, COEFFICIENT_BLOCK_SIZE * sizeof *coefficients) != 0
-                         : job->has_room || !cell_is(job->later, n, k, right);
+                         : job->stores_all || !cell_is(job->later, n, k, right);
         if (differs) atomic_fetch_add(&job->wrong, 1);
     }
 }
 
-/* With room for so many. */
+/* Stores at most a share of the blocks. */
 static void check_blocks(size_t share)
 {
     error e = {0};
@@ -70,9 +71,9 @@ static void check_blocks(size_t share)
         const int32_t *at = first.map.blocks[n];
         assert_true(block_map_find_or_add(&map, at[0], at[1], at[2], NULL, &e));
     }
-    const size_t room = map.count / share;
+    const size_t share_count = map.count / share;
     assert_true(coefficient_blocks_build(&first, &map, 0, pool, &once, &e));
-    assert_true(coefficient_blocks_build(&second, &map, room, pool, &later, &e));
+    assert_true(coefficient_blocks_build(&second, &map, share_count, pool, &later, &e));
     assert_null(first.f);
     assert_null(second.f);
     for (int round = 0; round < 3; round++) {
@@ -82,7 +83,7 @@ static void check_blocks(size_t share)
         size_t there = 0;
         for (uint32_t n = 0; n < map.count; n++)
             there += atomic_load(&later.place[n]) >= COEFFICIENT_BLOCK_PRESENT;
-        assert_int_equal(there, room);
+        assert_int_equal(there, share_count);
         coefficient_blocks_discard(&later);
         coefficient_blocks_discard(&once);
         assert_int_equal(atomic_load(&later.place[map.count]), 0);
@@ -105,7 +106,7 @@ static void blocks_built_on_first_access_equal_those_built_at_once(void **state)
     assert_int_equal(coefficient_blocks_capacity(1000000, 900000), 1000000);
 }
 
-/* Differences along an axis: at most two, so that nothing is rounded otherwise than in hidden_crossing.c. */
+/* Differences along at most two axes, so that rounding equals that of hidden_crossing.c. */
 static float change(const float *c, const int at[3], int axis, int then)
 {
     static const int step[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
@@ -114,7 +115,7 @@ static float change(const float *c, const int at[3], int axis, int then)
     return (p[step[axis] + step[then]] - p[step[then]]) - (p[step[axis]] - p[0]);
 }
 
-/* How much F bends in a cell, difference by difference. */
+/* The bend of F in a cell, one difference at a time. */
 static field_bend bend_of_cell(const float *first, double aspect)
 {
     double slope2 = 0, bend = 0;
@@ -138,8 +139,8 @@ static field_bend bend_of_cell(const float *first, double aspect)
                                                                            : FIELD_BENT;
 }
 
-/* Of a block with a bent plane, and noise here and there: cells that are all but flat, or all but not. Adds those that are flat, and
- * that are gentle. */
+/* Blocks with a bent plane and local noise: cells that are nearly flat, or nearly not. Adds the numbers of flat and
+ * of gentle cells. */
 static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, size_t *gentle)
 {
     float coefficients[COEFFICIENT_BLOCK_SIZE];
@@ -147,7 +148,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
     const coefficient_blocks b = {.map = map, .memory = coefficients, .capacity = 1};
     const double bend = 0.01 * rng_uniform(r), noise = 0.003 * rng_uniform(r), aspect = 1 + rng_uniform(r);
     const vec3 slope = {rng_uniform(r) - 0.5, rng_uniform(r) - 0.5, rng_uniform(r) - 0.5};
-    const int wild = (int)(COEFFICIENT_BLOCK_SIZE * rng_uniform(r)); /* noise from here on */
+    const int wild = (int)(COEFFICIENT_BLOCK_SIZE * rng_uniform(r)); /* noise begins here */
     for (int k = 0; k < COEFFICIENT_BLOCK_SIZE; k++) {
         const vec3 p = {k / COEFFICIENT_BLOCK_SLAB, k / COEFFICIENT_BLOCK_SIDE % COEFFICIENT_BLOCK_SIDE,
                         k % COEFFICIENT_BLOCK_SIDE};
@@ -167,7 +168,7 @@ static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, siz
         cells++;
         bent += bends[k] == FIELD_BENT;
     }
-    const bool is_gentle = 100 * bent <= cells; /* but for one cell in a hundred */
+    const bool is_gentle = 100 * bent <= cells; /* at most one cell in a hundred is bent */
     assert_true(hidden_crossing_find(&b, (const int64_t[]){0, 0, 0}, aspect, pool, crossed, &found, &e));
     for (int k = 0; k < 512; k++) {
         const bool is_asked = asked[k >> 3] >> (k & 7) & 1;
@@ -190,7 +191,7 @@ static void cells_are_flat_one_by_one_or_together(void **state)
     threads *pool = threads_new(1, NULL, &e);
     assert_true(pool && block_map_init(&map, 0, &e) && block_map_find_or_add(&map, 0, 0, 0, NULL, &e));
     for (int round = 0; round < 500; round++) check_bends(&r, &map, pool, &flat, &gentle);
-    assert_in_range(flat, 500 * 512 / 100, 500 * 512 / 4 - 500 * 512 / 100); /* a fourth is asked for */
+    assert_in_range(flat, 500 * 512 / 100, 500 * 512 / 4 - 500 * 512 / 100); /* a fourth is requested */
     assert_true(gentle > 1000);
     block_map_free(&map);
     threads_free(pool);

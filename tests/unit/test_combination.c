@@ -1,4 +1,4 @@
-/* Surfaces of surfaces: derivatives against differences, sides, and where cells lie. */
+/* Combined surfaces: derivatives against differences, signs, and positions of cells. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,7 +15,7 @@
 #include "cells.h"
 
 #define SEED 20261120u
-/* how often cells may be halved in walls */
+/* maximum number of times that cells are halved in walls */
 enum { LEVELS = 12, MEMORY = 1 << 30 };
 
 static const double sheared[16] = {-2, 0.3, 0, 1, 0, 1, 0.2, -2, 0.1, 0, 0.5, 3, 0, 0, 0, 1};
@@ -47,8 +47,8 @@ static vec3 point_near(const field *f, rng *r)
     return p;
 }
 
-/* Central differences of step d err by d^2 times third derivatives, up to 300 in these fields, and by
- * rounding / d; a crease between two of them shows as a jump of the gradient, which is left out. */
+/* Central differences of step d have errors of d^2 times third derivatives, up to 300 in these fields, and of
+ * rounding / d. A crease between the two samples causes a jump of the gradient; such samples are skipped. */
 static void check_derivatives(const field *f, const char *name)
 {
     const double d = 1e-4, crease = 0.01, tolerance = 5e-6;
@@ -114,7 +114,7 @@ static void derivatives_and_sides_of_combinations(void **state)
         const field *f = combination_field(c);
         check_derivatives(f, names[kind]);
         rng r = rng_seed(SEED, 0);
-        for (int i = 0; i < 2000; i++) { /* F has the sign that its parts say */
+        for (int i = 0; i < 2000; i++) { /* F has the sign that follows from its parts */
             vec3 x = point_near(f, &r);
             field_sample whole, one, two;
             if (!field_sample_at(f, x, FIELD_GRADIENT, &whole) ||
@@ -134,7 +134,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     analytic_free(s);
 }
 
-static void nothing_left_is_an_error(void **state)
+static void an_empty_combination_is_an_error(void **state)
 {
     (void)state;
     analytic *a = sphere(1, vec3_make(0, 0, 0)), *b = sphere(1, vec3_make(5, 0, 0)),
@@ -154,8 +154,8 @@ static void nothing_left_is_an_error(void **state)
     analytic_free(inner);
 }
 
-/* A ball of a fiftieth on a large one, and one beside it: cells as large as each part needs, and no part is lost or joined to
- * another. Cells as small as the smallest everywhere are a hundred times as many. */
+/* A ball of a fiftieth of the radius on a large one, and one beside it: each part has cells of the size it needs,
+ * and no part is lost or merged. Uniform cells of the smallest size would be a hundred times as many. */
 static void cells_are_as_large_as_their_part_needs(void **state)
 {
     (void)state;
@@ -169,7 +169,7 @@ static void cells_are_as_large_as_their_part_needs(void **state)
     const field *f = combination_field(c);
     surface *s = surface_scan(f, NULL, &e);
     if (!s) fail_msg("%s", e.message);
-    /* of spheres, and of the caps that each cuts off the other */
+    /* areas of spheres, and of the caps that each cuts off the other */
     const double along = (on * on + 1 - fine * fine) / (2 * on), within = fine - (on - along);
     const double area = 4 * M_PI * (1 + 2 * fine * fine) - 2 * M_PI * (1 - along) - 2 * M_PI * fine * within;
     print_message("# %zu cells, area %.7g of %.7g, %zu parts\n", s->cells, s->area, area, s->parts.count);
@@ -192,12 +192,12 @@ static void cells_are_as_large_as_their_part_needs(void **state)
 typedef struct thin_case {
     const char *what;
     combination_kind kind;
-    double radius, other;   /* of the first, about the origin, and of the second */
-    vec3 center;            /* of the second */
+    double radius, other;   /* radius of the first sphere, centred at the origin, and of the second */
+    vec3 center;            /* of the second sphere */
     double area, tolerance; /* relative */
 } thin_case;
 
-/* The surface that is left of spheres by formula, and how many cells it has. */
+/* The area of the combination of two spheres, and its number of cells. */
 static double thin_area(const thin_case *t, int levels, size_t *cells, double *missing)
 {
     analytic *a = sphere(t->radius, vec3_make(0, 0, 0)), *b = sphere(t->other, t->center);
@@ -219,12 +219,12 @@ static double thin_area(const thin_case *t, int levels, size_t *cells, double *m
 
 static double lens(double depth)
 {
-    return 2 * M_PI * depth; /* of two caps of a sphere of radius 1, each half as deep */
+    return 2 * M_PI * depth; /* two caps of a sphere of radius 1, each half as deep */
 }
 
-/* Walls and slits thinner than the parts' own cells are whole: unless each has its own cells, the areas of the shell and
- * of the lenses differ from their closed forms by more than the tolerance. A wall thinner than the smallest cell is
- * counted as missing. */
+/* Walls and slits thinner than the parts' own cells are complete. Without cells of their own, the areas of the shell
+ * and of the lenses would differ from their closed forms by more than the tolerance. A wall thinner than the
+ * smallest cell is counted as missing. */
 static void walls_thinner_than_cells_are_whole(void **state)
 {
     (void)state;
@@ -265,8 +265,9 @@ static size_t cells_of(combination_kind kind, const field *a, const field *b, in
     return cells;
 }
 
-/* An edge of 34 degrees is no wall: it has no more cells. One of 16 degrees has at most 3 times as many. A lens of 1/30
- * is a wall; its cells are limited by memory. A lens that is all of the surface has cells, or is an error. */
+/* An edge of 34 degrees is not a wall and has no additional cells. An edge of 16 degrees has at most 3 times as
+ * many. A lens of 1/30 is a wall; memory limits its cells. A lens that is the whole surface has cells, or is an
+ * error. */
 static void cells_in_walls_are_bounded(void **state)
 {
     (void)state;
@@ -293,7 +294,7 @@ static void cells_in_walls_are_bounded(void **state)
     analytic_free(other);
 }
 
-/* Faces of two parts in one plane bound nothing between them. */
+/* Coplanar faces of two parts enclose nothing. */
 static void faces_in_one_plane_are_not_thin(void **state)
 {
     (void)state;
@@ -313,8 +314,8 @@ static void faces_in_one_plane_are_not_thin(void **state)
     analytic_free(b);
 }
 
-/* Of two balls and a small one, and two others and the same small one, a lens is left beside the small ball: if it is narrower than
- * cells it has some of its own, or is told. */
+/* A lens remains beside a small ball, in a union of two balls and in another one. If it is narrower than cells, it
+ * has some cells of its own, or is reported. */
 static void a_lens_narrower_than_cells_is_not_lost(void **state)
 {
     (void)state;
@@ -359,7 +360,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(derivatives_of_a_placed_field),
         cmocka_unit_test(derivatives_and_sides_of_combinations),
-        cmocka_unit_test(nothing_left_is_an_error),
+        cmocka_unit_test(an_empty_combination_is_an_error),
         cmocka_unit_test(cells_are_as_large_as_their_part_needs),
         cmocka_unit_test(walls_thinner_than_cells_are_whole),
         cmocka_unit_test(cells_in_walls_are_bounded),

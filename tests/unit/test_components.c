@@ -1,4 +1,4 @@
-/* Parts of surfaces, and that a small one beside a large one gets its particles. */
+/* Connected components of surfaces; a small component beside a large one gets its particles. */
 #include <math.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -13,7 +13,7 @@
 #include "solver/solver.h"
 #include "surface/components.h"
 
-/* Two balls, apart: the lesser of two distances, which is smooth near either. */
+/* Two separate balls: F is the smaller of two distances, which is smooth near each ball. */
 typedef struct balls {
     field base;
     vec3 center[2];
@@ -74,7 +74,7 @@ static void cell(const field *f, size_t k, field_cell *out)
 
 static const field_ops balls_ops = {.sample = sample, .cell_count = cell_count, .cell = cell};
 
-/* Radii 1 and `small`, in cells of a tenth of the small one, about `apart` from each other at 1.01. */
+/* Radii 1 and `small`, with cells of a tenth of the small radius, about `apart` from each other at 1.01. */
 static balls make_balls(double small, double apart)
 {
     balls b = {.base = {.ops = &balls_ops, .domain = {{-1.3, -1.3, -1.3}, {1.3 + 4 * small, 1.3, 1.3}}},
@@ -95,8 +95,8 @@ static balls make_balls(double small, double apart)
     return b;
 }
 
-/* Also of balls in cells side by side. */
-static void shares_are_those_of_the_areas(void **state)
+/* Also for balls in adjacent cells. */
+static void shares_equal_those_of_the_areas(void **state)
 {
     (void)state;
     error e = {0};
@@ -110,7 +110,7 @@ static void shares_are_those_of_the_areas(void **state)
         size_t second = scan->parts.begin[1];
         double share = 1 - scan->area_before[second] / scan->area;
         assert_close(fmin(share, 1 - share) / truth, 1, 0.01);
-        for (size_t i = 0; i < scan->cells; i++) { /* every cell once, part by part */
+        for (size_t i = 0; i < scan->cells; i++) { /* every cell once, grouped by component */
             field_cell c;
             surface_cell(scan, i, &c);
             const double x = 0.5 * (c.corner[0].x + c.corner[7].x);
@@ -122,8 +122,8 @@ static void shares_are_those_of_the_areas(void **state)
     threads_free(pool);
 }
 
-/* Told as such: cells that were not looked at have no size. */
-static void a_stop_is_told(void **state)
+/* The stop must be reported, since cells that were not processed have no size. */
+static void a_stop_is_reported(void **state)
 {
     (void)state;
     static volatile sig_atomic_t stop = 1;
@@ -141,7 +141,7 @@ static void a_stop_is_told(void **state)
     threads_free(pool);
 }
 
-/* In proportion to the area, to 5 % or one particle, and without costing the large part its coarse start. */
+/* In proportion to the area, to 5 % or one particle. The large component still starts coarse. */
 static void a_small_part_gets_its_share(void **state)
 {
     (void)state;
@@ -179,13 +179,13 @@ static void a_small_part_gets_its_share(void **state)
 
 enum { FEW = 64 };
 
-/* Cells of a lattice that is skew and turned over, far from its origin. */
+/* Cells of an oblique, inverted lattice far from its origin. */
 typedef struct few {
     field base;
-    double shift; /* once more */
+    double shift; /* an additional shift */
     size_t count;
     int at[FEW][3];
-    unsigned inside[FEW]; /* corners, bit by bit */
+    unsigned inside[FEW]; /* signs at the corners, one bit each */
     bool hidden_crossing[FEW];
 } few;
 
@@ -235,7 +235,7 @@ static size_t parts_of(const few *p)
     return count;
 }
 
-/* One part only where the cells share a face that one of them says the surface passes. */
+/* Cells are one component only if they share a face that, by one of the cells, the surface crosses. */
 static void parts_are_joined_through_faces(void **state)
 {
     (void)state;
@@ -251,7 +251,7 @@ static void parts_are_joined_through_faces(void **state)
         {{1, 1, 0}, LOW_Z, true, 2},   {{1, 0, 0}, CORNER, false, 1}, {{7, 0, 0}, LOW_Z, true, 2},
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++)
-        for (int first = -9; first < 9; first++) { /* across the borders of blocks */
+        for (int first = -9; first < 9; first++) { /* across the boundaries of blocks */
             const int *by = cases[k].by;
             few p = few_make();
             few_add(&p, first, first + 1, first + 2, cases[k].inside, false);
@@ -261,8 +261,8 @@ static void parts_are_joined_through_faces(void **state)
         }
 }
 
-/* A row of cells, and after each two that are alone: each of these in a part of the map that is new. */
-static void scattered_parts_are_told_apart(void **state)
+/* A row of cells, and after each cell two isolated ones, each in a new part of the map. */
+static void scattered_parts_are_counted_separately(void **state)
 {
     (void)state;
     few p = few_make();
@@ -274,8 +274,8 @@ static void scattered_parts_are_told_apart(void **state)
     assert_int_equal(parts_of(&p), 1 + 2 * (FEW / 3));
 }
 
-/* Where coordinates are so large that cells which lie far apart are not told by their middles how many are between, and where that
- * number is large itself, parts are whole none the less. */
+/* If coordinates are so large that the centres of distant cells do not give the number of cells between them, or if
+ * this number is large, components are still complete. */
 static void parts_far_away_are_whole(void **state)
 {
     (void)state;
@@ -293,10 +293,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parts_are_joined_through_faces),
-        cmocka_unit_test(scattered_parts_are_told_apart),
+        cmocka_unit_test(scattered_parts_are_counted_separately),
         cmocka_unit_test(parts_far_away_are_whole),
-        cmocka_unit_test(shares_are_those_of_the_areas),
-        cmocka_unit_test(a_stop_is_told),
+        cmocka_unit_test(shares_equal_those_of_the_areas),
+        cmocka_unit_test(a_stop_is_reported),
         cmocka_unit_test(a_small_part_gets_its_share),
     };
     return cmocka_run_group_tests_name("components", tests, NULL, NULL);

@@ -77,7 +77,7 @@ static void test_defaults(void **state)
     config_clear(&c);
 }
 
-static void test_options_win_over_the_file(void **state)
+static void test_options_take_precedence_over_the_file(void **state)
 {
     (void)state;
     write_file("# comment\n[hexad]\nworkers = 3\nlisten = 127.0.0.1:1\ninput_roots = /a:/b\n"
@@ -88,7 +88,7 @@ static void test_options_win_over_the_file(void **state)
     assert_string_equal(c.listen.item[0], "127.0.0.1:1");
     assert_int_equal(c.input_roots.count, 4);
     assert_string_equal(c.input_roots.item[0], "/a");
-    assert_int_equal(c.path_mappings.count, 2); /* parted by commas only */
+    assert_int_equal(c.path_mappings.count, 2); /* separated by commas only */
     assert_string_equal(c.path_mappings.item[0], "Z:/a=/b");
     assert_string_equal(c.input_roots.item[3], "/d");
     assert_string_equal(c.state_dir, "/s");
@@ -97,12 +97,12 @@ static void test_options_win_over_the_file(void **state)
     config_clear(&c);
     char *list[] = {"hexad", "--config", path, "--input_roots", "/x", "--input_roots", "/y"};
     c = parse(COUNT(list), list);
-    assert_int_equal(c.input_roots.count, 2); /* replaces the file's */
+    assert_int_equal(c.input_roots.count, 2); /* replaces the values of the file */
     assert_string_equal(c.input_roots.item[0], "/x");
     config_clear(&c);
 }
 
-/* Each setting is told apart from all others: none of them is "given twice". */
+/* Each setting is distinguished from all others: none is reported as given twice. */
 static void test_all_settings_at_once(void **state)
 {
     (void)state;
@@ -190,8 +190,8 @@ static void test_actions(void **state)
     free(text);
 }
 
-/* etc/hexad.conf is what the table says, and with every key in use it gives the defaults. */
-static void test_the_sample_does_not_drift(void **state)
+/* etc/hexad.conf equals the table, and gives the defaults if every key is enabled. */
+static void test_the_sample_file_equals_the_table(void **state)
 {
     (void)state;
     char *text = NULL;
@@ -204,7 +204,7 @@ static void test_the_sample_does_not_drift(void **state)
     char *sample = store_file_read(sample_path, 1 << 20, &length, NULL);
     assert_non_null(sample);
     assert_string_equal(sample, text);
-    for (char *c = text; *c; c++) /* "#key = value" to "key = value"; prose has a blank after # */
+    for (char *c = text; *c; c++) /* "#key = value" becomes "key = value"; prose has a blank after # */
         if (*c == '#' && c[1] != ' ' && c[-1] == '\n') memmove(c, c + 1, strlen(c));
     write_file(text);
     char *argv[] = {"hexad", "--config", path}, *none[] = {"hexad"};
@@ -224,12 +224,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_options_win_over_the_file),
+        cmocka_unit_test(test_options_take_precedence_over_the_file),
         cmocka_unit_test(test_all_settings_at_once),
         cmocka_unit_test(test_faults_of_the_file_name_the_line),
         cmocka_unit_test(test_faults_of_the_command_line),
         cmocka_unit_test(test_actions),
-        cmocka_unit_test(test_the_sample_does_not_drift),
+        cmocka_unit_test(test_the_sample_file_equals_the_table),
     };
     return cmocka_run_group_tests_name("config", tests, set_up, tear_down);
 }

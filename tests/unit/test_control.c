@@ -1,5 +1,4 @@
-/* Global control (6.1): particles inserted and deleted until a bound on their number and one on the support
- * hold. */
+/* Global control (6.1): particles are inserted and deleted until the bounds of their number and of the support hold. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +18,7 @@ enum { QUARTIC = 4 };
 /* Its packing of the quartic has about 480 points. */
 #define SIGMA 0.18
 
-/* ---- particles that come and go ---- */
+/* ---- insertion and deletion */
 
 static particles *row_of_particles(size_t count)
 {
@@ -44,7 +43,7 @@ static void growing_keeps_particles(void **state)
         assert_true(p->position[i].x == (double)i && p->lambda[i] == (double)i && p->alpha[i] == 1);
         assert_true(p->energy[i] == (float)(1 + 0.001 * (double)i));
     }
-    p->position[999].x = 1; /* there is room */
+    p->position[999].x = 1; /* within the capacity */
     particles_free(p);
 }
 
@@ -60,7 +59,7 @@ static void removal_keeps_the_order(void **state)
     particles_free(p);
 }
 
-/* Of a thousand a hundred, whose mean rank tells the bias. */
+/* Chooses 100 of 1000; their mean rank shows the bias. */
 static void the_choice_follows_its_bias(void **state)
 {
     (void)state;
@@ -75,18 +74,18 @@ static void the_choice_follows_its_bias(void **state)
             mean[bias] += chosen[k] / 100.0;
         }
     }
-    assert_close(mean[POPULATION_RANDOM], 500, 120); /* four deviations of the mean */
+    assert_close(mean[POPULATION_RANDOM], 500, 120); /* four standard deviations of the mean */
     assert_true(mean[POPULATION_HIGH_ENERGY] > 620 && mean[POPULATION_LOW_ENERGY] < 380);
     particles_free(p);
 }
 
-static void all_may_be_chosen(void **state)
+static void all_particles_can_be_chosen(void **state)
 {
     (void)state;
     particles *p = row_of_particles(50);
     uint32_t chosen[50];
     rng r = rng_seed(1, 1);
-    for (size_t i = 0; i < 50; i++) p->energy[i] = 0; /* of no use for a bias */
+    for (size_t i = 0; i < 50; i++) p->energy[i] = 0; /* gives no bias */
     assert_true(population_choose(p, 50, POPULATION_HIGH_ENERGY, &r, chosen, NULL));
     for (uint32_t k = 0; k < 50; k++) assert_int_equal(chosen[k], k);
     particles_free(p);
@@ -116,7 +115,7 @@ static void twins_are_on_the_surface(void **state)
     analytic_free(a);
 }
 
-/* ---- the whole ---- */
+/* ---- complete solves */
 
 typedef struct solved {
     analytic *a;
@@ -154,7 +153,7 @@ static void solve(int shape, const solver_params *params, int workers, solved *x
     x->points = solver_result_points(x->s);
     size_t rounds, before = params->count;
     const solver_round *round = solver_rounds(x->s, &rounds);
-    for (size_t k = 0; k < rounds; k++) { /* the counts are accounted for */
+    for (size_t k = 0; k < rounds; k++) { /* the records account for all changes of the count */
         assert_int_equal(round[k].count, before);
         before = before + round[k].inserted - round[k].deleted;
         assert_true(before >= params->min_count);
@@ -173,8 +172,8 @@ static void release(solved *x)
     analytic_free(x->a);
 }
 
-/* Converged, both bounds kept, and the smallest system that does: the packing whose support is max_sigma has
- * 6 A / (sqrt 3 max_sigma^2) points. */
+/* The solve has converged, both bounds hold, and the number of particles is the smallest possible: a packing with
+ * the support max_sigma has 6 A / (sqrt 3 max_sigma^2) points. */
 static void expect_bounds(const solved *x, size_t min_count, double max_sigma)
 {
     double direct = 6 * x->scan->area / (sqrt(3) * max_sigma * max_sigma);
@@ -214,7 +213,7 @@ static void particles_are_deleted_while_sigma_allows(void **state)
     }
 }
 
-/* Where next to nothing may be missing, what is one too many does not start it all again. */
+/* With a narrow tolerance, a single surplus particle does not restart the control. */
 static void a_narrow_tolerance_is_met(void **state)
 {
     (void)state;
@@ -229,7 +228,7 @@ static void a_narrow_tolerance_is_met(void **state)
     }
 }
 
-static void the_least_count_binds(void **state)
+static void the_minimum_count_is_kept(void **state)
 {
     (void)state;
     for (size_t start = 720; start <= 1200; start += 480) {
@@ -243,7 +242,7 @@ static void the_least_count_binds(void **state)
     }
 }
 
-static void amplitudes_and_rims_do_not_disturb_it(void **state)
+static void control_works_with_amplitudes_and_boundaries(void **state)
 {
     (void)state;
     solver_params params = bounded(100, 100, 0.1);
@@ -259,7 +258,7 @@ static void amplitudes_and_rims_do_not_disturb_it(void **state)
     }
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = bounded(50, 50, 0.14);
@@ -272,7 +271,7 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
-static void more_than_memory_holds_is_an_error(void **state)
+static void a_count_beyond_memory_is_an_error(void **state)
 {
     (void)state;
     error e = {0};
@@ -298,15 +297,15 @@ int main(void)
         cmocka_unit_test(growing_keeps_particles),
         cmocka_unit_test(removal_keeps_the_order),
         cmocka_unit_test(the_choice_follows_its_bias),
-        cmocka_unit_test(all_may_be_chosen),
+        cmocka_unit_test(all_particles_can_be_chosen),
         cmocka_unit_test(twins_are_on_the_surface),
         cmocka_unit_test(particles_are_inserted_until_sigma_is_within_its_bound),
         cmocka_unit_test(particles_are_deleted_while_sigma_allows),
         cmocka_unit_test(a_narrow_tolerance_is_met),
-        cmocka_unit_test(the_least_count_binds),
-        cmocka_unit_test(amplitudes_and_rims_do_not_disturb_it),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(more_than_memory_holds_is_an_error),
+        cmocka_unit_test(the_minimum_count_is_kept),
+        cmocka_unit_test(control_works_with_amplitudes_and_boundaries),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(a_count_beyond_memory_is_an_error),
     };
     return cmocka_run_group_tests_name("control", tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
-/* What stands in the way of control groups. That the kernel keeps their limits is shown by `make bootcheck`, in a machine of
- * its own. */
+/* Cases in which control groups are not available. `make bootcheck` checks in a virtual machine that the kernel
+ * enforces their limits.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -53,7 +54,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-static void test_without_a_controller_there_are_none(void **state)
+static void test_without_a_controller_there_are_no_groups(void **state)
 {
     place *p = *state;
     static const char *const lists[] = {NULL, "\n", "cpu pids\n", "cpu memory_of pids\n", "nomemory\n"};
@@ -81,7 +82,7 @@ static void test_a_group_that_cannot_be_used_is_an_error(void **state)
     assert_non_null(strstr(e.message, "cgroup.procs"));
 }
 
-static void test_what_is_left_of_earlier_groups_is_removed(void **state)
+static void test_groups_of_earlier_runs_are_removed(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -94,13 +95,13 @@ static void test_what_is_left_of_earlier_groups_is_removed(void **state)
     if (!control_groups_open_at(p->base, &groups, &e)) fail_msg("%s", e.message);
     assert_non_null(groups);
     assert_int_equal(access(path_of(p, "attempt.7"), F_OK), -1);
-    assert_null(control_group_new(groups, 1 << 20, &e)); /* no file of limits appears */
+    assert_null(control_group_new(groups, 1 << 20, &e)); /* no file of limits exists */
     assert_non_null(strstr(e.message, "memory.max"));
     assert_int_equal(access(path_of(p, "attempt.0"), F_OK), -1);
     control_groups_close(groups);
 }
 
-static void test_nothing_is_known_of_no_group(void **state)
+static void test_usage_of_no_group_is_zero(void **state)
 {
     (void)state;
     control_group_use use = control_group_end(NULL);
@@ -113,10 +114,10 @@ static void test_nothing_is_known_of_no_group(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_without_a_controller_there_are_none),
+        CASE(test_without_a_controller_there_are_no_groups),
         CASE(test_a_group_that_cannot_be_used_is_an_error),
-        CASE(test_what_is_left_of_earlier_groups_is_removed),
-        CASE(test_nothing_is_known_of_no_group),
+        CASE(test_groups_of_earlier_runs_are_removed),
+        CASE(test_usage_of_no_group_is_zero),
     };
     return cmocka_run_group_tests_name("control_group", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Faces that overlap in one plane: the area that is left, and closed meshes that stay closed, in any position. */
+/* Overlapping coplanar faces: the remaining area is correct, and closed meshes stay closed, in any position. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,7 +16,7 @@
 
 enum { SEED = 20261127 };
 
-/* Turned about an axis, and moved. */
+/* A rotation about an axis, and a translation. */
 typedef struct pose {
     double angle;
     vec3 shift;
@@ -78,8 +78,8 @@ static double shared(double a, double b, double c, double d)
     return fmax(0, fmin(b, d) - fmax(a, c));
 }
 
-/* Boxes on a table, beside and over its rim, and one another: where two touch neither stays. */
-static void contacts_of_solids_have_no_faces(void **state)
+/* Boxes on a table, beside and across its boundary, and on each other: where two touch, neither face remains. */
+static void faces_in_contact_of_solids_are_removed(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
@@ -110,13 +110,13 @@ static void contacts_of_solids_have_no_faces(void **state)
     }
 }
 
-/* Rectangles of many triangles, turned in their plane: what is in both is there once, whichever way they look. */
-static void open_faces_that_overlap_are_there_once(void **state)
+/* Rectangles of many triangles, rotated in their plane: the overlap is kept once, whatever the orientations. */
+static void overlapping_open_faces_are_kept_once(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
     rng r = rng_seed(SEED, 1);
-    size_t unfinished = 0; /* which a warning tells */
+    size_t unfinished = 0; /* reported by a warning */
     for (int n = 0; n < 100; n++) {
         const pose p = {n % 3 ? 6 * rng_uniform(&r) : 0, {rng_uniform(&r), 0, 0}};
         const double turn = n % 4 ? rng_uniform(&r) : 0;
@@ -139,9 +139,9 @@ static void open_faces_that_overlap_are_there_once(void **state)
     assert_true(unfinished <= 5);
 }
 
-/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut there leaves a triangle
- * whose blunt corner is the second one; the shared corner is within rounding of the side beyond. A cut there would give the flat triangle
- * back. The third triangle only sets the size of coordinates. */
+/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut
+ * there leaves a triangle whose blunt corner is the second one; the shared corner is within rounding of the side
+ * beyond. A cut there would give the flat triangle back. The third triangle only sets the size of coordinates. */
 static void cuts_beside_a_blunt_corner_end(void **state)
 {
     (void)state;
@@ -166,7 +166,7 @@ static void cuts_beside_a_blunt_corner_end(void **state)
     mesh_free(&m);
 }
 
-/* Each triangle in three, about its middle. */
+/* Splits each triangle in three at its centroid. */
 static void split_triangles(mesh *m)
 {
     const size_t count = m->triangle_count;
@@ -186,8 +186,8 @@ static void split_triangles(mesh *m)
     *m = out;
 }
 
-/* A box that is there twice, with other triangles, and faces of it that are turned: these are no contact. */
-static void turned_faces_of_a_box_that_is_there_twice_leave_no_hole(void **state)
+/* A duplicated box with other triangles, some of whose faces are reversed: these are no contact. */
+static void reversed_faces_of_a_duplicated_box_leave_no_hole(void **state)
 {
     (void)state;
     print_message("# seed %d\n", SEED);
@@ -216,8 +216,8 @@ static void turned_faces_of_a_box_that_is_there_twice_leave_no_hole(void **state
     }
 }
 
-/* Faces that touch at their sides, or lie in planes that are near, and faces of curved meshes are left alone. */
-static void other_faces_are_left_alone(void **state)
+/* Faces that touch at their sides, faces in near planes, and faces of curved meshes are unchanged. */
+static void other_faces_are_unchanged(void **state)
 {
     (void)state;
     for (int n = 0; n < 4; n++) {
@@ -244,11 +244,11 @@ static void other_faces_are_left_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(contacts_of_solids_have_no_faces),
-        cmocka_unit_test(open_faces_that_overlap_are_there_once),
+        cmocka_unit_test(faces_in_contact_of_solids_are_removed),
+        cmocka_unit_test(overlapping_open_faces_are_kept_once),
         cmocka_unit_test(cuts_beside_a_blunt_corner_end),
-        cmocka_unit_test(turned_faces_of_a_box_that_is_there_twice_leave_no_hole),
-        cmocka_unit_test(other_faces_are_left_alone),
+        cmocka_unit_test(reversed_faces_of_a_duplicated_box_leave_no_hole),
+        cmocka_unit_test(other_faces_are_unchanged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* pace: against jobs whose cost is known. */
+/* cost_model: against jobs of known cost. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,7 +9,7 @@
 #include "base/rng.h"
 #include "run/cost_model.h"
 
-/* Seconds of a run: a part of its own, and a power of the count, more or less. */
+/* Seconds of a run: a constant part and a power of the count, with noise. */
 typedef struct cost {
     double fixed, each, power, noise;
 } cost;
@@ -19,7 +19,7 @@ static double cost_of(const cost *c, size_t count, rng *r)
     return c->fixed + c->each * pow((double)count, c->power) * (1 + c->noise * (2 * rng_uniform(r) - 1));
 }
 
-/* Time spent on runs, the last included, and the largest count that fitted. */
+/* Time spent on runs, including the last one, and the largest count that fitted. */
 static double spend(const cost *c, double budget, size_t most, rng *r, size_t *reached)
 {
     cost_model p = cost_model_begin(most);
@@ -37,7 +37,7 @@ static double spend(const cost *c, double budget, size_t most, rng *r, size_t *r
     return spent;
 }
 
-static void the_time_is_used(void **state)
+static void most_of_the_time_is_used(void **state)
 {
     (void)state;
     const cost costs[] = {{0, 1e-5, 1, 0}, {0, 2e-6, 1.2, 0}, {0.005, 1e-5, 1, 0}, {0.001, 3e-4, 0.9, 0}};
@@ -47,15 +47,15 @@ static void the_time_is_used(void **state)
             size_t reached;
             double spent = spend(&costs[k], budget, SIZE_MAX, &r, &reached);
             if (spent < 0.5 * budget || spent > budget) fail_msg("cost %zu: %g of %g s", k, spent, budget);
-            /* no count less than half of the best that a run of the whole time would have */
+            /* at least about a third of the best count of a single run with the whole time */
             double best = pow((budget - costs[k].fixed) / costs[k].each, 1 / costs[k].power);
             if ((double)reached < 0.35 * best)
                 fail_msg("cost %zu: %zu of %g in %g s", k, reached, best, budget);
         }
 }
 
-/* A run that varies by a tenth either way fits all the same. */
-static void noise_is_allowed_for(void **state)
+/* A run time that varies by a tenth still fits. */
+static void varying_run_times_stay_within_the_time(void **state)
 {
     (void)state;
     const cost noisy = {0.01, 1e-5, 1.1, 0.1};
@@ -83,7 +83,7 @@ static void memory_bounds_the_count(void **state)
     assert_true(spent < 1);
 }
 
-static void nothing_fits_into_no_time(void **state)
+static void no_count_fits_into_zero_time(void **state)
 {
     (void)state;
     cost_model p = cost_model_begin(SIZE_MAX);
@@ -91,7 +91,7 @@ static void nothing_fits_into_no_time(void **state)
     assert_int_equal(cost_model_next(&p, 0), 0);
     assert_int_equal(cost_model_next(&p, -1), 0);
     assert_int_equal(cost_model_next(&p, 1), 0);
-    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* faster than the clock ticks */
+    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* shorter than the resolution of the clock */
     assert_true(cost_model_next(&p, 1) > COST_MODEL_FIRST);
 }
 
@@ -100,8 +100,9 @@ static void assert_between(double x, double low, double high)
     if (!(x >= low && x <= high)) fail_msg("%g is not between %g and %g", x, low, high);
 }
 
-/* The sweeps of meshes with 10 000 points take 4.4 times as long as those with 2 500 (median of doc/measured/estimates.md), and the
- * jobs with 50 000 points 1.7 times as long as those with 10 000 (median of doc/measured/meshes.md). */
+/* The sweeps of meshes with 10 000 points take 4.4 times as long as those with 2 500 (median of
+ * doc/measured/estimates.md), and the jobs with 50 000 points 1.7 times as long as those with 10 000 (median of
+ * doc/measured/meshes.md). */
 static void work_by_levels_grows_as_times_do(void **state)
 {
     (void)state;
@@ -111,7 +112,7 @@ static void work_by_levels_grows_as_times_do(void **state)
     assert_between(cost_model_work(1000000, true) / cost_model_work(50000, true), 5, 20);
 }
 
-static void work_without_levels_is_that_of_all_points(void **state)
+static void work_without_levels_is_proportional_to_the_points(void **state)
 {
     (void)state;
     assert_float_equal(cost_model_work(8000, false) / cost_model_work(500, false), 16, 1e-9);
@@ -121,12 +122,12 @@ static void work_without_levels_is_that_of_all_points(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_time_is_used),
-        cmocka_unit_test(noise_is_allowed_for),
+        cmocka_unit_test(most_of_the_time_is_used),
+        cmocka_unit_test(varying_run_times_stay_within_the_time),
         cmocka_unit_test(memory_bounds_the_count),
-        cmocka_unit_test(nothing_fits_into_no_time),
+        cmocka_unit_test(no_count_fits_into_zero_time),
         cmocka_unit_test(work_by_levels_grows_as_times_do),
-        cmocka_unit_test(work_without_levels_is_that_of_all_points),
+        cmocka_unit_test(work_without_levels_is_proportional_to_the_points),
     };
     return cmocka_run_group_tests_name("pace", tests, NULL, NULL);
 }

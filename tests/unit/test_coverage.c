@@ -1,4 +1,4 @@
-/* How far places are from points: bald spots of known size, and the nearest of random points against looking at all. */
+/* Distances of the surface from points: gaps of known size, and the nearest of random points against all points. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,7 @@
 #include "shapes.h"
 #include "solver/particles/coverage.h"
 
-/* Points on a sphere in a spiral whose turns are one spacing apart, but for those within `bald` of the pole. */
+/* Points on a sphere in a spiral whose turns are one spacing apart, without those within `bald` of the pole. */
 static size_t spiral(size_t count, double bald, vec3 *out)
 {
     size_t kept = 0;
@@ -42,8 +42,8 @@ static double farthest(const analytic_params *shape, const vec3 *position, size_
     return found;
 }
 
-/* The pole is the place that is farthest from a ring of points around it. */
-static void a_bald_spot_has_its_radius(void **state)
+/* The pole is the place farthest from a surrounding ring of points. */
+static void the_largest_gap_has_its_radius(void **state)
 {
     (void)state;
     enum { COUNT = 2000 };
@@ -61,7 +61,7 @@ static void a_bald_spot_has_its_radius(void **state)
     free(x);
 }
 
-/* Distances count in the spacing that is requested where the nearest point is. */
+/* Distances are in the requested spacing of the nearest point. */
 static void distances_are_in_spacings(void **state)
 {
     (void)state;
@@ -85,8 +85,9 @@ static void distances_are_in_spacings(void **state)
     threads_free(pool);
 }
 
-/* Spacings that part by a factor of 10, finely on one side: what spares a look is the least spacing about a place. */
-static void a_bald_spot_is_found_beside_fine_points(void **state)
+/* Spacings that differ by a factor of 10 across a seam. The search is skipped by the smallest spacing around a
+ * place. */
+static void a_gap_is_found_beside_fine_points(void **state)
 {
     (void)state;
     enum { COARSE = 2000, FINE = 100 * COARSE };
@@ -94,7 +95,7 @@ static void a_bald_spot_is_found_beside_fine_points(void **state)
     const double h = packing_spacing(4 * M_PI, COARSE);
     vec3 *x = malloc((COARSE + FINE) * sizeof *x);
     double *spacing = malloc((COARSE + FINE) * sizeof *spacing);
-    for (int k = 8; k <= 12; k += 4) { /* more than the way across the seam, in fine spacings */
+    for (int k = 8; k <= 12; k += 4) { /* more than the width of the seam, in fine spacings */
         const double bald = k * h;
         double found[2] = {0, 0};
         size_t count = 0, some = spiral(COARSE, bald, x);
@@ -127,9 +128,9 @@ static void a_bald_spot_is_found_beside_fine_points(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_bald_spot_has_its_radius),
+        cmocka_unit_test(the_largest_gap_has_its_radius),
         cmocka_unit_test(distances_are_in_spacings),
-        cmocka_unit_test(a_bald_spot_is_found_beside_fine_points),
+        cmocka_unit_test(a_gap_is_found_beside_fine_points),
     };
     return cmocka_run_group_tests_name("coverage", tests, NULL, NULL);
 }

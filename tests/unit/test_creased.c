@@ -1,4 +1,4 @@
-/* Solids with sharp edges as patches: areas, creases, corners, and what lies where, against closed forms. */
+/* Solids with sharp edges as patches: areas, creases, corners and positions against closed forms. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -46,7 +46,7 @@ typedef struct expected {
 static size_t count_corners(const field_patches *p)
 {
     size_t count = 0;
-    for (size_t n = 0; n < 2 * p->curve_count; n++) { /* the first curve of each place counts it */
+    for (size_t n = 0; n < 2 * p->curve_count; n++) { /* the first curve of each corner counts it */
         const field_curve *c = &p->curve[n / 2];
         const vec3 *at = &p->vertex[n % 2 ? c->first + c->count - 1 : c->first];
         bool seen = c->closed;
@@ -60,7 +60,7 @@ static size_t count_corners(const field_patches *p)
     return count;
 }
 
-/* Takes over the solid. */
+/* Checks a solid, and frees it. */
 static void check(const char *name, solid *s, const field *whole, bbox box, expected wanted)
 {
     error e = {0};
@@ -106,7 +106,7 @@ static void a_cube_and_a_cylinder(void **state)
     analytic_free(b);
 }
 
-/* Bars that cross: each has lost its middle, and faces in one plane are one patch. */
+/* Crossing bars: each has lost its middle, and coplanar faces are one patch. */
 static void combinations(void **state)
 {
     (void)state;
@@ -130,7 +130,8 @@ static void combinations(void **state)
     solid_push_shape(s, &s->inside, &along, HERE, false);
     solid_push_shape(s, &s->inside, &higher, HERE, false);
     solid_join(s, &s->inside, true);
-    /* each sticks out of the other: 40 and 38 of area, less what is within the other; edges of the first, the second, both */
+    /* each extends beyond the other: areas of 40 and 38, less the parts inside the other; edges of the first, the
+     * second, both */
     check("crossed", s, combination_field(d), everywhere,
           (expected){12, 16 + 12 + 8, 24, 40 - 8 + 38 - 8, 12 + 16 + 32 + 16, 1e-9});
     combination_free(u);

@@ -1,4 +1,4 @@
-/* crossed_cells: whether each cell comes back with its place, its block and F at its corners, whatever cells there are. */
+/* crossed_cells: each cell is returned with its place, its block and F at its corners, for any set of cells. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -60,7 +60,7 @@ static void check_cells(const crossed_cells *made, const samples *s, const cross
     assert_int_equal(k, crossed_cells_in_blocks(made));
 }
 
-static void cells_come_back_as_they_are(void **state)
+static void stored_cells_are_read_back_unchanged(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -101,7 +101,7 @@ static void cells_come_back_as_they_are(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cells_come_back_as_they_are),
+        cmocka_unit_test(stored_cells_are_read_back_unchanged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
-/* The cells that a surface crosses are those of all cells looked at one by one, whatever leaves and tiles it passes between. And what
- * lies around them. */
+/* The crossed cells equal those found cell by cell, whatever leaves and tiles the surface passes. Their
+ * neighbourhoods are tested, too.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -34,7 +35,8 @@ static void add_tile(vdb_grid *g, const int32_t block[3], int32_t side, float va
     *t = (vdb_tile){{SIDE * block[0], SIDE * block[1], SIDE * block[2]}, side, value, false};
 }
 
-/* Blocks of two sides, in clumps of 2^3, so that most lie beside their like: tiles, no tile where the background does, and leaves. */
+/* Blocks of two signs in clumps of 2^3, so that most have equal neighbours: tiles, no tile where the background is,
+ * and leaves. */
 static void divide(builder *b, const int32_t low[3])
 {
     double clump[TILE / 2][TILE / 2][TILE / 2];
@@ -88,7 +90,7 @@ static void release(builder *b)
     free(b->grid.tiles);
 }
 
-/* Whether the block has a crossed cell, and which. */
+/* Whether the block has a crossed cell, and which cells. */
 static bool look(const grid_view *view, const int32_t block[3], uint8_t rows[64])
 {
     float f[8][GRID_VIEW_VOXELS];
@@ -117,7 +119,7 @@ static bool look(const grid_view *view, const int32_t block[3], uint8_t rows[64]
     return any;
 }
 
-/* Parts of threads come together as one thread finds the blocks. */
+/* The merged results of several threads equal those of one thread. */
 static void reach_by_threads(const crossings *found, threads *pool)
 {
     const reach_limits limits = {.straight = 4};
@@ -126,7 +128,7 @@ static void reach_by_threads(const crossings *found, threads *pool)
     assert_true(block_map_init(&one, 0, &e) && block_map_init(&several, 0, &e));
     assert_true(reach_add_blocks(found, limits, NULL, &one, &e));
     assert_true(reach_add_blocks(found, limits, pool, &several, &e));
-    assert_true(found->count > 10000 && one.count > found->count); /* so many that each thread has its part */
+    assert_true(found->count > 10000 && one.count > found->count); /* enough that each thread has a part */
     assert_int_equal(one.count, several.count);
     assert_memory_equal(one.blocks, several.blocks, one.count * sizeof *one.blocks);
     block_map_free(&one);
@@ -142,7 +144,7 @@ static void hold_against_all_cells(float background, uint64_t seed, threads *poo
     size_t n = 0, without_leaf = 0;
     assert_true(grid_view_init(&view, &b.grid, GRID_VIEW_LEVEL_SET, 0, SIZE_MAX, pool, &e));
     assert_true(crossings_find(&view, SIZE_MAX, pool, &found, &e));
-    for (int k = 0; k < (ALL + 2) * (ALL + 2) * (ALL + 2); k++) { /* in the order of their coordinates */
+    for (int k = 0; k < (ALL + 2) * (ALL + 2) * (ALL + 2); k++) { /* in the order of the coordinates */
         const int32_t block[3] = {FIRST - 1 + k / ((ALL + 2) * (ALL + 2)),
                                   FIRST - 1 + k / (ALL + 2) % (ALL + 2), FIRST - 1 + k % (ALL + 2)};
         uint8_t rows[64];

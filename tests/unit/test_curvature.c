@@ -47,7 +47,7 @@ static void torus_has_a_convex_and_a_saddle_equator(void **state)
     analytic_free(a);
 }
 
-/* Curvature belongs to the surface: it does not change when F is scaled or composed. */
+/* Curvature is a property of the surface: it does not change if F is scaled or composed. */
 static void scale_of_f_does_not_matter(void **state)
 {
     (void)state;
@@ -72,7 +72,7 @@ static void scale_of_f_does_not_matter(void **state)
     }
 }
 
-static void no_gradient_no_curvature(void **state)
+static void zero_gradient_has_no_curvature(void **state)
 {
     (void)state;
     field_sample s = {.hessian = {1, 2, 3, 4, 5, 6}};
@@ -86,7 +86,7 @@ int main(void)
         cmocka_unit_test(sphere_has_one_over_r),
         cmocka_unit_test(torus_has_a_convex_and_a_saddle_equator),
         cmocka_unit_test(scale_of_f_does_not_matter),
-        cmocka_unit_test(no_gradient_no_curvature),
+        cmocka_unit_test(zero_gradient_has_no_curvature),
     };
     return cmocka_run_group_tests_name("curvature", tests, NULL, NULL);
 }

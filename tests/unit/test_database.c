@@ -1,4 +1,4 @@
-/* The database under the queue: durability, threads, versions, and who owns it. */
+/* The database of the queue: durability, threads, versions, and locks. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -21,10 +21,10 @@
 #include "database/lock.h"
 #include "queue_place.h"
 
-/* How often the kernel still says that another process has the lock. */
+/* Number of further calls that report that another process has the lock. */
 static int refusals;
 
-/* Takes the place of the C library's function. */
+/* Replaces the function of the C library. */
 int flock(int fd, int operation)
 {
     if (refusals <= 0) return (int)syscall(SYS_flock, fd, operation);
@@ -40,18 +40,18 @@ static void *put_one(void *argument)
     return NULL;
 }
 
-static void test_waiting_ends_with_news(void **state)
+static void test_a_wait_ends_with_a_change(void **state)
 {
     place *p = *state;
     uint64_t seen = 0;
     pthread_t thread;
-    assert_true(queue_wait(p->q, &seen, 0)); /* who has seen nothing */
+    assert_true(queue_wait(p->q, &seen, 0)); /* *seen is 0: returns at once */
     assert_false(queue_wait(p->q, &seen, 0));
     assert_int_equal(pthread_create(&thread, NULL, put_one, p), 0);
     assert_true(queue_wait(p->q, &seen, INT64_MAX));
     assert_int_equal(pthread_join(thread, NULL), 0);
     claim_in(p, &(queue_resources){.threads = 0, .all_threads = 1, .all_memory_mb = 1000}, NULL);
-    assert_false(queue_wait(p->q, &seen, 0)); /* nothing was claimed: no news */
+    assert_false(queue_wait(p->q, &seen, 0)); /* nothing was claimed, so there are no changes */
     queue_signal(p->q);
     assert_true(queue_wait(p->q, &seen, 0));
 }
@@ -73,7 +73,7 @@ static void *put_many_at_low_priority(void *argument)
     return setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + 1) == 0 ? put_many(argument) : NULL;
 }
 
-/* Threads of both priorities share transactions; each of their jobs is there once. */
+/* Threads of both priorities share transactions; each of their jobs is stored once. */
 static void test_many_threads_submit(void **state)
 {
     place *p = *state;
@@ -97,7 +97,7 @@ static void test_many_threads_submit(void **state)
 typedef struct noted_change {
     change change;
     database *d;
-    int own_nice, nice; /* of the thread that asks, and of the one that applies the change */
+    int own_nice, nice; /* of the requesting thread, and of the thread that applies the change */
     pthread_t by;
 } noted_change;
 
@@ -119,7 +119,7 @@ static void *change_at_low_priority(void *argument)
     return n;
 }
 
-/* Otherwise changes of the usual priority would wait for a thread that hardly gets a processor. */
+/* Otherwise changes of the usual priority would wait for a thread that rarely gets a processor. */
 static void test_a_thread_of_low_priority_commits_nothing(void **state)
 {
     place *p = *state;
@@ -149,7 +149,7 @@ typedef struct teller {
     int pipe;
 } teller;
 
-/* Submits for ever, and says each job that was acknowledged: a line of the pipe's, written at once. */
+/* Submits jobs without end. Writes each acknowledged id to the pipe as a line, with one write. */
 static void *put_and_tell(void *argument)
 {
     const teller *t = argument;
@@ -177,7 +177,7 @@ static void check_integrity(place *p)
     assert_int_equal(sqlite3_step(s), SQLITE_ROW);
     assert_string_equal((const char *)sqlite3_column_text(s, 0), "ok");
     sqlite3_finalize(s);
-    /* the counts of jobs and owners are what their tasks say */
+    /* the counts of jobs and owners equal those of their tasks */
     assert_int_equal(
         sqlite3_prepare_v2(
             raw,
@@ -195,7 +195,7 @@ static void check_integrity(place *p)
     reopen(p);
 }
 
-/* A process with eight threads is killed after so many acknowledgements: all that it said are there. */
+/* A process with eight threads is killed after this number of acknowledgements. All acknowledged jobs are stored. */
 static void test_a_killed_process_loses_nothing(void **state)
 {
     place *p = *state;
@@ -217,7 +217,7 @@ static void test_a_killed_process_loses_nothing(void **state)
         char(*id)[ULID_SIZE] = mem_alloc(100000 * sizeof *id);
         size_t count = 0, most = 20 + 74 * (size_t)round;
         while (count < 100000 && read(ends[0], id[count], ULID_SIZE) == ULID_SIZE)
-            if (++count == most) kill(child, SIGKILL); /* and take what it had said until then */
+            if (++count == most) kill(child, SIGKILL); /* then read the lines written until then */
         int status = 0;
         assert_int_equal(waitpid(child, &status, 0), child);
         assert_true(WIFSIGNALED(status));
@@ -232,7 +232,7 @@ static void test_a_killed_process_loses_nothing(void **state)
     }
 }
 
-/* As version 1 of the program left it: one job of each state. */
+/* A database of version 1 with one job of each state. */
 static const char version_1[] =
     "CREATE TABLE job (seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, name TEXT,"
     " labels TEXT NOT NULL, state TEXT NOT NULL DEFAULT 'queued', outcome TEXT, priority INTEGER NOT NULL,"
@@ -263,7 +263,7 @@ static const char version_1[] =
     "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
     "PRAGMA user_version = 1;";
 
-static void test_an_older_schema_is_carried_over(void **state)
+static void test_an_older_schema_is_migrated(void **state)
 {
     place *p = *state;
     queue_close(p->q);
@@ -286,7 +286,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
     assert_true(finish(p, "cancelling", 0, 1, &ending));
     assert_int_equal(claim(p, "queued"), 2);
-    assert_int_equal(tell(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
     queue_attempt *attempts;
     size_t count;
     assert_true(queue_list_attempts(p->q, "running", -1, 0, 100, &attempts, &count, NULL));
@@ -298,7 +298,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
-/* What version 15 had not. */
+/* Removes the additions of version 16. */
 #define BEFORE_16                                                                                       \
     "DROP INDEX job_ready; DROP INDEX task_ready; DROP INDEX task_held;"                                \
     "ALTER TABLE job DROP COLUMN held; ALTER TABLE job DROP COLUMN first_held;"                         \
@@ -308,20 +308,20 @@ static void test_an_older_schema_is_carried_over(void **state)
     "  WHERE ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)" \
     "  AND (max_running = 0 OR running < max_running);"
 
-/* What version 14 had not. */
+/* Removes the additions of version 15. */
 #define BEFORE_15                                                                   \
     BEFORE_16                                                                       \
     "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN max_running;"                \
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
     "  WHERE ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0);"
 
-/* What version 13 had not. */
+/* Removes the additions of version 14. */
 #define BEFORE_14 BEFORE_15 "ALTER TABLE job DROP COLUMN accept;"
 
-/* What version 12 had not. */
+/* Removes the additions of version 13. */
 #define BEFORE_13 BEFORE_14 "DROP INDEX job_undelivered;"
 
-/* What version 11 had not. */
+/* Removes the additions of version 12. */
 #define BEFORE_12                                                                                \
     BEFORE_13                                                                                    \
     "ALTER TABLE service DROP COLUMN linked_reports; DROP TABLE output; DROP INDEX job_copying;" \
@@ -330,17 +330,17 @@ static void test_an_older_schema_is_carried_over(void **state)
     "ALTER TABLE task DROP COLUMN copy_message;"                                                 \
     "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
 
-/* What version 10 had not. */
+/* Removes the additions of version 11. */
 #define BEFORE_11 \
     BEFORE_12 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
 
-/* What version 9 had not. */
+/* Removes the additions of version 10. */
 #define BEFORE_10                                         \
     BEFORE_11                                             \
     "DROP INDEX job_by_priority; DROP INDEX job_by_name;" \
     "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;"
 
-/* What version 8 had not. */
+/* Removes the additions of version 9. */
 #define BEFORE_9                                                                                           \
     BEFORE_10                                                                                              \
     "DROP TRIGGER job_leaves; DROP TRIGGER job_is_adopted; DROP TRIGGER job_is_deleted; DROP TABLE usage;" \
@@ -349,7 +349,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     "ALTER TABLE job DROP COLUMN delivered_ms; ALTER TABLE task DROP COLUMN is_delivered;"                 \
     "ALTER TABLE service DROP COLUMN results; ALTER TABLE service DROP COLUMN result_bytes;"
 
-/* What version 7 had not. */
+/* Restores the two outcomes of version 7. */
 #define TWO_OUTCOMES(table)                                                                            \
     "ALTER TABLE " table " RENAME COLUMN outcome TO told;"                                             \
     "ALTER TABLE " table " ADD COLUMN outcome TEXT CHECK (outcome IN ('converged', 'not_converged'));" \
@@ -361,7 +361,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     "ALTER TABLE job DROP COLUMN unresolved;" \
     "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
 
-/* What version 6 had not. */
+/* Removes the additions of version 7. */
 #define BEFORE_7                                                                                      \
     BEFORE_8                                                                                          \
     "DROP TABLE service; DROP TABLE owner;"                                                           \
@@ -369,13 +369,13 @@ static void test_an_older_schema_is_carried_over(void **state)
     "  running INTEGER NOT NULL CHECK (running >= 0)) STRICT, WITHOUT ROWID;"                         \
     "INSERT INTO owner SELECT owner, count(*), sum(running) FROM job WHERE finished_ms IS NULL GROUP BY owner;"
 
-/* What version 5 had not. */
+/* Removes the additions of version 6. */
 #define BEFORE_6                                                                     \
     BEFORE_7                                                                         \
     "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;" \
     "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes; DROP TABLE state_count;"
 
-/* What version 4 had not. */
+/* Removes the additions of version 5. */
 #define BEFORE_5                                                                               \
     BEFORE_6                                                                                   \
     "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"       \
@@ -383,7 +383,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     "ALTER TABLE spec DROP COLUMN timeout_ms; ALTER TABLE spec DROP COLUMN stall_ms;"          \
     "ALTER TABLE spec DROP COLUMN directory; ALTER TABLE spec DROP COLUMN cache_key;"
 
-/* Version 2 had no paths beside a spec. */
+/* Version 2 did not store paths with a spec. */
 static void test_paths_are_added_to_version_2(void **state)
 {
     place *p = *state;
@@ -420,7 +420,7 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     s.spec = "{\"surface\":{\"mesh\":{\"path\":\"" SENT ".obj\"}}}";
     submit_for(p, &s, id);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
-    assert_false(wanted); /* it was not said */
+    assert_false(wanted); /* this version did not store it */
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *raw = open_raw(p);
@@ -432,13 +432,13 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_true(wanted);
-    tell(p, id, QUEUE_CANCEL, true);
+    apply_command(p, id, QUEUE_CANCEL, true);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_false(wanted);
 }
 
-/* Version 4 did not say which events were removed; their numbers are missing. Of three jobs with one event each so many
- * of the newest are removed, or the one in the middle. */
+/* Version 4 did not record removed events; their numbers are missing. Of three jobs with one event each, the given
+ * number of newest ones is removed, or the middle one. */
 static void test_removed_events_are_found_in_version_4(void **state)
 {
     place *p = *state;
@@ -481,7 +481,7 @@ static void test_storage_is_added_to_version_4(void **state)
     queue_copies_free(copies, count);
 }
 
-/* Nobody measured what jobs leave, and nobody knows what was delivered. */
+/* Version 8 stored neither the disk space of jobs nor deliveries. */
 static void test_usage_is_added_to_version_8(void **state)
 {
     place *p = *state;
@@ -505,8 +505,8 @@ static void test_usage_is_added_to_version_8(void **state)
     assert_string_equal(id, failed);
 }
 
-/* A job that had a directory succeeded only if its result was copied. Reports of equal jobs were one file. */
-static void test_copies_of_version_11_were_made(void **state)
+/* In version 11 a job with a directory succeeded only if its result was copied. Reports of equal jobs were one file. */
+static void test_jobs_of_version_11_count_as_copied(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -529,7 +529,7 @@ static void test_copies_of_version_11_were_made(void **state)
     queue_job_clear(&job);
 }
 
-/* Lists were not sorted. */
+/* Version 9 did not sort lists. */
 static void test_orders_are_added_to_version_9(void **state)
 {
     place *p = *state;
@@ -541,7 +541,7 @@ static void test_orders_are_added_to_version_9(void **state)
     expect_listed(p, &f, (const char *[]){id[1], id[0]}, 2);
 }
 
-/* Users had no turns: the oldest job came first, whoever's it was. */
+/* Version 6 had no turns: the oldest job was claimed first, whatever its owner. */
 static void test_turns_are_added_to_version_6(void **state)
 {
     place *p = *state;
@@ -555,7 +555,7 @@ static void test_turns_are_added_to_version_6(void **state)
     int attempt = claim(p, ann[0]);
     alter_database(p, BEFORE_7 "PRAGMA user_version = 6;");
     s.owner = "ann";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     assert_true(finish(p, ann[0], 0, attempt, &success));
     claim(p, ann[1]);
     claim(p, bob);
@@ -563,7 +563,7 @@ static void test_turns_are_added_to_version_6(void **state)
     claim(p, NULL);
 }
 
-/* In version 7 jobs depended on success only, and still do. */
+/* In version 7 jobs depended on success only. These jobs still do. */
 static void test_dependencies_of_version_7_are_on_success(void **state)
 {
     place *p = *state;
@@ -599,7 +599,7 @@ static void test_jobs_of_version_15_wait_for_no_frames(void **state)
     claim(p, second);
 }
 
-/* In version 14 nothing bounded the running tasks of a job. */
+/* Version 14 did not limit the running tasks of a job. */
 static void test_jobs_of_version_14_have_no_max_running(void **state)
 {
     place *p = *state;
@@ -618,7 +618,7 @@ static void test_jobs_of_version_14_have_no_max_running(void **state)
     claim(p, NULL);
 }
 
-/* In version 13 any outcome started dependent jobs, and still does for jobs of that version. */
+/* In version 13 dependent jobs started with any outcome. Dependents of jobs of that version still do. */
 static void test_any_outcome_of_a_job_of_version_13_is_accepted(void **state)
 {
     place *p = *state;
@@ -636,7 +636,7 @@ static void test_any_outcome_of_a_job_of_version_13_is_accepted(void **state)
     expect_state(p, second, QUEUE_QUEUED);
 }
 
-/* In version 5 the id of a notification was its number, which other queues gave, too. */
+/* In version 5 the id of a notification was its number, which other queues used, too. */
 static void test_notifications_of_version_5_get_ids(void **state)
 {
     place *p = *state;
@@ -663,8 +663,8 @@ static void test_notifications_of_version_5_get_ids(void **state)
     assert_string_not_equal(event[0], event[1]);
 }
 
-/* Version 7 knew two outcomes. */
-static void test_version_7_learns_the_outcome_unresolved(void **state)
+/* Version 7 had two outcomes. */
+static void test_outcome_unresolved_is_added_to_version_7(void **state)
 {
     place *p = *state;
     char id[2][ULID_SIZE];
@@ -683,7 +683,7 @@ static void test_version_7_learns_the_outcome_unresolved(void **state)
 }
 
 /* Version 4 read a spec at each claim. */
-static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
+static void test_limits_and_inputs_are_read_from_specs_of_version_4(void **state)
 {
     static const struct {
         const char *spec;
@@ -724,8 +724,8 @@ static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
     }
 }
 
-/* What a job says that its runs need is what a claim tells. */
-static void test_a_claim_tells_what_the_run_needs(void **state)
+/* A claim returns the limits and inputs of the submission. */
+static void test_a_claim_returns_limits_and_inputs(void **state)
 {
     place *p = *state;
     static const char *const inputs[] = {"sha256:b", "sha256:a", "sha256:b"};
@@ -751,7 +751,7 @@ static void test_a_claim_tells_what_the_run_needs(void **state)
     queue_claimed_clear(&c);
 }
 
-/* What is set aside is the log itself, which another database must never read. */
+/* The reserve is the log file itself. It must never be read as the log of another database. */
 static void test_the_reserve(void **state)
 {
     place *p = *state;
@@ -802,22 +802,22 @@ static void test_changes_of_the_reserve_leave_no_descriptor_open(void **state)
     assert_int_equal(count_descriptors(), before);
 }
 
-static void test_a_job_is_refused_without_room(void **state)
+static void test_a_job_is_refused_without_free_space(void **state)
 {
     place *p = *state;
     queue_receipt receipt;
     char id[ULID_SIZE];
     put(p, "before", 0, id);
-    queue_reserve(p->q, INT64_MAX / 2); /* no disk has that */
+    queue_reserve(p->q, INT64_MAX / 2); /* more than any disk has */
     assert_true(queue_put(p->q, &plain, &receipt, NULL));
-    assert_int_equal(receipt.verdict, QUEUE_NO_ROOM);
-    tell(p, id, QUEUE_CANCEL, true);
+    assert_int_equal(receipt.admission, QUEUE_NO_SPACE);
+    apply_command(p, id, QUEUE_CANCEL, true);
     bool found = false, deleted = false;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
     assert_true(found && deleted);
 }
 
-/* Version 4 did not know whose a database is. */
+/* Version 4 had no instance ids. */
 static void test_an_instance_is_added_to_version_4(void **state)
 {
     place *p = *state;
@@ -825,7 +825,7 @@ static void test_an_instance_is_added_to_version_4(void **state)
     bool found = true;
     queue_instance whose;
     assert_true(queue_get_instance(p->q, &whose, &found, NULL));
-    assert_false(found); /* it is new */
+    assert_false(found); /* the database is new */
     put(p, "before", 0, id);
     claim(p, id);
     queue_close(p->q);
@@ -858,8 +858,8 @@ static void test_a_second_owner_is_refused(void **state)
     assert_non_null(strstr(e.message, p->base));
 }
 
-/* A restart within a second of a kill: the kernel has not ended the killed process yet. */
-static void test_an_owner_that_is_ending_is_waited_for(void **state)
+/* A restart within a second after a kill: the kernel has not ended the killed process yet. */
+static void test_a_start_waits_for_the_lock_of_an_ending_process(void **state)
 {
     (void)state;
     char base[] = "/tmp/hexad-lock-XXXXXX";
@@ -871,7 +871,7 @@ static void test_an_owner_that_is_ending_is_waited_for(void **state)
     if (fd < 0) fail_msg("%s", e.message);
     close(fd);
     refusals = 1;
-    assert_int_equal(lock_take(base, &in_use, NULL), -1); /* a caller that only asks does not wait */
+    assert_int_equal(lock_take(base, &in_use, NULL), -1); /* a caller with in_use does not wait */
     assert_true(in_use);
     refusals = 0;
     assert_true(store_remove(base, NULL));
@@ -934,11 +934,11 @@ static void test_ulids(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_waiting_ends_with_news),
+        CASE(test_a_wait_ends_with_a_change),
         CASE(test_many_threads_submit),
         CASE(test_a_thread_of_low_priority_commits_nothing),
         CASE(test_a_killed_process_loses_nothing),
-        CASE(test_an_older_schema_is_carried_over),
+        CASE(test_an_older_schema_is_migrated),
         CASE(test_storage_is_added_to_version_4),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_jobs_of_version_14_have_no_max_running),
@@ -947,14 +947,14 @@ int main(void)
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
         CASE(test_usage_is_added_to_version_8),
-        CASE(test_copies_of_version_11_were_made),
+        CASE(test_jobs_of_version_11_count_as_copied),
         CASE(test_orders_are_added_to_version_9),
-        CASE(test_version_7_learns_the_outcome_unresolved),
-        CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
-        CASE(test_a_claim_tells_what_the_run_needs),
+        CASE(test_outcome_unresolved_is_added_to_version_7),
+        CASE(test_limits_and_inputs_are_read_from_specs_of_version_4),
+        CASE(test_a_claim_returns_limits_and_inputs),
         CASE(test_the_reserve),
         CASE(test_changes_of_the_reserve_leave_no_descriptor_open),
-        CASE(test_a_job_is_refused_without_room),
+        CASE(test_a_job_is_refused_without_free_space),
         CASE(test_paths_are_added_to_version_2),
         CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_removed_events_are_found_in_version_4),
@@ -963,7 +963,7 @@ int main(void)
         CASE(test_a_newer_schema_is_refused),
         CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known),
-        cmocka_unit_test(test_an_owner_that_is_ending_is_waited_for),
+        cmocka_unit_test(test_a_start_waits_for_the_lock_of_an_ending_process),
         cmocka_unit_test(test_ulids),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

@@ -42,7 +42,7 @@ static void poll_more_descriptors_than_allowed(void)
     descriptor_wait(&polled, 1, 0);
 }
 
-/* Runs action() in a child; its exit status, or -1 if it was killed. */
+/* Runs action() in a child. Returns its exit status, or -1 if it was killed. */
 static int status_of(void (*action)(void))
 {
     fflush(NULL);

@@ -19,7 +19,7 @@ static void keep(document_cache *cache, place *p, const char *id, bool own, cons
     queue_job_clear(&job);
 }
 
-/* Whether the cache gives the caller this text; NULL: nothing. */
+/* Checks that the cache returns this text to the caller; NULL: none. */
 static void expect_found(document_cache *cache, place *p, const char *id, const access_caller *caller,
                          const char *text)
 {
@@ -40,7 +40,7 @@ static void submit_of_ann(place *p, char id[ULID_SIZE])
     submit_for(p, &s, id);
 }
 
-static void test_each_is_shown_what_is_for_them(void **state)
+static void test_owners_and_readers_get_separate_documents(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], second[ULID_SIZE];
@@ -60,7 +60,7 @@ static void test_each_is_shown_what_is_for_them(void **state)
     document_cache_free(cache);
 }
 
-/* The document has to be away when the call that changed the job returns, and not before. */
+/* Checks that the document was removed when the call that changed the job returned. */
 static void expect_gone(document_cache *cache, place *p, const char *id)
 {
     expect_found(cache, p, id, &owner, NULL);
@@ -82,11 +82,11 @@ static void test_no_change_leaves_a_document(void **state)
     submit_for(p, &depending, follower);
     keep(cache, p, id, true, "new");
     keep(cache, p, follower, true, "new");
-    tell(p, id, QUEUE_PAUSE, true);
+    apply_command(p, id, QUEUE_PAUSE, true);
     expect_gone(cache, p, id);
-    tell(p, id, QUEUE_PAUSE, false);
+    apply_command(p, id, QUEUE_PAUSE, false);
     expect_found(cache, p, id, &owner, "as it is now"); /* nothing changed */
-    tell(p, id, QUEUE_RESUME, true);
+    apply_command(p, id, QUEUE_RESUME, true);
     expect_gone(cache, p, id);
     int priority = 3;
     int64_t retention_s = 7;
@@ -107,9 +107,9 @@ static void test_no_change_leaves_a_document(void **state)
     assert_true(finish(p, id, 0, attempt, &crash));
     expect_gone(cache, p, id);
     expect_gone(cache, p, follower); /* has failed, too */
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     expect_gone(cache, p, id);
-    tell(p, id, QUEUE_CANCEL, true);
+    apply_command(p, id, QUEUE_CANCEL, true);
     expect_gone(cache, p, id);
     bool found, deleted;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL) && deleted);
@@ -117,15 +117,15 @@ static void test_no_change_leaves_a_document(void **state)
     document_cache_free(cache);
 }
 
-/* What was read before a change and is put into the cache after it. */
-static void test_a_document_that_comes_late_is_not_shown(void **state)
+/* The document was read before a change and is stored after it. */
+static void test_a_document_stored_after_a_change_is_not_returned(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
     document_cache *cache = document_cache_new(8);
     submit_of_ann(p, id);
     queue_job before = get(p, id);
-    tell(p, id, QUEUE_PAUSE, true);
+    apply_command(p, id, QUEUE_PAUSE, true);
     cached_document d = {.text = (char *)"old", .length = 3};
     document_cache_put(cache, &before, true, &d);
     expect_found(cache, p, id, &owner, NULL);
@@ -133,7 +133,7 @@ static void test_a_document_that_comes_late_is_not_shown(void **state)
     document_cache_free(cache);
 }
 
-static void test_it_has_a_number_of_places(void **state)
+static void test_the_number_of_documents_is_fixed(void **state)
 {
     enum { JOBS = 20, PLACES = 5 };
     place *p = *state;
@@ -144,7 +144,7 @@ static void test_it_has_a_number_of_places(void **state)
     for (size_t i = 0; i < JOBS; i++) {
         submit_of_ann(p, id[i]);
         keep(cache, p, id[i], true, "text");
-        expect_found(cache, p, id[i], &owner, "text"); /* the newest is there */
+        expect_found(cache, p, id[i], &owner, "text"); /* the newest document is stored */
     }
     for (size_t i = 0; i < JOBS; i++) {
         cached_document d;
@@ -166,10 +166,10 @@ static void test_it_has_a_number_of_places(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_each_is_shown_what_is_for_them),
+        CASE(test_owners_and_readers_get_separate_documents),
         CASE(test_no_change_leaves_a_document),
-        CASE(test_a_document_that_comes_late_is_not_shown),
-        CASE(test_it_has_a_number_of_places),
+        CASE(test_a_document_stored_after_a_change_is_not_returned),
+        CASE(test_the_number_of_documents_is_fixed),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("document_cache", tests, NULL, NULL);

@@ -33,7 +33,7 @@ static void sum_is_of_values(void **state)
         sum += weight[k] * energy_cotangent.value(u);
     }
     assert_close(energy_cotangent_sum(u2, weight, PAIRS), sum, 1e-11);
-    for (int k = 0; k < PAIRS; k++) /* one at a time, in each lane */
+    for (int k = 0; k < PAIRS; k++) /* one pair at a time, in each lane */
         for (int l = 0; l < PAIRS; l++) {
             weight[l] = l == k;
             if (l == PAIRS - 1)
@@ -68,7 +68,7 @@ static void derivatives_match_differences(void **state)
         }
 }
 
-/* What the tables say of the packing whose second ring lies at the support. */
+/* The tables for the packing whose second ring lies at the support. */
 static void ideals_are_of_six_neighbours(void **state)
 {
     (void)state;
@@ -82,7 +82,7 @@ static void ideals_are_of_six_neighbours(void **state)
     assert_null(energy_find("gravity"));
 }
 
-/* Every energy that a spec may ask for is one that the sampler has. */
+/* Every energy that a spec can request exists in the sampler. */
 static void every_word_of_a_spec_is_an_energy(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Errors: names, context, and messages that are cut cleanly. */
+/* Errors: names, context, and truncated messages. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,7 +19,7 @@ static void names_are_stable(void **state)
     assert_string_equal(error_code_name((error_code)99), "internal");
 }
 
-static void disks_are_told_from_other_faults(void **state)
+static void disk_errors_are_distinguished_from_others(void **state)
 {
     (void)state;
     assert_int_equal(error_code_of_errno(ENOSPC), ERROR_STORAGE_FULL);
@@ -37,13 +37,13 @@ static void context_comes_first(void **state)
     assert_false(error_prefix(&e, "grid '%s'", "density"));
     assert_string_equal(e.message, "grid 'density': nothing at 0.5");
     assert_int_equal(e.code, ERROR_NO_SURFACE);
-    assert_false(error_set(NULL, ERROR_INTERNAL, "nobody listens"));
+    assert_false(error_set(NULL, ERROR_INTERNAL, "no error object"));
     error none = {0};
     error_prefix(&none, "context");
     assert_string_equal(none.message, "");
 }
 
-static void a_cut_message_is_whole_utf8_on_one_line(void **state)
+static void a_truncated_message_is_valid_utf8_on_one_line(void **state)
 {
     (void)state;
     char text[3000];
@@ -65,8 +65,9 @@ static void a_cut_message_is_whole_utf8_on_one_line(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(names_are_stable), cmocka_unit_test(disks_are_told_from_other_faults),
-        cmocka_unit_test(context_comes_first), cmocka_unit_test(a_cut_message_is_whole_utf8_on_one_line)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(names_are_stable),
+                                       cmocka_unit_test(disk_errors_are_distinguished_from_others),
+                                       cmocka_unit_test(context_comes_first),
+                                       cmocka_unit_test(a_truncated_message_is_valid_utf8_on_one_line)};
     return cmocka_run_group_tests_name("error", tests, NULL, NULL);
 }

@@ -6,7 +6,7 @@
 
 #include "queue_place.h"
 
-static void test_events_tell_what_happened(void **state)
+static void test_each_change_has_an_event(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -49,7 +49,7 @@ static void test_events_tell_what_happened(void **state)
     free(page.events);
 }
 
-/* The jobs of the events that pass, in turn; each once for a row of its events. */
+/* Checks the jobs of the events that pass the filter, in order; consecutive events of a job count once. */
 static void expect_events_of(place *p, queue_event_filter filter, const char *const *ids, size_t count)
 {
     queue_event_page page = list_events(p, &filter);
@@ -86,7 +86,7 @@ static void test_events_are_filtered(void **state)
     expect_events_of(p, (queue_event_filter){.id = bob, .label = "x", .limit = 9}, (const char *[]){bob}, 1);
 }
 
-/* A page of which nothing passes has looked at a bounded number, and says how far. */
+/* A page without matching events has examined a bounded number, and returns its position. */
 static void test_a_page_of_events_is_bounded(void **state)
 {
     place *p = *state;
@@ -110,7 +110,7 @@ static void test_a_page_of_events_is_bounded(void **state)
     page = list_events(p, &(queue_event_filter){.after_seq = page.newest + 7, .limit = 10});
     assert_int_equal(page.position, page.newest);
     assert_false(page.more);
-    /* the events of one job are looked at to their end */
+    /* the events of one job are examined completely */
     page = list_events(p, &(queue_event_filter){.id = id, .label = "none", .limit = 10});
     assert_false(page.more);
     assert_int_equal(page.position, page.newest);
@@ -123,12 +123,12 @@ static void test_removed_events_are_noted(void **state)
     bool found, deleted;
     put(p, "first", 0, first);
     put(p, "second", 0, second);
-    tell(p, second, QUEUE_CANCEL, true);
+    apply_command(p, second, QUEUE_CANCEL, true);
     int64_t gone = look_at_events(p).newest;
-    tell(p, first, QUEUE_PAUSE, true);
+    apply_command(p, first, QUEUE_PAUSE, true);
     assert_int_equal(look_at_events(p).removed_up_to, 0);
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));
-    assert_false(deleted); /* nor is anything noted */
+    assert_false(deleted); /* nothing is recorded either */
     assert_int_equal(look_at_events(p).removed_up_to, 0);
     assert_true(queue_delete(p->q, second, &found, &deleted, NULL));
     assert_true(deleted);
@@ -138,8 +138,8 @@ static void test_removed_events_are_noted(void **state)
     queue_event_page page = list_events(p, &of_one);
     assert_int_equal(page.removed_up_to, 0);
     free(page.events);
-    /* one that was deleted when it had the newest: its numbers are not given again */
-    tell(p, first, QUEUE_CANCEL, true);
+    /* a deleted job had the newest event: its numbers are not reused */
+    apply_command(p, first, QUEUE_CANCEL, true);
     int64_t newest = look_at_events(p).newest;
     assert_true(queue_delete(p->q, first, &found, &deleted, NULL));
     page = look_at_events(p);
@@ -150,7 +150,7 @@ static void test_removed_events_are_noted(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_events_tell_what_happened),
+        CASE(test_each_change_has_an_event),
         CASE(test_events_are_filtered),
         CASE(test_a_page_of_events_is_bounded),
         CASE(test_removed_events_are_noted),

@@ -1,4 +1,4 @@
-/* The executor with small shell scripts as workers that misbehave on purpose. */
+/* The executor with shell scripts as faulty workers. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -29,7 +29,7 @@
 #include "results/result.h"
 #include "store/file.h"
 
-/* Long enough for a loaded machine; a test that works never waits for it. */
+/* Time limit for a loaded machine; a passing test never waits for it. */
 #define PATIENCE_MS 30000
 
 /* The prologue of a worker: $D is the output directory. */
@@ -128,7 +128,7 @@ static queue_job get(place *p, const char *id)
     return job;
 }
 
-/* Between two looks at a condition that nothing announces. */
+/* Waits between two checks of a condition that has no notification. */
 static void look_again(int64_t since, const char *what)
 {
     if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("waited in vain for %s", what);
@@ -144,7 +144,7 @@ static queue_job wait_final(place *p, const char *id)
     }
 }
 
-/* The script writes a file when it is where the test wants it. */
+/* Waits for the file that the script writes when it has reached a certain point. */
 static void wait_file(place *p, const char *name)
 {
     char *path = mem_printf("%s/%s", p->base, name);
@@ -190,7 +190,7 @@ static void test_success_is_delivered(void **state)
     result_clear(&r);
     int64_t bytes;
     int fd = result_open_file(results, "spec", &bytes, &e);
-    assert_int_equal(bytes, 14); /* the spec came whole on standard input */
+    assert_int_equal(bytes, 14); /* standard input had the whole spec */
     close(fd);
     fd = result_open_file(results, "worker.log", &bytes, &e);
     assert_int_equal(bytes, 6);
@@ -211,8 +211,8 @@ static void test_free_space_is_that_of_the_state_directory_too(void **state)
     assert_true(free_bytes > 0 && free_bytes < size);
 }
 
-/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it
- * can. */
+/* The worker has ended, but the disk is faulty: the result cannot be moved to results/. The job waits, and succeeds
+ * once the move is possible. */
 static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
@@ -285,7 +285,7 @@ static void test_errors_come_from_the_last_line(void **state)
           1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
-    assert_int_equal(count_attempts(p, id), 1); /* never again for a bad file */
+    assert_int_equal(count_attempts(p, id), 1); /* a bad file is not retried */
 }
 
 static void test_garbage_does_no_harm(void **state)
@@ -310,7 +310,7 @@ static void test_garbage_does_no_harm(void **state)
     free(directory);
 }
 
-static void test_success_without_a_report_is_none(void **state)
+static void test_success_without_a_report_is_an_error(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -369,9 +369,8 @@ static void test_an_output_that_is_not_described_is_no_result(void **state)
     }
 }
 
-/* A worker that cannot be started is no fault of the job, which waits for better times uncounted.
- */
-static void test_a_missing_worker_costs_no_job(void **state)
+/* If a worker cannot be started, the job waits, and the attempts do not count. */
+static void test_a_missing_worker_costs_no_attempt(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -415,7 +414,7 @@ static void test_progress_is_seen(void **state)
     expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
 }
 
-/* Does not hear SIGTERM; its own child must not outlive it. */
+/* Ignores SIGTERM. Its child must not outlive it. */
 #define DEAF PROLOGUE "trap '' TERM\nsleep 600 &\necho $! > \"$D/../../child\"\nwait\nwait\n"
 
 static void expect_child_gone(place *p)
@@ -427,7 +426,7 @@ static void expect_child_gone(place *p)
     pid_t child = atoi(text);
     assert_true(child > 1);
     for (int64_t since = clock_monotonic_ms(); kill(child, 0) == 0;) {
-        /* a zombie whose reaper is slow is gone, too */
+        /* a zombie counts as ended */
         char *proc = mem_printf("/proc/%d/stat", (int)child);
         char *stat = store_file_read(proc, 4096, &length, NULL);
         bool zombie = !stat || strstr(stat, ") Z");
@@ -451,7 +450,7 @@ static void test_a_timeout_kills(void **state)
     expect_child_gone(p);
 }
 
-/* Each attempt ends before the time is over, and all of them after it. */
+/* Each attempt ends within the time limit; all attempts together exceed it. */
 static void test_a_timeout_is_of_all_attempts(void **state)
 {
     place *p = *state;
@@ -481,7 +480,7 @@ static void test_a_stall_is_tried_again(void **state)
     assert_int_equal(count_attempts(p, id), 2);
 }
 
-static void test_cancel_of_a_deaf_worker(void **state)
+static void test_cancel_of_a_worker_that_ignores_sigterm(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -527,7 +526,7 @@ static void test_drain_puts_back_uncounted(void **state)
     expect_child_gone(p);
 }
 
-/* A worker that finds a third one beside it leaves a mark. */
+/* A worker that runs at the same time as two others leaves a file. */
 #define CROWD                                                     \
     PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n" \
              "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT
@@ -570,8 +569,8 @@ static void test_memory_bounds_what_runs(void **state)
     expect_no_crowd(*state, 6, 64, 3000);
 }
 
-/* Both were taken in when the host was larger. */
-static void test_a_host_that_shrank(void **state)
+/* Both jobs were accepted when the host was larger. */
+static void test_jobs_from_a_larger_host_run_or_fail(void **state)
 {
     place *p = *state;
     queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .threads = 1, .memory_mb = 2049};
@@ -598,14 +597,15 @@ static void test_a_host_that_shrank(void **state)
     int64_t memory_mb = 0;
     error e = {0};
     assert_true(executor_size(p->x, &threads, &memory_mb, &e));
-    assert_int_equal(threads, 8); /* all of them, for the one worker */
+    assert_int_equal(threads, 8); /* all threads, for the only worker */
     assert_int_equal(memory_mb, 1024);
     memory_mb = 2049;
     assert_false(executor_size(p->x, &threads, &memory_mb, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
-/* A worker that the kernel has ended at its limit would need as much again. One that another had ended may not. */
+/* A worker that the kernel killed at its limit would need the same memory again. A worker that another process
+ * killed may succeed. */
 static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
 {
     (void)state;
@@ -613,20 +613,21 @@ static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
     engine_ending ending = {.exit_status = -1, .signal = SIGKILL, .out_of_memory = true};
     settlement s;
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
-    assert_int_equal(s.verdict, SETTLEMENT_END);
+    assert_int_equal(s.decision, SETTLEMENT_END);
     assert_int_equal(s.state, QUEUE_FAILED);
     assert_int_equal(s.code, ERROR_LIMIT_MEMORY);
     assert_non_null(strstr(s.message, "77 MiB"));
     assert_string_equal(s.reason, "out of memory: signal 9");
     ending.out_of_memory = false;
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
-    assert_int_equal(s.verdict, SETTLEMENT_RETRY_CRASHED);
+    assert_int_equal(s.decision, SETTLEMENT_RETRY_CRASHED);
     ending.out_of_memory = true;
     settlement_decide(&claimed, SETTLEMENT_CANCELLED, 0, &ending, "/", &s);
     assert_int_equal(s.state, QUEUE_CANCELLED);
 }
 
-/* A signal that a fault of the program causes is to be reported; for one that another process sent, logs name the cause. */
+/* The message about a signal from a fault of the program asks for a report. For a signal of another process it
+ * refers to the logs. */
 static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
 {
     (void)state;
@@ -646,7 +647,7 @@ static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
         strstr(s.message, "no progress for 600 s (limits.stall_s) in attempt 3 of 3: raise limits.stall_s"));
 }
 
-static void test_a_crashed_job_holds_nobody_up(void **state)
+static void test_a_crashed_job_does_not_block_others(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], other[ULID_SIZE];
@@ -672,7 +673,7 @@ static void test_a_crashed_job_holds_nobody_up(void **state)
     queue_tasks_free(task, count);
 }
 
-/* 1, 2, 4 ... seconds, up to the bound. */
+/* Waits of 1, 2, 4 ... seconds, up to the limit. */
 static void test_waits_double(void **state)
 {
     place *p = *state;
@@ -681,22 +682,22 @@ static void test_waits_double(void **state)
     meter counts = {.cache_hits = 0};
     const settlement_place where = {
         .q = p->q, .work_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
-    const queue_resources room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
+    const queue_resources resources = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
     put(p, "{}", 99, id);
     for (int i = 0; i < 5; i++) {
         queue_claimed claimed = {0};
         bool found = false, changed;
         queue_state now;
-        if (i > 0) { /* its time has not come: a cancellation and a retry take the wait away, and the count */
-            assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+        if (i > 0) { /* not due yet: a cancellation and a retry reset the wait and the count */
+            assert_true(queue_claim(p->q, &resources, &claimed, &found, NULL));
             assert_false(found);
             assert_true(queue_apply_command(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
             assert_true(queue_apply_command(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL));
         }
-        assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+        assert_true(queue_claim(p->q, &resources, &claimed, &found, NULL));
         assert_true(found);
         claimed.task.spent = i + 1;
-        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
+        settlement s = {.decision = SETTLEMENT_RETRY_CRASHED};
         int64_t before = clock_wall_ms();
         assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
         queue_task *task;
@@ -709,7 +710,8 @@ static void test_waits_double(void **state)
     }
 }
 
-/* A wait of 20 ms is over soon, although the wall clock is set back by an hour while the daemon runs, and before it starts. */
+/* A wait of 20 ms ends soon, although the wall clock is set back by an hour while the daemon runs and before it
+ * starts. */
 static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
 {
     place *p = *state;
@@ -724,7 +726,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
         queue_claimed claimed = {0};
         bool found;
         assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
-        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
+        settlement s = {.decision = SETTLEMENT_RETRY_CRASHED};
         assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
         queue_claimed_clear(&claimed);
         step_wall(-3600000);
@@ -739,7 +741,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
     }
 }
 
-/* Claims a job as a daemon does that dies of it. */
+/* Claims a job like a daemon that then crashes. */
 static void claim_and_die(place *p, const char *id)
 {
     queue_claimed claimed = {0};
@@ -784,7 +786,7 @@ static void test_recovery(void **state)
     expect_end(p, lost, QUEUE_SUCCEEDED, NULL, NULL);
     assert_int_equal(count_attempts(p, lost), 2);
     assert_int_equal(access(orphan, F_OK), -1);
-    expect_end(p, worn, QUEUE_SUCCEEDED, NULL, NULL); /* its only attempt was not what failed */
+    expect_end(p, worn, QUEUE_SUCCEEDED, NULL, NULL); /* its only attempt did not count */
     assert_int_equal(count_attempts(p, worn), 2);
     expect_end(p, cancelled, QUEUE_CANCELLED, "cancelled", NULL);
     free(results);
@@ -823,7 +825,7 @@ static queue_task only_task(place *p, const char *id)
     return task;
 }
 
-/* They count apart from what the job did itself, and a retry forgets both. */
+/* Interruptions are counted separately from failures of the job. A retry resets both counts. */
 static void test_interruptions_have_a_bound(void **state)
 {
     place *p = *state;
@@ -854,8 +856,8 @@ static void test_interruptions_have_a_bound(void **state)
     }
 }
 
-/* What the job did before still counts. */
-static void test_interruptions_leave_what_is_spent(void **state)
+/* Earlier failures of the job still count. */
+static void test_interruptions_keep_the_count_of_failures(void **state)
 {
     place *p = *state;
     const settlement_place where = make_place(p, 1);
@@ -873,7 +875,7 @@ static void test_interruptions_leave_what_is_spent(void **state)
     assert_int_equal(task.interrupted, 1);
 }
 
-static void test_the_reason_says_what_ended(void **state)
+static void test_the_reason_names_the_cause(void **state)
 {
     place *p = *state;
     const settlement_place where = make_place(p, 0);
@@ -903,32 +905,32 @@ int main(void)
         CASE(test_crashes_end_with_the_reason),
         CASE(test_errors_come_from_the_last_line),
         CASE(test_garbage_does_no_harm),
-        CASE(test_success_without_a_report_is_none),
+        CASE(test_success_without_a_report_is_an_error),
         CASE(test_a_short_output_is_no_result),
         CASE(test_an_output_that_is_not_described_is_no_result),
-        CASE(test_a_missing_worker_costs_no_job),
+        CASE(test_a_missing_worker_costs_no_attempt),
         CASE(test_progress_is_seen),
         CASE(test_a_timeout_kills),
         CASE(test_a_timeout_is_of_all_attempts),
         CASE(test_a_stall_is_noticed),
         CASE(test_a_stall_is_tried_again),
-        CASE(test_cancel_of_a_deaf_worker),
+        CASE(test_cancel_of_a_worker_that_ignores_sigterm),
         CASE(test_drain_puts_back_uncounted),
         CASE(test_workers_bound_what_runs),
         CASE(test_threads_bound_what_runs),
         CASE(test_memory_bounds_what_runs),
-        CASE(test_a_host_that_shrank),
+        CASE(test_jobs_from_a_larger_host_run_or_fail),
         CASE(test_free_space_is_that_of_the_state_directory_too),
         cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
         cmocka_unit_test(test_a_crash_in_the_last_attempt_says_what_to_do),
-        CASE(test_a_crashed_job_holds_nobody_up),
+        CASE(test_a_crashed_job_does_not_block_others),
         CASE(test_waits_double),
         CASE(test_a_clock_that_is_set_back_delays_no_retry),
         CASE(test_recovery),
         CASE(test_interruptions_have_a_bound),
-        CASE(test_interruptions_leave_what_is_spent),
-        CASE(test_the_reason_says_what_ended),
+        CASE(test_interruptions_keep_the_count_of_failures),
+        CASE(test_the_reason_names_the_cause),
     };
-    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
+    log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about a worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);
 }

@@ -17,10 +17,10 @@ enum { MOST = 40, LANES = FAST_KERNEL_LANES };
 
 static const double sigma = 0.9, unit = 0x1p-24;
 
-/* Particles near the origin, each with neighbours of its own, as both kernels want them. */
+/* Particles near the origin, each with its own neighbours, in the layout of both kernels. */
 typedef struct fixture {
     neighbours_place place[LANES * MOST];
-    vec3 normal[LANES * MOST]; /* of the neighbours, any; for tests that have pairs weighed by them */
+    vec3 normal[LANES * MOST]; /* of the neighbours, arbitrary; for tests with weighted pairs */
     fast_kernel_normal single[LANES * MOST];
     uint32_t list[LANES][MOST];
     fast_kernel_particles particles;
@@ -34,7 +34,7 @@ static neighbours_place random_place(rng *r, vec3 half)
                               (float)(0.7 + 0.6 * rng_uniform(r))};
 }
 
-/* Up to MOST neighbours each, in and out of reach. */
+/* At most MOST neighbours each, within and beyond the reach. */
 static void random_fixture(fixture *f, rng *r)
 {
     fast_kernel_particles *p = &f->particles;
@@ -102,8 +102,7 @@ static void sum_wide(const fixture *f, const fast_kernel_forces *frames, size_t 
                    sigma * (double)p->size[l], out);
 }
 
-/* The pair kernel's numbers, to what single precision has; its terms are of the size of the stiffest pair's.
- * */
+/* Equals the pair kernel to single precision; the terms have the magnitude of the stiffest pair. */
 static void sums_are_those_in_double(void **state)
 {
     (void)state;
@@ -134,9 +133,9 @@ static void sums_are_those_in_double(void **state)
     }
 }
 
-/* Behind a particle's list stands another's, where it is a neighbour itself: nothing becomes denormal for that, which would take some
- * processors longer than all else. */
-static void who_is_behind_a_list_costs_nothing(void **state)
+/* After the end of a particle's list another list follows, which may have entries close to the particle. These must
+ * not produce denormal numbers, which some processors compute slowly. */
+static void entries_after_the_end_of_a_list_are_not_computed(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 5);
@@ -158,8 +157,8 @@ static void who_is_behind_a_list_costs_nothing(void **state)
     }
 }
 
-/* What the energy grows by when a particle's own normal turns, against differences. */
-static void turning_is_the_slope_of_the_energy(void **state)
+/* The derivative of the energy by a rotation of the particle's own normal, against differences. */
+static void rotation_derivative_matches_differences(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 4);
@@ -181,7 +180,7 @@ static void turning_is_the_slope_of_the_energy(void **state)
         for (size_t l = 0; l < LANES; l++) {
             double slope = ((double)energy[1][l] - (double)energy[0][l]) / step;
             if (sqrt((double)forces.nearest2[l]) * unit < 0.1 * sigma)
-                continue; /* the potential is bounded there */
+                continue; /* the potential is truncated there */
             assert_close((double)forces.turning[0][l], slope, 0.1 + 0.02 * fabs(slope));
             greatest = fmax(greatest, fabs(slope));
         }
@@ -207,7 +206,7 @@ static void frames_are_tangent(void **state)
     }
 }
 
-/* The way of a fast step over the plane z = 0.001, whose field has the gradient 2. */
+/* A fast step over the plane z = 0.001, whose field has the gradient 2. */
 static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *forces, fast_kernel_way *way)
 {
     memset(forces, 0, sizeof *forces);
@@ -221,7 +220,7 @@ static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *force
     k->land(&f->particles, &f->params, way);
 }
 
-static void a_fast_step_ends_on_the_surface_and_within_what_is_allowed(void **state)
+static void a_fast_step_ends_on_the_surface_within_its_limit(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -250,7 +249,7 @@ static void a_fast_step_ends_on_the_surface_and_within_what_is_allowed(void **st
     assert_true(refused > 100);
 }
 
-/* On any instruction set, and in any lane among any others. */
+/* For any instruction set, any lane, and any contents of the other lanes. */
 static void a_particle_always_gets_the_same_bits(void **state)
 {
     (void)state;
@@ -299,10 +298,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_are_those_in_double),
-        cmocka_unit_test(who_is_behind_a_list_costs_nothing),
-        cmocka_unit_test(turning_is_the_slope_of_the_energy),
+        cmocka_unit_test(entries_after_the_end_of_a_list_are_not_computed),
+        cmocka_unit_test(rotation_derivative_matches_differences),
         cmocka_unit_test(frames_are_tangent),
-        cmocka_unit_test(a_fast_step_ends_on_the_surface_and_within_what_is_allowed),
+        cmocka_unit_test(a_fast_step_ends_on_the_surface_within_its_limit),
         cmocka_unit_test(a_particle_always_gets_the_same_bits),
     };
     return cmocka_run_group_tests_name("kernel", tests, NULL, NULL);

@@ -1,5 +1,6 @@
-/* Feature sizes of shapes whose medial axis is known, beside a measure that was not chosen: half the distance to the
- * nearest place of a facing sheet. */
+/* Feature sizes of shapes of known medial axis, and an alternative measure: half the distance to the nearest place
+ * of an opposite surface.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -41,10 +42,10 @@ static void release(measured *m)
     threads_free(m->pool);
 }
 
-/* The true size at a place with a normal; NAN: the test does not say. */
+/* The true size at a place with a normal; NAN: not tested there. */
 typedef double truth(vec3 x, vec3 normal);
 
-/* Half the distance to the nearest sample of a facing sheet. */
+/* Half the distance to the nearest sample of an opposite surface. */
 static double half_distance(const measured *m, size_t k)
 {
     double nearest2 = INFINITY;
@@ -54,7 +55,7 @@ static double half_distance(const measured *m, size_t k)
     return 0.5 * sqrt(nearest2);
 }
 
-/* The mean relative error of both measures; of the one that was chosen also the largest, of 999 in 1000 places. */
+/* The mean relative error of both measures, and of the chosen measure also the 999th of 1000 largest errors. */
 static void compare(const char *name, const field *f, truth *of, double mean_bound, double most_bound)
 {
     measured m = measure(f, 2);
@@ -100,7 +101,7 @@ static double hole_truth(vec3 x, vec3 normal)
     double rho = hypot(x.x, x.y), inward = -(normal.x * x.x + normal.y * x.y) / rho;
     double across = inward > 0 ? rho / inward : INFINITY; /* to the axis */
     double facing = 1 - 2 * inward * inward;
-    if (facing > -0.6 && facing < -0.2) return NAN; /* about the threshold */
+    if (facing > -0.6 && facing < -0.2) return NAN; /* near the threshold */
     return fmin(0.7, facing < -0.4 && inward > 0 ? across : INFINITY);
 }
 
@@ -136,7 +137,7 @@ static void shapes_have_the_radius_of_their_medial_ball(void **state)
     analytic_free(hole);
 }
 
-static void edges_are_no_features(void **state)
+static void edges_do_not_count_as_features(void **state)
 {
     (void)state;
     const analytic_params plate = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.2}};
@@ -156,7 +157,7 @@ static double shell_truth(vec3 x, vec3 normal)
     return 0.05;
 }
 
-/* Between two capsules. */
+/* A shell between two capsules. */
 static void a_shell_is_half_as_wide_as_thick(void **state)
 {
     (void)state;
@@ -180,7 +181,7 @@ static double pair_truth(vec3 x, vec3 normal)
 {
     double cosine = x.x < 0 ? normal.x : -normal.x;
     if (cosine > 0.6 && cosine < 0.85)
-        return NAN; /* about the angle up to which they face each other, 33 degrees */
+        return NAN; /* near the angle of 33 degrees, up to which they face each other */
     return cosine > 0.6 ? (1.05 - cosine) / cosine : 1;
 }
 
@@ -200,7 +201,7 @@ static void a_gap_between_balls_counts_from_either_side(void **state)
     analytic_free(b);
 }
 
-static void threads_do_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     analytic *a = analytic_new(&shapes[1], NULL, NULL);
@@ -215,10 +216,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shapes_have_the_radius_of_their_medial_ball),
-        cmocka_unit_test(edges_are_no_features),
+        cmocka_unit_test(edges_do_not_count_as_features),
         cmocka_unit_test(a_shell_is_half_as_wide_as_thick),
         cmocka_unit_test(a_gap_between_balls_counts_from_either_side),
-        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -17,7 +17,7 @@ static fetches_result result_of(int number, int frame)
     return of;
 }
 
-static void test_a_result_is_whole_with_its_last_file(void **state)
+static void test_a_result_is_complete_with_its_last_file(void **state)
 {
     (void)state;
     fetches *f = fetches_new();
@@ -25,15 +25,15 @@ static void test_a_result_is_whole_with_its_last_file(void **state)
                    alone = result_of(2, QUEUE_NO_FRAME);
     assert_false(fetches_note(f, &first, 2, 3));
     assert_false(fetches_note(f, &first, 0, 3));
-    assert_false(fetches_note(f, &first, 0, 3)); /* again */
+    assert_false(fetches_note(f, &first, 0, 3)); /* the same file again */
     assert_false(fetches_note(f, &other_frame, 1, 3));
     assert_true(fetches_note(f, &alone, 0, 1));
     assert_true(fetches_note(f, &first, 1, 3));
-    assert_false(fetches_note(f, &first, 1, 3)); /* a fetch that begins anew */
+    assert_false(fetches_note(f, &first, 1, 3)); /* a new record */
     fetches_free(f);
 }
 
-static void test_the_oldest_is_forgotten(void **state)
+static void test_the_least_recently_used_record_is_replaced(void **state)
 {
     (void)state;
     fetches *f = fetches_new();
@@ -42,7 +42,7 @@ static void test_the_oldest_is_forgotten(void **state)
         fetches_result of = result_of(i, 0);
         assert_false(fetches_note(f, &of, 0, 2));
     }
-    assert_false(fetches_note(f, &first, 0, 2)); /* now the second is the oldest */
+    assert_false(fetches_note(f, &first, 0, 2)); /* now the second one is the oldest */
     fetches_result more = result_of(FETCHES_MOST, 0);
     assert_false(fetches_note(f, &more, 0, 2));
     assert_true(fetches_note(f, &first, 1, 2));
@@ -53,8 +53,8 @@ static void test_the_oldest_is_forgotten(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_result_is_whole_with_its_last_file),
-        cmocka_unit_test(test_the_oldest_is_forgotten),
+        cmocka_unit_test(test_a_result_is_complete_with_its_last_file),
+        cmocka_unit_test(test_the_least_recently_used_record_is_replaced),
     };
     return cmocka_run_group_tests_name("fetches", tests, NULL, NULL);
 }

@@ -65,9 +65,9 @@ static void test_commit_replaces_and_abort_leaves(void **state)
     store_file file;
     assert_true(store_file_begin(path, &file, &e));
     fputs("half", file.stream);
-    expect_content(path, "old"); /* nothing shows before the commit */
+    expect_content(path, "old"); /* no change before the commit */
     store_file_abort(&file);
-    store_file_abort(&file); /* an empty one is fine */
+    store_file_abort(&file); /* accepts an empty file */
     expect_content(path, "old");
     assert_int_equal(count_entries(base), 1);
     assert_true(store_file_begin(path, &file, &e));
@@ -99,7 +99,7 @@ static void test_failures_name_the_path(void **state)
     assert_non_null(strstr(e.message, "too large"));
     assert_false(store_rename("/nonexistent/a", "/nonexistent/b", &e));
     assert_true(store_remove("/nonexistent/a", &e));
-    /* a device that is always full: the loss is seen at commit, as on a full disk */
+    /* a device that is always full: commit reports the loss, as on a full disk */
     FILE *full = fopen("/dev/full", "w");
     if (full) {
         file = (store_file){full, mem_strdup("/dev/full"), mem_strdup("/nonexistent/temporary")};
@@ -124,8 +124,8 @@ static void test_directories(void **state)
     assert_true(store_rename(from, moved, &e));
     assert_int_equal(access(from, F_OK), -1);
     assert_true(store_file_write(leaf, "x", 1, &e));
-    assert_false(store_directory_create(leaf, &e)); /* a file stands there */
-    /* removing goes past a link, not through it */
+    assert_false(store_directory_create(leaf, &e)); /* a file has this name */
+    /* a link is removed, not followed */
     char *kept = mem_printf("%s/kept", base);
     assert_true(store_directory_create(kept, &e));
     char *inside = mem_printf("%s/inside", kept);
@@ -163,7 +163,7 @@ static void test_hash(void **state)
     drop_place(base);
 }
 
-/* What an ended process left is cleared, and nothing that only looks like it. */
+/* Files of ended processes are removed; similar names are kept. */
 static void test_clearing(void **state)
 {
     (void)state;
@@ -206,8 +206,8 @@ static bool read_other(FILE *stream, void *context, error *e)
     return read_text(stream, "other", e);
 }
 
-/* Beside the caller or at once: the file is there in the end, and its hash is told; a failure is told then, too, and one to write
- * or to read back leaves no file. */
+/* With and without a thread, the file exists at the end and its hash is returned. A failure is returned at the end,
+ * too. A failure to write or to read back leaves no file. */
 static void test_late_commits(void **state)
 {
     (void)state;
@@ -249,7 +249,7 @@ static void test_late_commits(void **state)
     drop_place(base);
 }
 
-/* Of a file that is large enough for a thread, and of one that is not; the descriptor may be closed meanwhile. */
+/* For files above and below the size for a thread. The descriptor may be closed in the meantime. */
 static void test_late_hashes(void **state)
 {
     enum { LARGE = 5 << 20 };

@@ -1,4 +1,4 @@
-/* Areas of flat cells: of planes in oblique cells against what is cut from them, and of a ball in small ones. */
+/* Areas of flat cells: of planes in oblique cells against the exact intersection, and of a ball in small cells. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -9,7 +9,7 @@
 #include "close.h"
 #include "field/flat_cell.h"
 
-/* A cell of these edges from a corner on, with the distances from a plane. */
+/* A cell with these edges from a corner, with the distances from a plane. */
 static field_cell cell_of(vec3 from, const vec3 edge[3], vec3 normal, double at)
 {
     field_cell c = {.bend = FIELD_FLAT};
@@ -22,7 +22,7 @@ static field_cell cell_of(vec3 from, const vec3 edge[3], vec3 normal, double at)
     return c;
 }
 
-/* The area of a cell, beside others. */
+/* The area of a cell among other cells. */
 static double area_of(const field_cell *c)
 {
     enum { CELLS = 11 };
@@ -37,7 +37,7 @@ static double area_of(const field_cell *c)
     return area[0];
 }
 
-/* Of a plane that is moved the areas sum up to the cell's volume. */
+/* The integral of the area of a moving plane is the volume of the cell. */
 static void planes_sweep_the_volume(void **state)
 {
     enum { STEPS = 2000, CELLS = 3 };
@@ -67,7 +67,7 @@ static void planes_sweep_the_volume(void **state)
     }
 }
 
-static void the_box_is_that_of_the_edges(void **state)
+static void the_box_encloses_the_edges(void **state)
 {
     const vec3 edge[3] = {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}};
     const field_cell c = cell_of((vec3){1, 1, 1}, edge, (vec3){0, 0, 1}, 1.5);
@@ -80,12 +80,12 @@ static void the_box_is_that_of_the_edges(void **state)
     assert_close(box.max.z, 1.5, 1e-12);
 }
 
-/* The sums over the cells of a ball about a place between their corners. */
+/* Sums over the cells of a ball centred between their corners. */
 typedef struct ball_sums {
     double area, corrected;
 } ball_sums;
 
-/* With F its distance or, cubed, a function whose slope is another one and changes, in cells of these edges. */
+/* F is the distance or, cubed, a function whose slope differs and varies, in cells of these edges. */
 static ball_sums add_up_ball(double radius, const vec3 edge[3], bool is_cubed)
 {
     static const vec3 shift = {0.2137, 0.3633, 0.0641};
@@ -125,7 +125,7 @@ static double ball_area(double radius)
     return 4 * 3.14159265358979323846 * radius * radius;
 }
 
-/* A ball of 100 cells, as far as FIELD_FLAT_MOST goes. */
+/* A ball of 100 cells, at the limit of FIELD_FLAT_MOST. */
 static void a_ball_of_flat_cells_has_its_area(void **state)
 {
     const double radius = 1 / FIELD_FLAT_MOST, exact = ball_area(radius);
@@ -133,8 +133,8 @@ static void a_ball_of_flat_cells_has_its_area(void **state)
     assert_close(add_up_ball(radius, cube, false).area, exact, 3e-5 * exact);
 }
 
-/* As far as FIELD_GENTLE_MOST goes, and twice as far; by distances, by another function, in oblique cells. */
-static void a_ball_of_gentle_cells_lacks_what_the_shortage_tells(void **state)
+/* At the limit of FIELD_GENTLE_MOST, and at twice the limit; by distances, by another function, in oblique cells. */
+static void the_area_missing_from_gentle_cells_is_estimated(void **state)
 {
     static const vec3 oblique[3] = {{0.9, 0.1, -0.2}, {0.3, 0.8, 0}, {-0.2, 0.2, 0.7}};
     const double radius = 1 / FIELD_GENTLE_MOST;
@@ -150,9 +150,9 @@ static void a_ball_of_gentle_cells_lacks_what_the_shortage_tells(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_sweep_the_volume), cmocka_unit_test(the_box_is_that_of_the_edges),
-        cmocka_unit_test(a_ball_of_flat_cells_has_its_area),
-        cmocka_unit_test(a_ball_of_gentle_cells_lacks_what_the_shortage_tells)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(planes_sweep_the_volume),
+                                       cmocka_unit_test(the_box_encloses_the_edges),
+                                       cmocka_unit_test(a_ball_of_flat_cells_has_its_area),
+                                       cmocka_unit_test(the_area_missing_from_gentle_cells_is_estimated)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,6 @@
-/* Triangles without area that have three distinct corners: meshes are damaged with them, and come back closed and in shape. */
+/* Triangles without area that have three distinct corners: meshes damaged with them are repaired to closed meshes of
+ * the same shape.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,7 +20,7 @@
 
 enum { SEED = 20261127 };
 
-/* ---- damage: each adds flat triangles to a mesh with room for them, and returns how many */
+/* ---- damage: each function adds flat triangles to a mesh of sufficient capacity, and returns their number */
 
 static mesh with_room(mesh m, size_t more)
 {
@@ -49,7 +51,7 @@ static vec3 between(const mesh *m, uint32_t a, uint32_t b, double s)
     return vec3_axpy(s, vec3_sub(m->vertex[b], m->vertex[a]), m->vertex[a]);
 }
 
-/* Triangle n is cut into a fan at places on its side from a to b, and flat triangles join these to the side. */
+/* Splits triangle n into a fan at points on its side from a to b. Flat triangles connect these points to the side. */
 static size_t sliver_at_side(mesh *m, size_t n, size_t places, bool zigzag)
 {
     const uint32_t a = m->triangle[n][0], b = m->triangle[n][1], c = m->triangle[n][2];
@@ -63,25 +65,25 @@ static size_t sliver_at_side(mesh *m, size_t n, size_t places, bool zigzag)
     }
     add_triangle(m, last, b, c);
     const uint32_t first = (uint32_t)(m->vertex_count - places);
-    if (!zigzag) /* all about one end of the side */
+    if (!zigzag) /* all share one end of the side */
         for (uint32_t k = 0; k < places; k++, flat++)
             add_triangle(m, a, k + 1 < places ? first + k + 1 : b, first + k);
-    uint32_t low = 0, high = (uint32_t)places; /* those that are left: from low on, before high */
-    for (; zigzag && low < high; flat++) {     /* about both ends in turn */
+    uint32_t low = 0, high = (uint32_t)places; /* remaining points: from low, before high */
+    for (; zigzag && low < high; flat++) {     /* alternating between both ends */
         const uint32_t begin = low > 0 ? first + low - 1 : a, end = high < places ? first + high : b;
         add_triangle(m, begin, end, first + (flat % 2 ? --high : low++));
     }
     return flat;
 }
 
-/* Triangle n gets a place within, and there a flat triangle with both other corners on a line through it. */
+/* Adds a point inside triangle n, and a flat triangle with two other corners on a line through it. */
 static size_t sliver_in_face(mesh *m, size_t n)
 {
     const uint32_t a = m->triangle[n][0], b = m->triangle[n][1], c = m->triangle[n][2];
     const uint32_t inner = add_vertex(
                        m, vec3_scale(vec3_add(m->vertex[a], vec3_add(m->vertex[b], m->vertex[c])), 1.0 / 3)),
                    on = add_vertex(m, between(m, a, inner, 0.5));
-    m->triangle[n][2] = inner; /* a b inner, as it is; c has a detour by `on`, of no area */
+    m->triangle[n][2] = inner; /* a b inner is unchanged; c gets a detour through `on` without area */
     add_triangle(m, b, c, inner);
     add_triangle(m, c, a, on);
     add_triangle(m, c, on, inner);
@@ -96,7 +98,7 @@ static size_t flap_at_side(mesh *m, size_t n)
     return 1;
 }
 
-/* A corner becomes two that differ by rounding, with a needle at each side of the corner's triangle. */
+/* Splits a corner into two that differ by rounding, with a needle at each side of the corner's triangle. */
 static size_t needles_at_corner(mesh *m, size_t n, double step)
 {
     const uint32_t a = m->triangle[n][0], b = m->triangle[n][1], c = m->triangle[n][2];
@@ -147,7 +149,7 @@ static double least_height(const mesh *m)
     return least;
 }
 
-/* Through memory: gcc 12 drops the two conversions where it takes coordinates together. */
+/* Through memory: gcc 12 drops the two conversions when it vectorises coordinates. */
 static double to_float(double value)
 {
     const volatile float rounded = (float)value;
@@ -168,7 +170,7 @@ static mesh make_solid(int which, double scale, vec3 center)
                  : mesh_fixture_ball(center, scale, 2);
 }
 
-/* On solids of any size, near the origin and away from it, in doubles and in floats. */
+/* For solids of any size, near the origin and far from it, in doubles and in floats. */
 static void damaged_solids_come_back_closed(void **state)
 {
     (void)state;
@@ -203,8 +205,8 @@ static void damaged_solids_come_back_closed(void **state)
     }
 }
 
-/* Thin triangles whose height is above the rounding of the coordinates stay, and so does the mesh, bit for bit. */
-static void thin_triangles_with_area_stay(void **state)
+/* If the height of thin triangles exceeds the rounding of the coordinates, the mesh is unchanged bit by bit. */
+static void thin_triangles_with_area_are_kept(void **state)
 {
     (void)state;
     for (int floats = 0; floats < 2; floats++) {
@@ -228,7 +230,7 @@ static void thin_triangles_with_area_stay(void **state)
     }
 }
 
-/* Thousands of places on one side, from one end: the work grows no faster than the triangles. */
+/* Thousands of points on one side, from one end: the time is proportional to the number of triangles. */
 static void long_fans_are_removed(void **state)
 {
     (void)state;
@@ -248,7 +250,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(damaged_solids_come_back_closed),
-        cmocka_unit_test(thin_triangles_with_area_stay),
+        cmocka_unit_test(thin_triangles_with_area_are_kept),
         cmocka_unit_test(long_fans_are_removed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

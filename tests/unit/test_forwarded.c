@@ -1,4 +1,4 @@
-/* The client behind proxies: only what trusted ones wrote counts, and only from the right end. */
+/* The client behind proxies: only elements of trusted proxies count, beginning at the right end. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -8,7 +8,7 @@
 
 #include "http/forwarded.h"
 
-/* Proxies of all cases; of the second range the last three bits vary. */
+/* Trusted proxies in all cases; the last three bits of the second range vary. */
 static const char *const proxies[] = {"127.0.0.1", "10.1.2.8/29", "2001:db8:aa::/48"};
 
 static void test_cases(void **state)
@@ -23,27 +23,27 @@ static void test_cases(void **state)
         {"127.0.0.1", "for=\"[2001:db8::1]:_x\"", NULL, "2001:db8::1"},
         {"127.0.0.1", "for=\"[2001:DB8:0::1]\"", NULL, "2001:db8::1"},
         {"::ffff:127.0.0.1", "for=\"[::ffff:192.0.2.7]\"", NULL, "192.0.2.7"},
-        /* the last hop counts; what the client sent stands before it */
+        /* the last element counts; the client's own element precedes it */
         {"127.0.0.1", "for=198.51.100.1, for=192.0.2.7", NULL, "192.0.2.7"},
         {"127.0.0.1", "for=198.51.100.1", "for=192.0.2.7", "192.0.2.7"},
-        /* through trusted ones on to the first that is none */
+        /* past trusted proxies to the first address that is not trusted */
         {"127.0.0.1", "for=198.51.100.1,for=192.0.2.7 ,\tfor=10.1.2.15", NULL, "192.0.2.7"},
         {"127.0.0.1", "for=192.0.2.7, for=\"[2001:db8:aa:1::5]\"", "for=10.1.2.9", "192.0.2.7"},
         {"127.0.0.1", "for=10.1.2.9, for=10.1.2.10", NULL, "10.1.2.9"},
         {"127.0.0.1", "for=192.0.2.7, for=10.1.2.16", NULL, "10.1.2.16"},
-        /* a proxy that does not tell: it is the proxy */
+        /* a proxy that gives no address is itself the client */
         {"127.0.0.1", "for=192.0.2.7, for=unknown", NULL, "127.0.0.1"},
         {"127.0.0.1", "for=192.0.2.7, for=_hidden, for=10.1.2.9", NULL, "10.1.2.9"},
         {"127.0.0.1", "for=192.0.2.7, proto=http", NULL, "127.0.0.1"},
         {"127.0.0.1", "", ",, ", "127.0.0.1"},
         {"127.0.0.1", NULL, NULL, "127.0.0.1"},
-        /* whom nobody trusts */
+        /* not a trusted proxy */
         {"192.0.2.1", "for=198.51.100.1", NULL, "192.0.2.1"},
         {"127.0.0.2", "for=198.51.100.1", NULL, "127.0.0.2"},
         {"10.1.2.16", "for=198.51.100.1", NULL, "10.1.2.16"},
         {"2001:db8:ab::1", "for=198.51.100.1", NULL, "2001:db8:ab::1"},
         {"2001:db8:aa::1", "for=198.51.100.1", NULL, "198.51.100.1"},
-        /* what is not as it has to be: none of it is believed */
+        /* a malformed header is ignored */
         {"127.0.0.1", "for=\"unending", "for=192.0.2.7", "127.0.0.1"},
         {"127.0.0.1", "for=\"a\\", "for=192.0.2.7", "127.0.0.1"},
         {"127.0.0.1", "for", NULL, "127.0.0.1"},
@@ -79,7 +79,7 @@ static void test_cases(void **state)
     address_ranges_clear(&trusted);
 }
 
-/* Words and rows of proxies that are longer than is read: the header is not believed. */
+/* A header with too long words or too many proxies is ignored. */
 static void test_long_values(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Points of one torus carried onto another: who stays, who goes, who comes. */
+/* Transfer of points from one torus to another: kept, removed and new points. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -48,7 +48,7 @@ static void strike(stage *s)
     analytic_free(s->field);
 }
 
-/* A packing at rest, from a start or as it comes. */
+/* A converged packing, from a given start or without one. */
 static solver *pack(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
@@ -70,7 +70,7 @@ static solver *pack(const stage *s, size_t count, const frame_transfer *start)
     return made;
 }
 
-/* The points of a torus, made once. */
+/* The points of a torus, computed once. */
 static solver *first;
 
 static int make_first(void **state)
@@ -119,7 +119,7 @@ static frame_transfer carry(const stage *s, size_t count)
     return carry_by(s, count, true);
 }
 
-/* The distance to the nearest other, over the spacing; of place i. */
+/* The distance of point i to the nearest other point, in spacings. */
 static double clearance(const frame_transfer *c, double spacing, size_t i)
 {
     double least = INFINITY;
@@ -128,7 +128,7 @@ static double clearance(const frame_transfer *c, double spacing, size_t i)
     return least / spacing;
 }
 
-/* Fixed points are where they were given, bit by bit, before and after the solve; the others make room. */
+/* Fixed points keep their positions bit by bit, before and after the solve; other points move aside. */
 static void test_fixed_points_never_move(void **state)
 {
     (void)state;
@@ -174,7 +174,7 @@ static void test_fixed_points_never_move(void **state)
     strike(&s);
 }
 
-static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
+static void test_points_follow_a_torus_that_moves_rotates_and_grows(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -193,7 +193,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
         assert_true(c.parent[i] < POINTS && !seen[c.parent[i]]);
         seen[c.parent[i]] = true;
         assert_memory_equal(&c.origin[i], &p->position[c.parent[i]], sizeof(vec3));
-        /* the turn about the torus' own axis cannot be seen; the rest is a motion that the test knows */
+        /* a rotation about the axis of the torus cannot be detected; the rest of the motion is known */
         vec3 there = registration_apply(&true_motion, c.origin[i]), axis = after.axis;
         double height = vec3_dot(vec3_sub(c.position[i], after.center), axis);
         assert_close(height, vec3_dot(vec3_sub(there, after.center), axis), 0.01 * h);
@@ -201,14 +201,14 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
     solver *rest = pack(&s, POINTS, &c);
     const solver_points *q = solver_result_points(rest);
     assert_int_equal(solver_result(rest), SOLVER_CONVERGED);
-    for (size_t i = 0; i < q->count; i++) /* the order is kept, and they were at rest before */
+    for (size_t i = 0; i < q->count; i++) /* the order is kept, and the points had converged */
         assert_true(vec3_norm(vec3_sub(q->position[i], c.position[i])) < 0.05 * h);
     solver_free(rest);
     frame_transfer_free(&c);
     strike(&s);
 }
 
-static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
+static void test_no_rotation_about_the_axis_of_symmetry_is_added(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -221,7 +221,7 @@ static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
     strike(&s);
 }
 
-static void test_births_are_far_from_others_and_from_each_other(void **state)
+static void test_new_points_are_far_from_all_points(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -238,7 +238,7 @@ static void test_births_are_far_from_others_and_from_each_other(void **state)
     strike(&s);
 }
 
-static void test_deaths_are_spread(void **state)
+static void test_removed_points_are_spread(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -256,7 +256,7 @@ static void test_deaths_are_spread(void **state)
     strike(&s);
 }
 
-/* The share of points with six neighbours when the packing is at rest. */
+/* The fraction of points with six neighbours in the converged packing. */
 static double order_of(const stage *s, size_t count, const frame_transfer *start)
 {
     solver *rest = pack(s, count, start);
@@ -265,12 +265,12 @@ static double order_of(const stage *s, size_t count, const frame_transfer *start
     return q.hex_fraction;
 }
 
-static void test_portions_keep_more_of_the_packing(void **state)
+static void test_gradual_changes_keep_more_of_the_packing(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
     const size_t counts[] = {POINTS + 60, POINTS - 60};
-    double gained = 0; /* by both together: a single packing varies by .02 */
+    double gained = 0; /* sum of both; a single packing varies by .02 */
     for (int k = 0; k < 2; k++) {
         frame_transfer at_once = carry_by(&s, counts[k], false), eased = carry_by(&s, counts[k], true);
         assert_int_equal(eased.born, k == 0 ? 60 : 0);
@@ -286,8 +286,8 @@ static void test_portions_keep_more_of_the_packing(void **state)
     strike(&s);
 }
 
-/* Drift is counted from where a point was carried to, not from where births moved it. */
-static void test_where_a_point_landed_is_kept(void **state)
+/* Drift is measured from the transferred position, before new points displace it. */
+static void test_the_projected_position_is_stored(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
@@ -304,7 +304,7 @@ static void test_where_a_point_landed_is_kept(void **state)
     strike(&s);
 }
 
-static void test_where_the_surface_is_new_points_are_born(void **state)
+static void test_new_surface_gets_new_points(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -323,12 +323,12 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     strike(&s);
 }
 
-static void test_another_surface_is_not_carried_onto(void **state)
+static void test_points_are_not_carried_onto_another_surface(void **state)
 {
     (void)state;
     analytic_params after = before;
-    after.center = (vec3){9, 9, 9}; /* a field of distances leads there from anywhere */
-    after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
+    after.center = (vec3){9, 9, 9}; /* a distance field leads there from anywhere */
+    after.minor_radius = 0.05;      /* no motion maps the points onto it */
     stage s = set_stage(&after, 1);
     const frame_transfer_params params = params_for(POINTS, true);
     frame_transfer c;
@@ -339,7 +339,7 @@ static void test_another_surface_is_not_carried_onto(void **state)
     strike(&s);
 }
 
-static void test_a_stop_is_told(void **state)
+static void test_a_stop_is_reported(void **state)
 {
     (void)state;
     volatile sig_atomic_t stop = 0;
@@ -356,7 +356,7 @@ static void test_a_stop_is_told(void **state)
     strike(&s);
 }
 
-static void test_any_number_of_threads_gives_the_same(void **state)
+static void test_result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     analytic_params after = before;
@@ -377,16 +377,16 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fixed_points_never_move),
-        cmocka_unit_test(test_all_go_with_a_torus_that_moves_turns_and_grows),
-        cmocka_unit_test(test_a_turn_about_the_own_axis_is_not_made_up),
-        cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),
-        cmocka_unit_test(test_deaths_are_spread),
-        cmocka_unit_test(test_portions_keep_more_of_the_packing),
-        cmocka_unit_test(test_where_a_point_landed_is_kept),
-        cmocka_unit_test(test_where_the_surface_is_new_points_are_born),
-        cmocka_unit_test(test_another_surface_is_not_carried_onto),
-        cmocka_unit_test(test_a_stop_is_told),
-        cmocka_unit_test(test_any_number_of_threads_gives_the_same),
+        cmocka_unit_test(test_points_follow_a_torus_that_moves_rotates_and_grows),
+        cmocka_unit_test(test_no_rotation_about_the_axis_of_symmetry_is_added),
+        cmocka_unit_test(test_new_points_are_far_from_all_points),
+        cmocka_unit_test(test_removed_points_are_spread),
+        cmocka_unit_test(test_gradual_changes_keep_more_of_the_packing),
+        cmocka_unit_test(test_the_projected_position_is_stored),
+        cmocka_unit_test(test_new_surface_gets_new_points),
+        cmocka_unit_test(test_points_are_not_carried_onto_another_surface),
+        cmocka_unit_test(test_a_stop_is_reported),
+        cmocka_unit_test(test_result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests(tests, make_first, free_first);
 }

@@ -40,7 +40,7 @@ static void test_numbers(void **state)
     expect("5-5x100", (const int[]){5}, 1);
 }
 
-static void test_nonsense(void **state)
+static void test_malformed_numbers_are_refused(void **state)
 {
     (void)state;
     static const char *const bad[] = {"",     "a",   "1-",         "-3",     "3-1",  "1-3x0",
@@ -94,7 +94,7 @@ static void test_paths(void **state)
     expect_path("b_$F_v2.vdb", 12345, "b_12345_v2.vdb");
     expect_path("b.$F9", 7, "b.000000007");
     expect_path("plain", 7, "plain");
-    expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* nothing else means anything */
+    expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* other conversions are plain text */
     assert_true(frames_is_pattern("x.%03d"));
     assert_false(frames_is_pattern("100%.vdb"));
     assert_false(frames_is_pattern("%0d%"));
@@ -134,7 +134,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_numbers),
-        cmocka_unit_test(test_nonsense),
+        cmocka_unit_test(test_malformed_numbers_are_refused),
         cmocka_unit_test(test_numbers_are_printed_as_ranges),
         cmocka_unit_test(test_paths),
         cmocka_unit_test(test_a_path_is_matched_with_a_pattern),

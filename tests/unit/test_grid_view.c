@@ -1,4 +1,4 @@
-/* What lies in a block, and around one: leaves, tiles of each size, and the background. */
+/* The contents of a block and of its neighbourhood: leaves, tiles of each size, and the background. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,8 +19,8 @@ static int32_t random_within(rng *r, int reach)
     return (int32_t)(rng_uniform(r) * 2 * reach) - reach;
 }
 
-/* Tiles of the largest size stand for one of sixteen, of the middle one for one of four; leaves lie close to the origin. No two leaves
- * or tiles of a size are the same, since the tables take each once. */
+/* One of sixteen tiles of the largest size and one of four of the middle size exists. Leaves lie close to the
+ * origin. No two leaves or tiles of a size coincide, since the tables contain each once. */
 static vdb_grid make_grid(rng *r)
 {
     error e = {0};
@@ -55,7 +55,7 @@ static vdb_grid make_grid(rng *r)
     return g;
 }
 
-/* The block itself, without any table: a leaf, else the smallest tile. */
+/* The block by a linear search: a leaf, otherwise the smallest tile. */
 static float constant_of(const vdb_grid *g, const int32_t block[3], bool *is_leaf)
 {
     float found = BACKGROUND;

@@ -8,7 +8,7 @@
 
 #include "formats/half.h"
 
-/* From the definition: sign, five bits of exponent, ten of fraction. */
+/* By the definition: sign, five bits of exponent, ten bits of fraction. */
 static double value_of(uint16_t h)
 {
     int exponent = h >> 10 & 31, fraction = h & 1023;
@@ -33,7 +33,7 @@ static void test_each_half_is_its_float(void **state)
     }
 }
 
-/* Between two halves the middle goes to the even one, and what is off it to the nearer one. */
+/* The midpoint of two halves is rounded to the even one; other values to the nearest one. */
 static void test_rounding_is_to_nearest_even(void **state)
 {
     (void)state;
@@ -47,7 +47,7 @@ static void test_rounding_is_to_nearest_even(void **state)
     }
 }
 
-static void test_what_is_too_large_is_infinite(void **state)
+static void test_values_above_the_range_become_infinite(void **state)
 {
     (void)state;
     assert_int_equal(half_from_float(65504), 0x7BFF);
@@ -62,7 +62,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_each_half_is_its_float),
         cmocka_unit_test(test_rounding_is_to_nearest_even),
-        cmocka_unit_test(test_what_is_too_large_is_infinite),
+        cmocka_unit_test(test_values_above_the_range_become_infinite),
     };
     return cmocka_run_group_tests_name("half", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Damage in the queue's database: what notices it, what follows from it, and copies that are whole. */
+/* Damage of the queue's database: detection, consequences, and complete copies. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,7 +24,7 @@
 #include "queue_place.h"
 
 #define PAGE 4096
-/* More than SQLite keeps in memory, so that pages are read again. */
+/* More than SQLite caches, so that pages are read again. */
 #define SPEC_BYTES 100000
 #define JOBS 60
 
@@ -62,7 +62,7 @@ static int open_place(void **state)
 static int close_place(void **state)
 {
     place *p = *state;
-    stop_checks(); /* of a test that failed */
+    stop_checks(); /* left running by a failed test */
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p);
@@ -79,7 +79,7 @@ static void submit_long_jobs(place *p, char id[JOBS][ULID_SIZE])
     free(spec);
 }
 
-/* Long jobs; then closed and opened, so that they stand in the database and not in its log. */
+/* Adds long jobs. The queue is closed and opened, so that they are in the database and not in its log. */
 static void fill(place *p, char id[JOBS][ULID_SIZE])
 {
     submit_long_jobs(p, id);
@@ -105,7 +105,7 @@ static int64_t pages_of(const char *path)
     return info.st_size / PAGE;
 }
 
-/* All pages but the first. */
+/* Overwrites all pages except the first. */
 static void ruin(const place *p)
 {
     char *path = database_of(p);
@@ -133,7 +133,7 @@ static bool can_read_all(place *p, char id[JOBS][ULID_SIZE], error *e)
     return ok;
 }
 
-static void test_a_sound_database_is_sound(void **state)
+static void test_an_intact_database_has_no_findings(void **state)
 {
     place *p = *state;
     health_report known = health_of(p);
@@ -148,13 +148,14 @@ static void test_a_wait_does_not_end_before_its_time(void **state)
     place *p = *state;
     bool doubt = true;
     int64_t until_ms = clock_monotonic_ms() + 30;
-    if (until_ms % 1000 < 30) until_ms += 30; /* a whole second would not show its milliseconds */
+    /* near a whole second, rounding to seconds would not be detected */
+    if (until_ms % 1000 < 30) until_ms += 30;
     assert_true(health_wait(database_health(queue_database(p->q)), until_ms, &doubt));
     assert_false(doubt);
     assert_true(clock_monotonic_ms() >= until_ms);
 }
 
-static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
+static void test_damage_found_by_a_statement_stops_all_changes(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -187,7 +188,7 @@ static void wait_for_check(place *p, health_report *known)
     }
 }
 
-static void test_the_checker_finds_what_no_statement_met(void **state)
+static void test_the_checker_finds_damage_that_no_statement_reads(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -198,7 +199,7 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     wait_for_check(p, &known);
     stop_checks();
     assert_false(known.damaged);
-    queue_close(p->q); /* a checker ends with its queue */
+    queue_close(p->q); /* the checker must end before its queue */
     p->q = queue_open(p->base, &e);
     assert_non_null(p->q);
     char *path = database_of(p);
@@ -211,7 +212,8 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     assert_string_equal(known.found_by, "quick_check");
 }
 
-/* The queue's VFS, in which this number of reads of the database by the thread fail. Other threads write pages of the log back. */
+/* Number of further reads of the database by this thread that fail in the queue's VFS. Other threads checkpoint
+ * pages of the log. */
 static _Thread_local int faults;
 static int (*real_open)(sqlite3_vfs *vfs, const char *name, sqlite3_file *file, int flags, int *out);
 static const sqlite3_io_methods *real_methods;
@@ -236,15 +238,15 @@ static int open_with_faults(sqlite3_vfs *vfs, const char *name, sqlite3_file *fi
     return code;
 }
 
-/* A read that fails may be the disk's fault of a moment: nothing is changed until a check has read all. */
-static void test_a_fault_of_reading_ends_with_a_check(void **state)
+/* A failed read may be a temporary fault of the disk: changes are refused until a check has read everything. */
+static void test_a_read_error_is_cleared_by_a_check(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
     error e = {0};
     queue_receipt receipt;
     health_report known;
-    sqlite3_vfs *vfs = sqlite3_vfs_find("unix-excl"); /* that of the queue (database.c) */
+    sqlite3_vfs *vfs = sqlite3_vfs_find("unix-excl"); /* the VFS of the queue (database.c) */
     real_open = vfs->xOpen;
     vfs->xOpen = open_with_faults;
     fill(p, id);
@@ -259,15 +261,15 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     faults = 1;
     assert_false(can_read_all(p, id, &e));
     for (int64_t end = clock_monotonic_ms() + 120000; health_of(p).damaged; usleep(1000))
-        assert_true(clock_monotonic_ms() < end); /* the checker looks at once */
+        assert_true(clock_monotonic_ms() < end); /* the checker starts at once */
     stop_checks();
     vfs->xOpen = real_open;
 }
 
-/* This number of reads of the thread ends with EIO, which SQLite reports as damage while a statement runs. */
+/* Number of further reads of this thread that fail with EIO, which SQLite reports as damage while a statement runs. */
 static _Thread_local int disk_faults;
 
-/* Takes the place of the C library's function, for SQLite. */
+/* Replaces the function of the C library, for SQLite. */
 ssize_t pread64(int fd, void *to, size_t count, off64_t from)
 {
     if (disk_faults > 0) {
@@ -278,7 +280,7 @@ ssize_t pread64(int fd, void *to, size_t count, off64_t from)
     return syscall(SYS_pread64, fd, to, count, from);
 }
 
-static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **state)
+static void test_an_io_error_of_the_disk_is_cleared_by_a_check(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -286,7 +288,7 @@ static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **stat
     queue_receipt receipt;
     fill(p, id);
     for (int round = 0; round < 2; round++) {
-        if (round == 1) submit_long_jobs(p, id); /* these are read from the log */
+        if (round == 1) submit_long_jobs(p, id); /* these jobs are read from the log */
         disk_faults = 1;
         assert_false(can_read_all(p, id, &e));
         assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
@@ -301,7 +303,7 @@ static void test_an_input_output_error_of_the_disk_ends_with_a_check(void **stat
     stop_checks();
 }
 
-/* These threads store more between two steps of a copy than a step copies at first; together they stop at 600 MB. */
+/* Between two steps of a copy these threads store more than one step copies; they stop at 600 MB. */
 #define WRITERS 4
 #define LONG_SPEC_BYTES 100000
 #define MOST_WRITES 1500
@@ -371,8 +373,8 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
         put(p, "before", 0, before);
         start_writers(p, w, thread);
         if (!backup_make(queue_database(p->q), path, 0, &e)) fail_msg("%s", e.message);
-        for (int i = 0; i < WRITERS; i++)
-            assert_true(atomic_load(&w[i].count) < MOST_WRITES); /* it did not wait for their end */
+        for (int i = 0; i < WRITERS; i++) /* the copy did not wait for the end of the writers */
+            assert_true(atomic_load(&w[i].count) < MOST_WRITES);
         stop_writers(w, thread);
         assert_true(backup_check(path, true, NULL, &findings, &e));
         assert_string_equal(findings, "");
@@ -384,7 +386,7 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
     assert_false(health_of(p).damaged);
 }
 
-static void test_what_is_wrong_with_a_copy_is_listed(void **state)
+static void test_faults_of_a_copy_are_listed(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
@@ -401,7 +403,7 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
         SQLITE_OK);
     sqlite3_close(file);
     assert_true(backup_check(path, false, NULL, &findings, &e));
-    assert_string_equal(findings, ""); /* its pages are good */
+    assert_string_equal(findings, ""); /* its pages have no faults */
     free(findings);
     assert_true(backup_check(path, true, NULL, &findings, &e));
     assert_non_null(strstr(findings, "the index event_by_job is missing\n"));
@@ -419,7 +421,7 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
     free(path);
 }
 
-static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
+static void test_copies_of_a_killed_process_are_removed(void **state)
 {
     place *p = *state;
     queue_close(p->q);
@@ -437,15 +439,15 @@ static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        HEALTH_CASE(test_a_sound_database_is_sound),
+        HEALTH_CASE(test_an_intact_database_has_no_findings),
         HEALTH_CASE(test_a_wait_does_not_end_before_its_time),
-        HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
-        HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
-        HEALTH_CASE(test_a_fault_of_reading_ends_with_a_check),
-        HEALTH_CASE(test_an_input_output_error_of_the_disk_ends_with_a_check),
+        HEALTH_CASE(test_damage_found_by_a_statement_stops_all_changes),
+        HEALTH_CASE(test_the_checker_finds_damage_that_no_statement_reads),
+        HEALTH_CASE(test_a_read_error_is_cleared_by_a_check),
+        HEALTH_CASE(test_an_io_error_of_the_disk_is_cleared_by_a_check),
         HEALTH_CASE(test_a_copy_is_whole_while_threads_write),
-        HEALTH_CASE(test_what_is_wrong_with_a_copy_is_listed),
-        HEALTH_CASE(test_what_a_killed_process_left_of_copies_is_removed),
+        HEALTH_CASE(test_faults_of_a_copy_are_listed),
+        HEALTH_CASE(test_copies_of_a_killed_process_are_removed),
     };
     return cmocka_run_group_tests_name("health", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Values are counted under the first bound that is not below them. */
+/* A value is counted under the first bound that is not below it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

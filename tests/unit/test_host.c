@@ -20,7 +20,7 @@ static void put_bound(const char *base, const char *group, const char *text)
     free(path);
 }
 
-static void test_the_least_bound_of_the_groups_above(void **state)
+static void test_the_lowest_limit_of_the_parent_groups_counts(void **state)
 {
     (void)state;
     char base[] = "/tmp/hexad-host-XXXXXX";
@@ -49,7 +49,7 @@ static void test_this_host(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_least_bound_of_the_groups_above),
+        cmocka_unit_test(test_the_lowest_limit_of_the_parent_groups_counts),
         cmocka_unit_test(test_this_host),
     };
     return cmocka_run_group_tests_name("host", tests, NULL, NULL);

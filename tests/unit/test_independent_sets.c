@@ -1,4 +1,4 @@
-/* Independent sets: every point is in one set, and never with a neighbour. */
+/* Independent sets: every point is in one set, and no set contains two neighbours. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -18,7 +18,7 @@ typedef struct fixture {
     neighbours *near;
 } fixture;
 
-/* Points on a bumpy sheet, crowded in places, of sizes up to `widest` to 1. */
+/* Points on a bumpy surface, partly over-dense, with sizes in a ratio of up to `widest` : 1. */
 static void set_up(fixture *f, int thread_count, double widest)
 {
     static vec3 x[COUNT];
@@ -80,14 +80,14 @@ static void check(double widest)
     tear_down(&f);
 }
 
-static void nobody_is_with_a_neighbour(void **state)
+static void no_set_contains_two_neighbours(void **state)
 {
     (void)state;
     check(1);
     check(5);
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     fixture one, many;
@@ -101,8 +101,8 @@ static void threads_do_not_show(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nobody_is_with_a_neighbour),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(no_set_contains_two_neighbours),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests_name("independent_sets", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* store/inputs: the room that uploads take, of all and of each user. */
+/* store/inputs: the space that uploads reserve, in total and of each user. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -46,23 +46,23 @@ static int tear_down(void **state)
     return 0;
 }
 
-static store_upload_verdict begin(const place *p, const char *user, int64_t announced, store_upload **upload)
+static store_upload_outcome begin(const place *p, const char *user, int64_t announced, store_upload **upload)
 {
     char hex[STORE_HASH_SIZE];
     store_hash("", 0, hex);
     return store_upload_begin(p->inputs, hex, user, announced, upload, NULL);
 }
 
-/* Whether the user may send this many bytes now. */
-static store_upload_verdict ask(const place *p, const char *user, int64_t bytes)
+/* Begins and ends an upload of this many bytes. */
+static store_upload_outcome try_upload(const place *p, const char *user, int64_t bytes)
 {
     store_upload *upload = NULL;
-    store_upload_verdict verdict = begin(p, user, bytes, &upload);
+    store_upload_outcome outcome = begin(p, user, bytes, &upload);
     store_upload_end(upload);
-    return verdict;
+    return outcome;
 }
 
-/* The user sends a text, which is kept under its hash. */
+/* Uploads a text of the user, which is stored under its hash. */
 static void send_text(const place *p, const char *user, const char *text, char hex[STORE_HASH_SIZE])
 {
     store_upload *upload = NULL;
@@ -74,7 +74,7 @@ static void send_text(const place *p, const char *user, const char *text, char h
     store_upload_end(upload);
 }
 
-static void test_room_is_taken_as_bytes_arrive(void **state)
+static void test_space_is_reserved_as_bytes_arrive(void **state)
 {
     place *p = *state;
     store_upload *first = NULL, *second = NULL;
@@ -87,49 +87,49 @@ static void test_room_is_taken_as_bytes_arrive(void **state)
     store_upload_end(second);
     store_upload_end(first);
     assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 0);
-    assert_int_equal(ask(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
 }
 
-static void test_a_user_has_a_share_of_the_room(void **state)
+static void test_a_user_has_a_limit_of_bytes(void **state)
 {
     place *p = *state;
     char hex[STORE_HASH_SIZE];
     send_text(p, "ann", "12345678", hex);
-    assert_int_equal(ask(p, "ann", 2), STORE_UPLOAD_GOOD);
-    assert_int_equal(ask(p, "ann", 3), STORE_UPLOAD_USER_FULL);
-    assert_int_equal(ask(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
-    assert_int_equal(ask(p, "bob", TOTAL - 7), STORE_UPLOAD_NO_ROOM);
+    assert_int_equal(try_upload(p, "ann", 2), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "ann", 3), STORE_UPLOAD_USER_FULL);
+    assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "bob", TOTAL - 7), STORE_UPLOAD_NO_SPACE);
     send_text(p, "bob", "12345678", hex); /* counts for both */
     assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 8);
-    assert_int_equal(ask(p, "bob", 3), STORE_UPLOAD_USER_FULL);
+    assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);
     store_inputs_close(p->inputs);
     open_inputs(p);
-    assert_int_equal(ask(p, "ann", 3), STORE_UPLOAD_USER_FULL);
-    assert_int_equal(ask(p, "bob", 3), STORE_UPLOAD_USER_FULL);
+    assert_int_equal(try_upload(p, "ann", 3), STORE_UPLOAD_USER_FULL);
+    assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);
     bool found;
     assert_true(store_inputs_remove(p->inputs, hex, &found, NULL));
-    assert_int_equal(ask(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
-    assert_int_equal(ask(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
 }
 
-static void test_a_user_sends_a_few_files_at_once(void **state)
+static void test_a_user_has_a_limit_of_simultaneous_uploads(void **state)
 {
     place *p = *state;
     store_upload *held[AT_ONCE];
     for (int i = 0; i < AT_ONCE; i++) assert_int_equal(begin(p, "ann", -1, &held[i]), STORE_UPLOAD_GOOD);
-    assert_int_equal(ask(p, "ann", 0), STORE_UPLOAD_TOO_MANY);
-    assert_int_equal(ask(p, "bob", 0), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "ann", 0), STORE_UPLOAD_TOO_MANY);
+    assert_int_equal(try_upload(p, "bob", 0), STORE_UPLOAD_GOOD);
     store_upload_end(held[0]);
-    assert_int_equal(ask(p, "ann", 0), STORE_UPLOAD_GOOD);
+    assert_int_equal(try_upload(p, "ann", 0), STORE_UPLOAD_GOOD);
     for (int i = 1; i < AT_ONCE; i++) store_upload_end(held[i]);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_room_is_taken_as_bytes_arrive, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_user_has_a_share_of_the_room, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_user_sends_a_few_files_at_once, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_space_is_reserved_as_bytes_arrive, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_bytes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_simultaneous_uploads, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("inputs", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* What stands in results/ and attempts/, against what the queue says of it. */
+/* The entries of results/ and attempts/ compared with the queue. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -80,7 +80,8 @@ static void take(place *p)
 
 static const int frames[] = {0, 3};
 
-/* With as many attempts of each task, the last of which ended it so unless it is to wait. */
+/* Submits a job and runs this number of attempts of each task. The last one ends the task with `end`, unless the
+ * task waits. */
 static void put(place *p, bool array, int attempts, queue_state end, char id[ULID_SIZE])
 {
     queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 9};
@@ -120,7 +121,7 @@ static const struct {
     const char *part, *rest;
     bool moved;
 } of_array[] = {
-    /* two attempts of the frames 0 and 3, the second of which succeeded */
+    /* two attempts of the frames 0 and 3; the second ones succeeded */
     {"results", ".0", false},
     {"results", ".3", false},
     {"results", "", true},
@@ -143,7 +144,7 @@ static const struct {
     {"attempts", ".0.01", true},
 };
 
-static void test_names_say_whose_it_is(void **state)
+static void test_names_identify_the_job(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -179,7 +180,7 @@ static void test_results_of_jobs_in_each_state(void **state)
     char id[5][ULID_SIZE];
     for (int i = 0; i < 5; i++) {
         put(p, false, cases[i].attempts, cases[i].end, id[i]);
-        char *name = name_of("results", id[i], ""); /* which is no whole one */
+        char *name = name_of("results", id[i], ""); /* an incomplete result */
         make(p, name);
         free(name);
     }
@@ -191,7 +192,7 @@ static void test_results_of_jobs_in_each_state(void **state)
     }
 }
 
-static void test_what_is_noted_is_left_to_the_removal(void **state)
+static void test_entries_noted_for_removal_are_kept(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -224,21 +225,21 @@ static void test_names_in_lost_and_found_are_not_taken_twice(void **state)
     }
 }
 
-/* A job that waits would be run into it. */
-static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state)
+/* A waiting job would need the name. */
+static void test_a_blocking_entry_that_cannot_be_moved_is_an_error(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
     error e = {0};
     put(p, false, 0, QUEUE_QUEUED, id);
     char *result = name_of("results", id, ""), *file = at(p, LOST_FOUND_DIRECTORY);
-    make(p, "results/nobody's");
+    make(p, "results/other");
     assert_true(store_file_write(file, "x", 1, NULL));
-    take(p); /* what is nobody's may stay */
+    take(p); /* entries without a job may stay */
     make(p, result);
     assert_false(inventory_take(p->q, p->base, false, &e));
     assert_non_null(strstr(e.message, result));
-    assert_true(is_there(p, result) && is_there(p, "results/nobody's"));
+    assert_true(is_there(p, result) && is_there(p, "results/other"));
     free(result);
     free(file);
 }
@@ -248,11 +249,11 @@ static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_names_say_whose_it_is),
+        CASE(test_names_identify_the_job),
         CASE(test_results_of_jobs_in_each_state),
-        CASE(test_what_is_noted_is_left_to_the_removal),
+        CASE(test_entries_noted_for_removal_are_kept),
         CASE(test_names_in_lost_and_found_are_not_taken_twice),
-        CASE(test_what_is_in_the_way_and_cannot_be_moved_is_an_error),
+        CASE(test_a_blocking_entry_that_cannot_be_moved_is_an_error),
     };
     log_set_level(LOG_LEVEL_ERROR);
     return cmocka_run_group_tests_name("inventory", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* Handlers over a queue that fails when the test wants it to. */
+/* Handlers with a queue that fails on request of the test. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,7 +18,7 @@
 
 static bool get_fails;
 
-/* The linker puts these in the place of the queue's own (--wrap). */
+/* The linker replaces the functions of the queue by these (--wrap). */
 bool __real_queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 bool __wrap_queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
@@ -71,7 +71,7 @@ static const char body[] = "{\"version\":1,\"name\":\"ball\",\"surface\":{\"anal
                            "\"center\":[0,0,0],\"radius\":1}},\"sampling\":{\"count\":9},"
                            "\"queue\":{\"priority\":4,\"labels\":[\"a\"]}}";
 
-/* A job that is in the queue is accepted, whatever befalls the database afterwards. */
+/* A stored job is reported as accepted, even if the database fails afterwards. */
 static void test_an_accepted_job_is_answered_201(void **state)
 {
     place *p = *state;
@@ -94,7 +94,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
     assert_int_equal(json_size(json_member(&root, "attempts")), 0);
     json_at spec = json_member(&root, "spec");
     assert_int_equal((int)json_number(json_member(&spec, "version"), 0), 1);
-    /* the time of arrival is the one that the queue keeps */
+    /* the time of arrival is that of the queue */
     http_request look = {.parameter = {id}, .caller = &caller};
     reply shown = {.fd = -1};
     jobs_show(&p->context, &look, &shown);
@@ -111,7 +111,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
-static void test_a_tag_holds_the_revision_of_its_job(void **state)
+static void test_a_tag_contains_the_revision_of_its_job(void **state)
 {
     (void)state;
     const queue_job job = {.revision = 47};
@@ -128,7 +128,7 @@ static void test_a_tag_holds_the_revision_of_its_job(void **state)
     }
 }
 
-static void test_other_tags_are_none_of_a_job(void **state)
+static void test_other_tags_are_refused(void **state)
 {
     (void)state;
     static const char *const tags[] = {"",     "47",      "\"",          "\"\"",    "\"x\"",
@@ -142,10 +142,10 @@ static void test_other_tags_are_none_of_a_job(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_tag_holds_the_revision_of_its_job),
-        cmocka_unit_test(test_other_tags_are_none_of_a_job),
+        cmocka_unit_test(test_a_tag_contains_the_revision_of_its_job),
+        cmocka_unit_test(test_other_tags_are_refused),
         CASE(test_an_accepted_job_is_answered_201),
     };
-    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
+    log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about a worker that does not start */
     return cmocka_run_group_tests_name("jobs", tests, NULL, NULL);
 }

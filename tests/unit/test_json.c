@@ -1,4 +1,4 @@
-/* json: strict reading, places and pointers, numbers that round-trip. */
+/* json: strict parsing, positions and pointers, numbers that round-trip. */
 #include <dirent.h>
 #include <errno.h>
 #include <float.h>
@@ -34,7 +34,7 @@ static json *accept(const char *text)
     return root;
 }
 
-static void test_faults_say_where(void **state)
+static void test_errors_name_the_position(void **state)
 {
     (void)state;
     static const struct {
@@ -103,7 +103,7 @@ static void test_every_truncation_is_refused(void **state)
     size_t length = strlen(text);
     json_free(accept(text));
     for (size_t n = 0; n < length; n++) {
-        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
+        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer detects an overrun */
         refuse(part, n, "line 1");
         free(part);
     }
@@ -177,7 +177,7 @@ static void test_values_are_put_at_pointers(void **state)
     json_free(root);
 }
 
-static void test_pointer_is_not_cut_inside_a_character(void **state)
+static void test_pointer_is_truncated_between_characters(void **state)
 {
     (void)state;
     json *root = accept("{\"\xc3\xa4\xc3\xb6\":1}");
@@ -215,7 +215,7 @@ static void test_building(void **state)
     json *copy = json_copy(root), *again = accept(text);
     char *copied = json_print(copy), *reread = json_print(again), *pretty = json_print_pretty(list);
     assert_string_equal(copied, text);
-    assert_int_equal(strlen(reread), strlen(text) - 1); /* 1.50 is 1.5 once it was read */
+    assert_int_equal(strlen(reread), strlen(text) - 1); /* 1.50 becomes 1.5 */
     assert_string_equal(pretty, "[1e+300, \"x\"]\n");
     free(pretty);
     pretty = json_print_pretty(inner);
@@ -310,7 +310,7 @@ static char *suite_directory(void)
                   : mem_printf("%s/../shared/data/json/JSONTestSuite", source ? source : ".");
 }
 
-/* Valid JSON that this reader refuses on purpose, see json.h. */
+/* Valid JSON that the parser refuses by design, see json.h. */
 static bool is_refused_on_purpose(const char *name)
 {
     static const char *const names[] = {"y_object_duplicated_key.json",
@@ -372,7 +372,7 @@ static void test_ill_formed_utf8_is_printed_as_json(void **state)
     }
 }
 
-/* The copy of a text, or NULL when it is refused; to be freed. */
+/* The copy of a text, which the caller frees; NULL if it is refused. */
 static char *replace(const char *text, const char *key, const char *value, size_t *replaced)
 {
     char *copy = NULL;
@@ -419,17 +419,17 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_copy_replaces_members_of_the_outermost_object_only),
-        cmocka_unit_test(test_faults_say_where),
+        cmocka_unit_test(test_errors_name_the_position),
         cmocka_unit_test(test_depth_limit),
         cmocka_unit_test(test_every_truncation_is_refused),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_values_are_found_and_set),
         cmocka_unit_test(test_values_are_put_at_pointers),
-        cmocka_unit_test(test_pointer_is_not_cut_inside_a_character),
+        cmocka_unit_test(test_pointer_is_truncated_between_characters),
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),
         cmocka_unit_test(test_ill_formed_utf8_is_printed_as_json),
-        cmocka_unit_test(test_suite), /* last: left out without shared data */
+        cmocka_unit_test(test_suite), /* last: skipped without shared data */
     };
     size_t count = sizeof tests / sizeof *tests;
     char *directory = suite_directory();

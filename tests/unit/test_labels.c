@@ -1,5 +1,6 @@
-/* Segmentations in OpenVDB files, which pyopenvdb of Debian cannot write: which grid, its place in the world, and that it goes
- * on with its background; that a majority keeps volumes, and what is thin. What else becomes of labels is tested in tests/service/test_labels.py. */
+/* Segmentations in OpenVDB files, which Debian's pyopenvdb cannot write: the choice of the grid, its transform, its
+ * background, volumes under the majority filter, and thin parts. tests/service/test_labels.py tests other labels.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +23,7 @@ enum { SIDE = 8, VOXELS = SIDE * SIDE * SIDE };
 
 static const double to_world[16] = {0.5, 0, 0, 1, 0, 0.25, 0, 2, 0, 0, 2, 3, 0, 0, 0, 1};
 
-/* A cube of two labels, half and half. */
+/* A cube of two labels, one half each. */
 static int write_halves(const char *const *types, size_t count, float one, float other)
 {
     static int32_t voxel[VOXELS][3];
@@ -80,9 +81,9 @@ static void assert_two_halves(const label_surface *s)
             }
     }
     assert_true(seen[0] && seen[1] && seen[2]);
+    /* no interface ends at the boundary of the active voxels */
     for (size_t c = 0; c < f->patches->curve_count; c++)
-        assert_int_equal(f->patches->curve[c].patch_count,
-                         3); /* no interface ends at the active voxels' end */
+        assert_int_equal(f->patches->curve[c].patch_count, 3);
     const bbox box = f->domain;
     assert_true(box.min.x < 1 - 1.5 && box.max.x > 1 + 2 && box.min.z < 3 - 6 && box.max.z > 3 + 8);
 }
@@ -117,7 +118,7 @@ static void test_large_numbers_of_a_grid(void **state)
     assert_non_null(strstr(e.message, "the value -1152921504606846976 is not a label"));
 }
 
-/* The scratch of a thread is larger than these voxels. */
+/* The work memory of a thread is larger than these voxels. */
 static void test_the_memory_of_a_majority(void **state)
 {
     (void)state;
@@ -138,7 +139,7 @@ static void test_the_memory_of_a_majority(void **state)
 
 enum { WIDE = 70, DEEP = 40, MANY = WIDE * DEEP * DEEP, MATERIALS = 4 };
 
-/* Two balls, and a slab of three voxels, in what is around them. */
+/* Two balls, and a slab of three voxels, in a background. */
 static uint16_t shape_at(int x, int y, int z)
 {
     const int one = (x - 14) * (x - 14) + (y - 15) * (y - 15) + (z - 20) * (z - 20),
@@ -163,7 +164,7 @@ static label_volume make_shapes(void)
     return v;
 }
 
-/* Of the small ball the filter alone takes half, of the slab all. */
+/* The filter alone would remove half of the small ball and all of the slab. */
 static void test_a_majority_keeps_volumes_with_any_number_of_threads(void **state)
 {
     uint16_t first[MANY];
@@ -185,8 +186,8 @@ static void test_a_majority_keeps_volumes_with_any_number_of_threads(void **stat
     }
 }
 
-/* What is kept of voxels is counted while they are filtered. */
-static void test_the_memory_of_what_a_majority_keeps(void **state)
+/* The memory of kept voxels is counted during the filter. */
+static void test_the_memory_of_voxels_kept_by_a_majority(void **state)
 {
     (void)state;
     size_t needed = 0;
@@ -204,9 +205,9 @@ static void test_the_memory_of_what_a_majority_keeps(void **state)
     assert_in_range(needed, 3, 6);
 }
 
-/* ---- what is thin */
+/* ---- thin parts */
 
-/* Pieces of rows, of four voxels each, whose labels are drawn. */
+/* Rows of four voxels each with random labels. */
 static uint16_t drawn_at(int x, int y, int z)
 {
     const uint32_t once = (uint32_t)(x / 4 + 31 * y + 977 * z) * 2654435761U,
@@ -216,7 +217,7 @@ static uint16_t drawn_at(int x, int y, int z)
 
 enum { LONG = 31, HIGH = 14, FAR = 13 };
 
-/* Whether one of the eight cubes of two voxels' side that have the voxel is of its label alone. */
+/* Whether one of the eight cubes of side 2 voxels that contain the voxel has its label only. */
 static bool is_in_cube(int x, int y, int z)
 {
     bool any = false;
@@ -233,7 +234,7 @@ static bool is_in_cube(int x, int y, int z)
     return any;
 }
 
-static void test_thin_are_voxels_in_no_cube(void **state)
+static void test_voxels_in_no_cube_are_thin(void **state)
 {
     (void)state;
     error e = {0};
@@ -255,7 +256,7 @@ static void test_thin_are_voxels_in_no_cube(void **state)
     threads_free(pool);
 }
 
-static void test_which_grid(void **state)
+static void test_the_grid_is_chosen_by_name_and_type(void **state)
 {
     (void)state;
     const char *const both[] = {"int32", "int64"}, *const one[] = {"float", "int32"},
@@ -280,11 +281,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grids_of_whole_numbers),
-        cmocka_unit_test(test_which_grid),
+        cmocka_unit_test(test_the_grid_is_chosen_by_name_and_type),
         cmocka_unit_test(test_large_numbers_of_a_grid),
         cmocka_unit_test(test_the_memory_of_a_majority),
         cmocka_unit_test(test_a_majority_keeps_volumes_with_any_number_of_threads),
-        cmocka_unit_test(test_the_memory_of_what_a_majority_keeps),
-        cmocka_unit_test(test_thin_are_voxels_in_no_cube)};
+        cmocka_unit_test(test_the_memory_of_voxels_kept_by_a_majority),
+        cmocka_unit_test(test_voxels_in_no_cube_are_thin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

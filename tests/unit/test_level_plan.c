@@ -1,4 +1,4 @@
-/* Plans of counts: what refining gives is what the next level wants. */
+/* Plans of counts: refinement gives the planned count of the next level. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,7 +11,7 @@
 
 /* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
  * has b edges, so refining doubles it. */
-static void corrected_plans_need_no_inventions(void **state)
+static void corrected_plans_match_the_refined_counts(void **state)
 {
     (void)state;
     for (int euler = -40; euler <= 2; euler++)
@@ -21,11 +21,11 @@ static void corrected_plans_need_no_inventions(void **state)
             double before = (double)plan.particles[0], n = before, b = rim;
             level_plan_correct(&plan, (size_t)(3 * (n - euler) - b), (size_t)rim);
             n = (double)plan.particles[0];
-            b = rim * sqrt(n / before); /* the rim has the same length */
+            b = rim * sqrt(n / before); /* the boundary has the same length */
             for (int k = 1; k < 4; k++) {
                 n += 3 * (n - euler) - b;
                 b *= 2;
-                /* what was rounded up is refined with the rest, and the rim's share was rounded */
+                /* rounding is refined with the rest, and the share of the boundary was rounded */
                 if (fabs(n - (double)plan.particles[k]) > 5 + 0.1 * rim)
                     fail_msg("euler %d rim %d: level %d gets %g of %zu", euler, rim, k, n, plan.particles[k]);
                 n = (double)plan.particles[k];
@@ -33,8 +33,8 @@ static void corrected_plans_need_no_inventions(void **state)
         }
 }
 
-/* Where the edges say nothing the plan stays near what is usual. */
-static void nonsense_is_bounded(void **state)
+/* If the edges give no information, the plan stays near the usual counts. */
+static void plans_with_invalid_edge_counts_are_bounded(void **state)
 {
     (void)state;
     level_plan none = {.count = 2, .particles = {250, 1000}}, many = none;
@@ -47,8 +47,8 @@ static void nonsense_is_bounded(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(corrected_plans_need_no_inventions),
-        cmocka_unit_test(nonsense_is_bounded),
+        cmocka_unit_test(corrected_plans_match_the_refined_counts),
+        cmocka_unit_test(plans_with_invalid_edge_counts_are_bounded),
     };
     return cmocka_run_group_tests_name("levels", tests, NULL, NULL);
 }

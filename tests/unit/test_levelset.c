@@ -1,4 +1,4 @@
-/* Meshes as arrays: distances, insides, repair, and the level set against exact formulas. */
+/* Meshes as arrays: distances, signs, repair, and the level set against exact formulas. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,8 +27,7 @@ static vec3 random_point(uint64_t *seed, double scale)
     return (vec3){scale * (x - 0.5), scale * (y - 0.5), scale * (z - 0.5)};
 }
 
-/* The least of the distances from a grid of points of the triangle: never less than the true one, and more
- * by at most half a step. */
+/* The smallest distance from a grid of points of the triangle. It exceeds the true distance by at most half a step. */
 static double sampled_distance(const triangle *t, vec3 p, int steps)
 {
     double least = INFINITY;
@@ -48,7 +47,7 @@ static void distance_from_triangles(void **state)
     enum { CASES = 2000, STEPS = 60 };
     for (int k = 0; k < CASES; k++) {
         triangle t = {random_point(&seed, 2), random_point(&seed, 2), random_point(&seed, 2)};
-        /* slivers: the third corner on the line of the others, exactly or nearly, within or beyond them */
+        /* slivers: the third corner lies on the line of the others, exactly or nearly, between or beyond them */
         if (k % 4 == 1) t.c = vec3_axpy(3 * fixture_random(&seed) - 1, vec3_sub(t.b, t.a), t.a);
         if (k % 4 == 2)
             t.c = vec3_add(vec3_axpy(3 * fixture_random(&seed) - 1, vec3_sub(t.b, t.a), t.a),
@@ -124,7 +123,7 @@ typedef struct judgement {
 
 static const double TOLERANCE = 1e-5;
 
-/* `known`: its edges are. */
+/* `known`: the edges are known. */
 static judgement judge_with(mesh m, bool known, threads *pool)
 {
     judgement j = {0};
@@ -144,7 +143,7 @@ static judgement judge_with(mesh m, bool known, threads *pool)
     return j;
 }
 
-/* Edges that are known, and threads, change nothing. */
+/* Known edges and threads do not change the result. */
 static judgement judge(mesh m)
 {
     mesh copy = {0};
@@ -191,8 +190,8 @@ static void good_meshes_have_no_notes(void **state)
     assert_int_equal(j.triangles, 640);
 }
 
-/* As many solids as balls, of so many triangles that all threads look for them. */
-static void many_triangles_hang_together(void **state)
+/* The number of solids equals the number of balls; there are enough triangles for all threads. */
+static void many_connected_triangles_are_one_part(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5);
@@ -216,8 +215,8 @@ static void holes_are_counted(void **state)
     mesh_fixture_remove(&m, 5);
     j = judge(m);
     assert_refused(&j, "3 boundary edges around 1 hole:");
-    m = ball_at(
-        10); /* a fin of one triangle on a closed ball: two boundary edges, and an edge of three triangles */
+    /* a fin of one triangle on a closed ball: two boundary edges, and an edge of three triangles */
+    m = ball_at(10);
     mesh_fixture_append(&m, (mesh){1, 0, mem_array(1, sizeof(vec3), "test", NULL), NULL, false});
     mesh_fixture_add(&m, m.triangle[0][0], m.triangle[0][1], (uint32_t)m.vertex_count - 1);
     j = judge(m);
@@ -235,7 +234,7 @@ static void holes_are_placed(void **state)
     assert_refused(&j, "4 boundary edges around 1 hole:");
 }
 
-/* Twins of corners that rounding has moved: each triangle has corners of its own. */
+/* Corners that rounding has moved apart: each triangle has its own corners. */
 static void near_vertices_are_joined(void **state)
 {
     (void)state;
@@ -260,7 +259,7 @@ static void near_vertices_are_joined(void **state)
     }
 }
 
-/* A box of which one face was cut into triangles without regard to its neighbours: three vertices on each edge. */
+/* A box with one face that was triangulated independently of its neighbours: three vertices on each edge. */
 static void seams_are_closed(void **state)
 {
     (void)state;
@@ -269,7 +268,7 @@ static void seams_are_closed(void **state)
                               {m.triangle[1][0], m.triangle[1][1], m.triangle[1][2]}};
     mesh_fixture_remove(&m, 1);
     mesh_fixture_remove(&m, 0);
-    for (uint32_t n = 0; n < 2; n++) { /* fans about the middle: edges in two parts, and in three */
+    for (uint32_t n = 0; n < 2; n++) { /* fans around the centre: edges in two parts, and in three */
         const uint32_t parts = 2 + n, around = 3 * parts;
         mesh face = {around + 1, 0, mem_array(around + 1, sizeof(vec3), "test", NULL), NULL, false};
         for (uint32_t k = 0; k < around; k++) {
@@ -286,10 +285,10 @@ static void seams_are_closed(void **state)
     assert_note(&j, "vertices of other triangles on their open edges: they are split there");
 }
 
-static void walls_within_are_refused(void **state)
+static void inner_walls_are_refused(void **state)
 {
     (void)state;
-    /* two boxes with a wall in common: where they touch twelve triangles are one wall of two */
+    /* two boxes with a common wall: where they touch, twelve triangles are one wall of two */
     mesh m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 4, 4}, 0);
     mesh b = mesh_fixture_box((vec3){18, 10, 10}, (vec3){4, 4, 4}, 0);
     mesh_fixture_append(&m, b);
@@ -297,7 +296,7 @@ static void walls_within_are_refused(void **state)
     mesh_fixture_remove(&m, 12 + 8);
     judgement j = judge(m);
     assert_refused(&j, "odd number of triangles");
-    /* with both walls they cancel, and one box is left */
+    /* with both walls they cancel, and one box remains */
     m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 4, 4}, 0);
     mesh_fixture_append(&m, mesh_fixture_box((vec3){18, 10, 10}, (vec3){4, 4, 4}, 0));
     j = judge(m);
@@ -305,7 +304,7 @@ static void walls_within_are_refused(void **state)
     assert_int_equal(j.solids, 1);
 }
 
-static void edges_of_four_are_noted(void **state)
+static void edges_of_four_triangles_are_reported(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 4, 4}, 0);
@@ -316,7 +315,7 @@ static void edges_of_four_are_noted(void **state)
     assert_int_equal(j.solids, 2);
 }
 
-static void orientation_is_mended(void **state)
+static void orientation_is_repaired(void **state)
 {
     (void)state;
     mesh m = ball_at(10);
@@ -330,7 +329,7 @@ static void orientation_is_mended(void **state)
     assert_note(&j, "1 of 1 shells are inside out: turned");
 }
 
-static void odd_triangles_are_noted(void **state)
+static void degenerate_and_duplicate_triangles_are_reported(void **state)
 {
     (void)state;
     mesh m = ball_at(10);
@@ -374,7 +373,7 @@ static void shells_in_shells(void **state)
         }
 }
 
-/* So that what hangs together is found from all sides, by all threads. */
+/* Shuffles the triangles, so that all threads find connections from all sides. */
 static void shuffle(mesh *m, uint64_t *seed)
 {
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, "places", NULL);
@@ -441,7 +440,7 @@ static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
 
 typedef double (*exact)(vec3 p, const void *shape);
 
-/* Every active voxel against the formula, and that they are all there; world units. */
+/* Compares every active voxel with the formula, and checks that all are present; world units. */
 static void assert_distances(const vdb_grid *g, exact f, const void *shape, double tolerance)
 {
     const double *m = g->index_to_world, band = (double)g->background;
@@ -496,7 +495,7 @@ static void boxes_are_exact(void **state)
         }
 }
 
-/* Each triangle in parts^2 that are alike, without common vertices. */
+/* Splits each triangle into parts^2 equal ones without common vertices. */
 static mesh split(const mesh *m, uint32_t parts)
 {
     const size_t count = m->triangle_count * parts * parts;
@@ -508,7 +507,7 @@ static mesh split(const mesh *m, uint32_t parts)
                    v = vec3_scale(vec3_sub(m->vertex[t[2]], a), 1.0 / parts);
         for (uint32_t i = 0; i < parts; i++)
             for (uint32_t j = 0; j < 2 * (parts - i) - 1;
-                 j++) { /* in turn with the triangle's way, and against it */
+                 j++) { /* alternately in the orientation of the triangle and against it */
                 const vec3 low = vec3_axpy(i, u, vec3_axpy(j / 2, v, a));
                 const vec3 corner[3] = {j & 1 ? vec3_add(low, vec3_add(u, v)) : low,
                                         vec3_add(low, j & 1 ? v : u), vec3_add(low, j & 1 ? u : v)};
@@ -522,7 +521,7 @@ static mesh split(const mesh *m, uint32_t parts)
     return out;
 }
 
-/* Thousands of triangles in a block are held against its voxels by bounds of other kinds than some. */
+/* A block with thousands of triangles uses other bounds than a block with a few. */
 static void many_triangles_are_as_exact_as_few(void **state)
 {
     (void)state;
@@ -538,7 +537,7 @@ static void many_triangles_are_as_exact_as_few(void **state)
     }
 }
 
-/* Inside a convex body the distance is the least of those from the planes of its faces. */
+/* Inside a convex body the distance is the smallest distance from the planes of its faces. */
 typedef struct convex {
     size_t count;
     vec3 *normal;
@@ -589,7 +588,7 @@ static void the_inside_of_a_ball_is_exact(void **state)
     mesh_free(&m);
 }
 
-/* Two boxes that overlap: the union, and no trace of the walls within it. */
+/* Two overlapping boxes: the union, without the walls inside it. */
 static double boxes_distance(vec3 p, const void *shape)
 {
     const box_shape *b = shape;
@@ -615,7 +614,7 @@ static double shell_distance(vec3 p, const void *shape)
     return fmax(box_distance(p, &b[0]), -box_distance(p, &b[1]));
 }
 
-/* The wall between the two is thicker than the band, so that the maximum of the two is the distance in it. */
+/* The wall between the two is thicker than the band, so the maximum of the two is the distance in it. */
 static void cavities_are_empty(void **state)
 {
     (void)state;
@@ -643,8 +642,8 @@ static void cavities_are_empty(void **state)
     mesh_free(&m);
 }
 
-/* What is inside and beyond the band has tiles, small and large: every voxel has the right side. */
-static void the_deep_inside_is_filled(void **state)
+/* The interior beyond the band has large and small tiles: every voxel has the correct sign. */
+static void the_interior_beyond_the_band_is_filled(void **state)
 {
     (void)state;
     enum { SIDE = 300 };
@@ -666,7 +665,7 @@ static void the_deep_inside_is_filled(void **state)
     mesh_free(&m);
 }
 
-/* A distance changes by no more than the way; a sign that is torn off its surface would show as a jump. */
+/* A distance changes at most by the displacement; a wrong sign would be a jump. */
 static void assert_steady(const vdb_grid *g, const char *what)
 {
     const float most = (float)g->index_to_world[0] * 1.001f;
@@ -690,9 +689,9 @@ static mesh mesh_of(const vec3 *corners, size_t corner_count, const uint32_t (*f
     return m;
 }
 
-/* The projective plane of six vertices, which has one side only; of one of its faces the middle is cut out
- * as a triangle of its own, which comes first and is joined last, when the contradiction has been seen. */
-static void one_sided_shells(void **state)
+/* The one-sided projective plane of six vertices. The middle of one face is a separate triangle, which comes first
+ * and is joined last, after the contradiction was found. */
+static void one_sided_shells_are_reported(void **state)
 {
     (void)state;
     static const uint32_t faces[16][3] = {{6, 7, 8}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}, {0, 1, 5}, {1, 2, 4},
@@ -713,7 +712,7 @@ static void one_sided_shells(void **state)
     }
 }
 
-/* The faces that an odd number of random tetrahedra of seven points have: closed, whatever else they are. */
+/* The faces that an odd number of random tetrahedra of seven points share: always a closed surface. */
 static size_t random_cycle(uint64_t *seed, uint32_t faces[35][3])
 {
     enum { POINTS = 7 };
@@ -741,7 +740,7 @@ static size_t random_cycle(uint64_t *seed, uint32_t faces[35][3])
     return count;
 }
 
-static void closed_however_tangled(void **state)
+static void tangled_closed_surfaces_have_consistent_signs(void **state)
 {
     (void)state;
     uint64_t seed = SEED;
@@ -762,7 +761,7 @@ static void closed_however_tangled(void **state)
     }
 }
 
-static void zeros_of_either_sign_are_one(void **state)
+static void zeros_of_either_sign_are_equal(void **state)
 {
     (void)state;
     const vec3 corners[7] = {{0, 0, 0},    {9, 0.0, 0},     {0, 9, 0},      {0, 0, 9},
@@ -811,7 +810,7 @@ static void sizes_and_limits(void **state)
     mesh_free(&point);
 }
 
-/* ---- voxels by need */
+/* ---- resolution on demand */
 
 static void voxels_follow_the_points(void **state)
 {
@@ -829,7 +828,7 @@ static void voxels_follow_the_points(void **state)
     assert_true(fabs(r.voxel_size - 2.0 / 300) < 1e-12);
     assert_string_equal(r.limited_by, "max_resolution");
     q.max_resolution = 4096;
-    q.memory_limit = (size_t)800 << 20; /* the points take a third of it */
+    q.memory_limit = (size_t)800 << 20; /* the points take a third of the limit */
     r = resolution_begin(&m, &q);
     assert_true(r.voxel_size > 0.006 && r.voxel_size < 2.0 / 256);
     assert_string_equal(r.limited_by, "memory");
@@ -848,15 +847,15 @@ int main(void)
         cmocka_unit_test(winding_through_corners),
         cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
-        cmocka_unit_test(many_triangles_hang_together),
+        cmocka_unit_test(many_connected_triangles_are_one_part),
         cmocka_unit_test(holes_are_counted),
         cmocka_unit_test(holes_are_placed),
         cmocka_unit_test(near_vertices_are_joined),
         cmocka_unit_test(seams_are_closed),
-        cmocka_unit_test(walls_within_are_refused),
-        cmocka_unit_test(edges_of_four_are_noted),
-        cmocka_unit_test(orientation_is_mended),
-        cmocka_unit_test(odd_triangles_are_noted),
+        cmocka_unit_test(inner_walls_are_refused),
+        cmocka_unit_test(edges_of_four_triangles_are_reported),
+        cmocka_unit_test(orientation_is_repaired),
+        cmocka_unit_test(degenerate_and_duplicate_triangles_are_reported),
         cmocka_unit_test(shells_in_shells),
         cmocka_unit_test(many_shells_in_any_order),
         cmocka_unit_test(boxes_are_exact),
@@ -864,10 +863,10 @@ int main(void)
         cmocka_unit_test(the_inside_of_a_ball_is_exact),
         cmocka_unit_test(overlapping_shells_are_united),
         cmocka_unit_test(cavities_are_empty),
-        cmocka_unit_test(the_deep_inside_is_filled),
-        cmocka_unit_test(one_sided_shells),
-        cmocka_unit_test(closed_however_tangled),
-        cmocka_unit_test(zeros_of_either_sign_are_one),
+        cmocka_unit_test(the_interior_beyond_the_band_is_filled),
+        cmocka_unit_test(one_sided_shells_are_reported),
+        cmocka_unit_test(tangled_closed_surfaces_have_consistent_signs),
+        cmocka_unit_test(zeros_of_either_sign_are_equal),
         cmocka_unit_test(sizes_and_limits),
         cmocka_unit_test(voxels_follow_the_points),
     };

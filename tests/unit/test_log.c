@@ -1,4 +1,6 @@
-/* Records as lines and as fields of the journal, which this test plays: systemd's takes them in `make bootcheck`. */
+/* Records as lines and as fields of a journal that this test replaces. `make bootcheck` tests the journal of
+ * systemd.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,7 +18,7 @@
 /* ---- the journal */
 
 static bool takes_records;
-static char taken[8192]; /* fields, each with a line break behind it */
+static char taken[8192]; /* received fields, each with a line break after it */
 
 static bool write_journal(const struct iovec *fields, size_t count)
 {
@@ -65,7 +67,7 @@ static void test_lines(void **state)
     assert_string_equal(lines + strlen("2026-01-01T00:00:00.000Z"), " warning one line  job=x\n");
 }
 
-static void test_long_records_are_cut(void **state)
+static void test_long_records_are_truncated(void **state)
 {
     (void)state;
     char longest[5000];
@@ -95,7 +97,7 @@ static void test_fields(void **state)
     assert_string_equal(taken, "PRIORITY=6\nSYSLOG_IDENTIFIER=hexad\nMESSAGE=nothing of the kind\n");
 }
 
-static void test_values_that_are_none_of_ours_are_left_out(void **state)
+static void test_invalid_field_values_are_omitted(void **state)
 {
     (void)state;
     log_set_journal(write_journal);
@@ -105,7 +107,7 @@ static void test_values_that_are_none_of_ours_are_left_out(void **state)
     assert_non_null(strstr(taken, "HEXAD_ATTEMPT=1\n"));
 }
 
-static void test_a_journal_that_is_gone(void **state)
+static void test_a_missing_journal_falls_back_to_lines(void **state)
 {
     (void)state;
     log_set_journal(write_journal);
@@ -120,10 +122,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines),
-        cmocka_unit_test(test_long_records_are_cut),
+        cmocka_unit_test(test_long_records_are_truncated),
         cmocka_unit_test(test_fields),
-        cmocka_unit_test(test_values_that_are_none_of_ours_are_left_out),
-        cmocka_unit_test(test_a_journal_that_is_gone),
+        cmocka_unit_test(test_invalid_field_values_are_omitted),
+        cmocka_unit_test(test_a_missing_journal_falls_back_to_lines),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Maps: what is painted, between voxels and beyond them. */
+/* Maps: values at voxels, between them and beyond them. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,7 +17,7 @@ static double slope(vec3 x)
     return 2 + 0.3 * x.x - 0.2 * x.y + 0.5 * x.z;
 }
 
-/* The fixture as a map of that name. */
+/* Opens the fixture as a map of this name. */
 static map *open_map(const fixture *g, const char *name, double background, error *e)
 {
     vdb_draft draft = fixture_draft(g);
@@ -29,7 +29,7 @@ static map *open_map(const fixture *g, const char *name, double background, erro
     return m;
 }
 
-/* A linear function of space comes back exactly, under any transform. */
+/* A linear function of space is reproduced exactly, under any transform. */
 static void linear_functions_are_exact(void **state)
 {
     (void)state;
@@ -54,7 +54,7 @@ static void linear_functions_are_exact(void **state)
     }
 }
 
-static void beyond_the_painted_part(void **state)
+static void undefined_regions_have_the_background_value(void **state)
 {
     (void)state;
     error e = {0};
@@ -65,7 +65,7 @@ static void beyond_the_painted_part(void **state)
     assert_close(map_value(spoken, outside), 0.7, 1e-6);
     assert_close(map_value(spoken, nowhere), 0.7, 1e-6);
     double last = slope((vec3){0.5, 0, 0});
-    assert_close(map_value(silent, rim), last, 1e-5); /* the active voxels alone */
+    assert_close(map_value(silent, rim), last, 1e-5); /* from the active voxels only */
     assert_close(map_value(spoken, rim), 0.8 * last + 0.2 * 0.7, 1e-5);
     map_close(silent);
     map_close(spoken);
@@ -90,7 +90,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(linear_functions_are_exact),
-        cmocka_unit_test(beyond_the_painted_part),
+        cmocka_unit_test(undefined_regions_have_the_background_value),
         cmocka_unit_test(faults_name_the_grid),
     };
     return cmocka_run_group_tests_name("map", tests, NULL, NULL);

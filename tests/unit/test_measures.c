@@ -1,4 +1,6 @@
-/* Points in perfect order on surfaces whose measures are known from geometry, and what the measures must not depend on. */
+/* Perfect lattices on surfaces whose measures are known from geometry, and transformations that must not change the
+ * measures.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -24,7 +26,7 @@ static measures measure(scene s)
     return m;
 }
 
-/* Neither gaps nor close pairs, and every cell is measured. */
+/* There are neither gaps nor close pairs, and every cell is measured. */
 static void check_represented(const measures *m, double coverage, double tolerance)
 {
     assert_close(m->coverage, coverage, tolerance);
@@ -32,8 +34,9 @@ static void check_represented(const measures *m, double coverage, double toleran
     assert_true(m->parts_without_points == 0 && m->empty_area_share == 0 && m->unmeasured_share == 0);
 }
 
-/* Of a zigzag side between m odd and m - 1 even rows, points of even rows lie on the side and have 3 neighbours instead of 4, and points of odd rows
- * have 5 instead of 6. Corners have 2, and an angle of 90 degrees: 2.5 is ideal. */
+/* On a zigzag side between m odd and m - 1 even rows, points of even rows lie on the side and have 3 neighbours
+ * instead of 4, and points of odd rows have 5 instead of 6. Corners have 2 neighbours and an angle of 90 degrees;
+ * 2.5 is ideal. */
 static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **state)
 {
     (void)state;
@@ -48,7 +51,7 @@ static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **
     assert_true(got.thin_count == 0);
 }
 
-/* The same points on a plane that the faces of a box cut: what lies on a face is on a border. */
+/* The same points on a plane that the faces of a box cut: points on a face are on a border. */
 static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **state)
 {
     (void)state;
@@ -99,15 +102,15 @@ static void a_triangle_of_a_lattice_is_perfect(void **state)
     assert_close(got.edge_cv, 0, 1e-6);
 }
 
-/* Points on the edges of the rims have their opposite ones as neighbours: 5 of 6 along rows; 4 of 6 on zigzags; corners 3 of 4.5. Points of
- * odd rows half a spacing from a zigzag have 6, with those below. */
+/* Points on the edges of the rims have neighbours on the opposite wall: 5 of 6 along rows, 4 of 6 on zigzags,
+ * corners 3 of 4.5. Points of odd rows half a spacing from a zigzag have 6, including those of the opposite wall. */
 static double plate_hex_fraction(int n, int m)
 {
     const int count = (m + 1) * (n + 1) + m * n, irregular = 2 * (n - 1) + 2 * (m - 1) + 4;
     return 1 - (double)irregular / count;
 }
 
-/* The farthest places lie in the middle of a rim, beside a zigzag. */
+/* The places farthest from points are in the middle of a rim, beside a zigzag. */
 static void a_plate_half_a_spacing_thick_has_no_close_points(void **state)
 {
     (void)state;
@@ -116,10 +119,10 @@ static void a_plate_half_a_spacing_thick_has_no_close_points(void **state)
     assert_close(got.hex_fraction, plate_hex_fraction(30, 15), 1e-12);
     assert_close(got.min_spacing_ratio, 0.5, 1e-9);
     assert_true(got.thin_count ==
-                2 * (946 - 90)); /* points on the edges of the rims have the rims' normals, too */
+                2 * (946 - 90)); /* points on the edges of the rims also have the normals of the rims */
 }
 
-/* MEASURES.md names .90 and .095. */
+/* MEASURES.md gives .90 and .095. */
 static void a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims(void **state)
 {
     (void)state;
@@ -131,7 +134,7 @@ static void a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims(vo
     assert_true(got.missing_share == 0 && got.coincident == 0);
 }
 
-/* Four cells meet at each corner of a square grid's cells: sides of no length are none. */
+/* Four cells meet at each corner of the cells of a square grid: sides of length 0 do not count. */
 static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **state)
 {
     (void)state;
@@ -152,8 +155,9 @@ static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **stat
     scene_free(&s);
 }
 
-/* Distances are exactly 1 in space; cells on the faces of a prism are as large as each other, but for those of the two rings at the ends. */
-static void an_open_tube_is_perfect(void **state)
+/* Distances in space are exactly 1. Cells on the faces of a prism have equal areas, except in the two rings at the
+ * ends. */
+static void an_open_tube_has_ideal_measures(void **state)
 {
     (void)state;
     const measures got = measure(scene_tube(24, 11));
@@ -165,7 +169,7 @@ static void an_open_tube_is_perfect(void **state)
     assert_close(got.area_cv, 0, 5e-3);
 }
 
-/* On the outer equator a triangle has a base of 1.28 and a height below .87, so a circumradius below .68. */
+/* On the outer equator a triangle has a base of 1.28 and a height below .87, so its circumradius is below .68. */
 static void a_torus_has_six_neighbours_everywhere(void **state)
 {
     (void)state;
@@ -179,7 +183,8 @@ static void a_torus_has_six_neighbours_everywhere(void **state)
     check_represented(&got, 0.62, 0.06);
 }
 
-/* A corner has an angle of 180 degrees and 3 neighbours; the middle of an edge 6: two corners and the four middles that share a face with it. */
+/* A corner has an angle of 180 degrees and 3 neighbours. The midpoint of an edge has 6: two corners, and the four
+ * midpoints that share a face with it. */
 static void the_ten_points_of_a_tetrahedron_are_perfect(void **state)
 {
     (void)state;
@@ -207,7 +212,8 @@ static void lattices_on_regular_solids_are_perfect(void **state)
     }
 }
 
-/* A point of the edge has 2 neighbours on it and 2 on each of k half planes, and is regular from 6 on; the ends of the edge have 1 + k. */
+/* A point of the edge has 2 neighbours on the edge and 2 on each of k half planes; from 6 neighbours on it is
+ * regular. The ends of the edge have 1 + k. */
 static void check_half_planes(const double *angle, int k)
 {
     const int n = 12, m = 5, count = n + 1 + k * (m * n + m * (n + 1)),
@@ -233,7 +239,8 @@ static void three_half_planes_have_an_edge_of_three_faces(void **state)
     check_half_planes(angle, 3);
 }
 
-/* The shells are .15 apart: points of two pieces are neither close nor neighbours. A place's distance from its nearest point is that of any piece. */
+/* The shells are .15 apart. Points of two components are neither close nor neighbours. The distance of a place from
+ * the nearest point includes all components. */
 static void nested_shells_are_measured_apart(void **state)
 {
     (void)state;
@@ -244,7 +251,7 @@ static void nested_shells_are_measured_apart(void **state)
     assert_close(got.min_spacing_ratio, 0.95, 1e-9);
 }
 
-/* A cell of one wall does not reach through to the other: it is a whole hexagon. */
+/* A cell of one wall does not include the opposite wall: it is a complete hexagon. */
 static void a_plate_is_measured_on_each_of_its_walls(void **state)
 {
     (void)state;
@@ -275,8 +282,8 @@ static double fine_above(const void *context, vec3 x)
     return x.z > 1 ? 0.5 : 1;
 }
 
-/* A square of 3 spacings a side holds 10.4 points; 0.65 where the request is four times as coarse. One of .8 holds 0.74; 3 where it is twice as
- * fine. */
+/* A square with sides of 3 spacings needs 10.4 points; 0.65 if the requested spacing is four times as large. A
+ * square of .8 needs 0.74; 3 if it is half as large. */
 static void a_piece_lacks_points_if_the_request_there_is_for_one_or_more(void **state)
 {
     (void)state;
@@ -297,8 +304,8 @@ static void a_piece_lacks_points_if_the_request_there_is_for_one_or_more(void **
     }
 }
 
-/* Of the cells of random points in a plane .295 have six sides (Poisson-Voronoi); MEASURES.md names .26, which a program found that misses
- * short sides, and a coverage of 1.6. */
+/* Of the cells of random points in a plane, a fraction of .295 has six sides (Poisson-Voronoi). MEASURES.md gives
+ * .26, which was found by a program that misses short sides, and a coverage of 1.6. */
 static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
 {
     (void)state;
@@ -310,15 +317,16 @@ static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
     const measures got = measure(s);
     assert_close(got.hex_fraction, 0.295, 0.045); /* three standard deviations */
     assert_close(got.coverage, 1.6, 0.3);
-    assert_close(got.euler, 2, 0.7); /* each side that is shorter than those that count adds a third */
+    assert_close(got.euler, 2, 0.7); /* each side below the threshold adds a third */
     assert_true(got.coincident == 0 && got.close_share > 0.1);
 }
 
-/* ---- what the measures do not depend on */
+/* ---- transformations that do not change the measures */
 
 enum { SCENES = 6, RANDOM_POINTS = 60 };
 
-/* Random points leave gaps, on thin walls, several pieces and edges of four faces. Points of lattices lie on edges and corners. */
+/* Random points leave gaps, on thin walls, several components and edges of four faces. Points of lattices lie on
+ * edges and corners. */
 static void make_scenes(scene out[SCENES])
 {
     const double angle[] = {0, M_PI / 2, M_PI, 1.5 * M_PI};
@@ -369,7 +377,7 @@ static void the_number_of_threads_changes_no_byte(void **state)
     }
 }
 
-/* Coverage is known to .02; all else to rounding. */
+/* Coverage is accurate to .02, all other measures to rounding. */
 static void check_changed(scene (*change)(const scene *))
 {
     scene all[SCENES];
@@ -416,7 +424,7 @@ int main(void)
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),
         cmocka_unit_test(a_plate_is_measured_on_each_of_its_walls),
         cmocka_unit_test(a_cube_with_a_square_grid_has_four_neighbours_everywhere),
-        cmocka_unit_test(an_open_tube_is_perfect),
+        cmocka_unit_test(an_open_tube_has_ideal_measures),
         cmocka_unit_test(a_torus_has_six_neighbours_everywhere),
         cmocka_unit_test(the_ten_points_of_a_tetrahedron_are_perfect),
         cmocka_unit_test(lattices_on_regular_solids_are_perfect),

@@ -1,4 +1,6 @@
-/* Random points on random meshes: the measures against a program that compares every triangle, point and place with every other. */
+/* Random points on random meshes: the measures against a program that compares all triangles, points and places with
+ * each other.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,10 +15,11 @@
 #include "shapes.h"
 
 enum { MOST_POINTS = 96, MOST_CORNERS = 3 + MOST_POINTS, PLACES = 24 };
-/* Cosine from which a place and a point are of opposite walls, length of a side that counts, and distance of a place that is missing (MEASURES.md). */
+/* Cosine up to which a place and a point are on opposite walls, minimum length of a side, and distance of a missing
+ * place (MEASURES.md). */
 static const double OPPOSITE = -0.4, SIDE = 1e-4, MISSING = 1.2;
 
-/* ---- the program without shortcuts */
+/* ---- the exhaustive program */
 
 typedef struct brute {
     const scene *s;
@@ -63,7 +66,7 @@ static void find_pieces(brute *b)
     }
 }
 
-/* Whether x lies on a triangle: in its plane, and on the inner side of each edge. */
+/* Whether x lies on a triangle: in its plane and on the inner side of each edge. */
 static bool is_on(const scene *s, size_t t, vec3 x)
 {
     const vec3 n = vec3_unit(cross_of(s, t));
@@ -76,7 +79,7 @@ static bool is_on(const scene *s, size_t t, vec3 x)
     return true;
 }
 
-/* The angle of a triangle around x, which lies on it. */
+/* The angle at x of a triangle that contains x. */
 static double angle_at(const scene *s, size_t t, vec3 x)
 {
     double on_edge = 2 * M_PI;
@@ -118,10 +121,10 @@ static bool face_each_other(const brute *b, size_t i, size_t j)
 typedef struct cut {
     int count;
     vec3 corner[MOST_CORNERS];
-    int behind[MOST_CORNERS]; /* of the edge to the next corner: a point, or -1 */
+    int behind[MOST_CORNERS]; /* the point on the other side of the edge to the next corner, or -1 */
 } cut;
 
-/* Keeps what is nearer to p than to q. */
+/* Keeps the part that is nearer to p than to q. */
 static void keep_nearer(cut *c, vec3 p, vec3 q, int behind)
 {
     const vec3 n = vec3_sub(q, p), middle = vec3_scale(vec3_add(p, q), 0.5);
@@ -185,7 +188,7 @@ static double pair_mean(const scene *s, size_t i, size_t j)
     return 0.5 * (s->spacing[i] + s->spacing[j]);
 }
 
-/* Cells and sides to rounding; the degree but for sides as long as the shortest that count. */
+/* Cells and sides are equal to rounding, and the degree except for sides near the minimum length. */
 static void compare_cells(const brute *b, const double *local, const double *degree)
 {
     const scene *s = b->s;
@@ -223,7 +226,8 @@ static void compare_pairs(const brute *b, const measures *got)
         assert_close(got->min_spacing_ratio, least, 1e-12); /* pairs are compared up to the support */
 }
 
-/* A place of a triangle divided into PLACES^2 parts: the middle of part (i, k), on either side of a parallelogram's diagonal. */
+/* A place of a triangle that is divided into PLACES^2 parts: the centre of part (i, k), on either side of the
+ * diagonal of a parallelogram. */
 static vec3 place_of(const scene *s, size_t t, int i, int k, bool upper)
 {
     const vec3 a = corner_of(s, t, 0), ab = vec3_sub(corner_of(s, t, 1), a),
@@ -232,10 +236,11 @@ static vec3 place_of(const scene *s, size_t t, int i, int k, bool upper)
     return vec3_axpy((i + more) / PLACES, ab, vec3_axpy((k + more) / PLACES, ac, a));
 }
 
-/* Distances of places from their nearest points. */
+/* Distances of places from the nearest points. */
 typedef struct gaps {
-    double farthest, radius; /* the largest, and how far places are from the corners of their parts at most */
-    double least_area, most_area; /* that is missing, at the least and at the most */
+    /* the largest distance, and the largest distance of places from the corners of their parts */
+    double farthest, radius;
+    double least_area, most_area; /* bounds of the missing area */
 } gaps;
 
 static void look_at_place(const brute *b, vec3 x, vec3 n, double area, double radius, gaps *g)
@@ -252,7 +257,7 @@ static void look_at_place(const brute *b, vec3 x, vec3 n, double area, double ra
     if (facing + radius > MISSING) g->most_area += area;
 }
 
-/* One spacing for all points: the distance of a place changes by no more than the place is moved. */
+/* With one spacing for all points, the distance of a place changes at most by the displacement of the place. */
 static void compare_gaps(const brute *b, const measures *got)
 {
     const scene *s = b->s;
@@ -312,7 +317,7 @@ static double area_of(const scene *s)
     return sum;
 }
 
-/* The spacing of the points if they were in perfect order, the same for all or not. */
+/* Sets the spacing that a perfect lattice would have, equal or varying. */
 static void set_spacing(scene *s, rng *r, bool even)
 {
     const double h = sqrt(2 * area_of(s) / (sqrt(3) * (double)s->points));
@@ -374,7 +379,7 @@ static void points_on_rough_spheres_are_measured_as_by_brute_force(void **state)
     }
 }
 
-/* Walls are between .02 and 3 thick, with several points for each spacing of that. */
+/* Walls are between .02 and 3 spacings thick. */
 static void points_on_plates_are_measured_as_by_brute_force(void **state)
 {
     (void)state;
@@ -390,7 +395,7 @@ static void points_on_pieces_near_each_other_are_measured_as_by_brute_force(void
     for (int k = 0; k < TRIALS; k++) try_surface(bare(scene_shells(1, between(&r, 0.3, 0.99))), &r);
 }
 
-/* Points on the edge of many faces have all of their normals. */
+/* Points on the edge of several faces have all of their normals. */
 static void points_on_half_planes_are_measured_as_by_brute_force(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* memory: arrays of every size are zeroed and aligned, also where freed memory comes back. */
+/* memory: arrays of every size are zeroed and aligned, also in reused memory. */
 #include <pthread.h>
 #include <semaphore.h>
 #include <setjmp.h>
@@ -28,7 +28,7 @@ static void check(size_t count)
             if (block[k][i] != 0) fail_msg("byte %zu of %zu is %d", i, count, block[k][i]);
         memset(block[k], 0xA5, count);
     }
-    for (size_t i = 0; i < count; i++) /* no array reaches into another */
+    for (size_t i = 0; i < count; i++) /* arrays do not overlap */
         if (block[0][i] != 0xA5 || block[1][i] != 0xA5) fail_msg("byte %zu of %zu was lost", i, count);
     for (int k = 0; k < 3; k++) free(block[k]);
 }
@@ -41,10 +41,10 @@ static void test_arrays_are_zeroed(void **state)
     for (int round = 0; round < 3; round++)
         for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) check(sizes[k]);
     for (size_t k = sizeof sizes / sizeof sizes[0]; k-- > 0;) check(sizes[k]);
-    check((32 << 20) + 4097); /* in large pages */
+    check((32 << 20) + 4097); /* in huge pages */
 }
 
-static void test_a_part_is_given_back(void **state)
+static void test_a_part_is_returned_to_the_kernel(void **state)
 {
     (void)state;
     const size_t size = 8 << 20, from = 1000001, bytes = 3 << 20;
@@ -56,12 +56,12 @@ static void test_a_part_is_given_back(void **state)
         if (p[i] != 0xA5 && !(within && p[i] == 0)) fail_msg("byte %zu is %d", i, p[i]);
     }
     assert_int_equal(p[from + bytes / 2], 0);
-    mem_release(p + 1, 100); /* less than a page: nothing */
+    mem_release(p + 1, 100); /* less than a page: no effect */
     assert_int_equal(p[50], 0xA5);
     free(p);
 }
 
-static void test_what_cannot_be_had(void **state)
+static void test_too_large_arrays_are_errors(void **state)
 {
     (void)state;
     error e = {0};
@@ -71,17 +71,17 @@ static void test_what_cannot_be_had(void **state)
     assert_null(mem_array(SIZE_MAX / 64, 63, "a test", NULL));
 }
 
-static void test_growing_keeps_what_is_there(void **state)
+static void test_growing_keeps_the_elements(void **state)
 {
     (void)state;
     error e = {0};
     uint32_t *array = NULL;
-    size_t room = 0;
+    size_t capacity = 0;
     for (uint32_t n = 0; n < 100; n++) {
-        assert_non_null(array = mem_grow(array, n, &room, 8, sizeof *array, "a test", &e));
+        assert_non_null(array = mem_grow(array, n, &capacity, 8, sizeof *array, "a test", &e));
         array[n] = n;
     }
-    assert_int_equal(room, 128);
+    assert_int_equal(capacity, 128);
     for (uint32_t n = 0; n < 100; n++) assert_int_equal(array[n], n);
     size_t full = SIZE_MAX / 16;
     assert_null(mem_grow(array, full, &full, 8, sizeof *array, "a test", &e));
@@ -97,17 +97,17 @@ static size_t peak_bytes(void)
     return (size_t)used.ru_maxrss << 10;
 }
 
-/* What is moved is not there twice. */
-static void test_growing_gives_back_the_old_place(void **state)
+/* Memory of moved elements is returned before the whole array is copied. */
+static void test_growing_releases_the_old_array(void **state)
 {
     (void)state;
     error e = {0};
-    size_t count = (size_t)256 << 20, room = count;
+    size_t count = (size_t)256 << 20, capacity = count;
     char *array = mem_array(count, 1, "a test", &e);
     memset(array, 7, count);
     const size_t before = peak_bytes();
-    assert_non_null(array = mem_grow(array, count, &room, 8, 1, "a test", &e));
-    assert_int_equal(room, 2 * count);
+    assert_non_null(array = mem_grow(array, count, &capacity, 8, 1, "a test", &e));
+    assert_int_equal(capacity, 2 * count);
     for (size_t n = 0; n < count; n += 4093) assert_int_equal(array[n], 7);
     assert_int_equal(array[count - 1], 7);
     assert_int_equal(array[count], 0);
@@ -115,8 +115,8 @@ static void test_growing_gives_back_the_old_place(void **state)
     free(array);
 }
 
-/* Arrays of what a small job takes are in place before they are touched. */
-static void test_first_touches_are_few(void **state)
+/* Arrays of the size of a small job are populated before they are accessed. */
+static void test_page_faults_are_few(void **state)
 {
     (void)state;
     enum { COUNT = 20, BYTES = 100000 };
@@ -126,7 +126,7 @@ static void test_first_touches_are_few(void **state)
     struct rusage before, after;
     munmap(probe, page);
 #ifdef __SANITIZE_ADDRESS__
-    return; /* the sanitizer has an allocator of its own */
+    return; /* the sanitizer has its own allocator */
 #endif
     if (!knows) return; /* a kernel before 5.14 */
     mem_begin();
@@ -137,7 +137,7 @@ static void test_first_touches_are_few(void **state)
     assert_true((size_t)(after.ru_minflt - before.ru_minflt) < COUNT * (BYTES / page) / 4);
 }
 
-/* Bytes of this process that are in memory and are no part of a file. */
+/* Bytes of this process in memory that do not belong to a file. */
 static size_t anonymous_bytes(void)
 {
     size_t kib = 0;
@@ -157,7 +157,7 @@ static struct {
     void *kept;
 } threads[THREADS];
 
-/* Allocates 8 MB in small blocks and a block behind them, and frees all but the last one. */
+/* Allocates 8 MB in small blocks and another block after them, and frees all except the last one. */
 static void *use_memory(void *argument)
 {
     const size_t index = *(size_t *)argument;
@@ -174,12 +174,12 @@ static void *use_memory(void *argument)
     return NULL;
 }
 
-/* One after the other uses 32 MB, while those before live on. */
-static void test_a_program_of_many_threads_keeps_little_of_what_they_freed(void **state)
+/* Threads use 32 MB one after another, while earlier threads still exist. */
+static void test_a_program_with_many_threads_keeps_little_freed_memory(void **state)
 {
     (void)state;
 #ifdef __SANITIZE_ADDRESS__
-    return; /* the sanitizer has an allocator of its own */
+    return; /* the sanitizer has its own allocator */
 #endif
     mem_begin_threads();
     const size_t before = anonymous_bytes();
@@ -201,13 +201,13 @@ static void test_a_program_of_many_threads_keeps_little_of_what_they_freed(void 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_first_touches_are_few),
+        cmocka_unit_test(test_page_faults_are_few),
         cmocka_unit_test(test_arrays_are_zeroed),
-        cmocka_unit_test(test_a_part_is_given_back),
-        cmocka_unit_test(test_what_cannot_be_had),
-        cmocka_unit_test(test_growing_keeps_what_is_there),
-        cmocka_unit_test(test_growing_gives_back_the_old_place),
-        cmocka_unit_test(test_a_program_of_many_threads_keeps_little_of_what_they_freed),
+        cmocka_unit_test(test_a_part_is_returned_to_the_kernel),
+        cmocka_unit_test(test_too_large_arrays_are_errors),
+        cmocka_unit_test(test_growing_keeps_the_elements),
+        cmocka_unit_test(test_growing_releases_the_old_array),
+        cmocka_unit_test(test_a_program_with_many_threads_keeps_little_freed_memory),
     };
     return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }

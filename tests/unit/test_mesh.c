@@ -1,5 +1,6 @@
-/* Meshes as files: through the reading process into a volume. The test program is its own reader; for a
- * file whose ending is "fakeN" it returns an invalid answer instead, of kind N. */
+/* Mesh files: through the reading process to a volume. The test program is its own reader. For a file with the
+ * extension "fakeN" it returns an invalid answer of kind N.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,7 +28,7 @@
 
 enum { SEED = 20260721, FAKES = 14 };
 
-/* As a job opens a closed mesh that it samples through a level set. */
+/* Opens a closed mesh like a job that samples its level set. */
 static volume *open_file(const volume_mesh_request *request, int fd, const char *reader, error *e)
 {
     mesh whole = {0};
@@ -76,8 +77,8 @@ static vec3 random_direction(uint64_t *seed)
     return (vec3){r * cos(angle), r * sin(angle), u};
 }
 
-/* Points of the zero set are on the ball, with normals outwards. The ball of triangles is up to 8e-4 of the
- * radius within the sphere, a fiftieth of a voxel at this resolution. */
+/* Points of the zero set are on the ball, with outward normals. The ball of triangles is up to 8e-4 of the radius
+ * inside the sphere, a fiftieth of a voxel at this resolution. */
 static void assert_ball(const volume *v, vec3 center, double radius, double side)
 {
     const field *f = volume_field(v);
@@ -122,8 +123,8 @@ static void balls_of_every_format(void **state)
         }
 }
 
-/* Maps and machines have coordinates of millions: in single precision this ball is 24 steps across. */
-static void places_far_from_the_origin(void **state)
+/* Maps and machines have coordinates of millions: in single precision this ball has a diameter of 24 steps. */
+static void positions_far_from_the_origin_keep_their_precision(void **state)
 {
     (void)state;
     static const char *const formats[] = {"obj", "stl"};
@@ -174,7 +175,7 @@ static void cavities_and_hidden_shells(void **state)
     mesh_free(&m);
 }
 
-static void thin_walls_are_told(void **state)
+static void thin_walls_are_reported(void **state)
 {
     (void)state;
     error e = {0};
@@ -194,7 +195,7 @@ static void thin_walls_are_told(void **state)
     mesh_free(&m);
 }
 
-/* A blade that 256 voxels do not show at all, and beside it one that they do. */
+/* A blade that 256 voxels do not resolve, and another one that they resolve. */
 static void voxels_follow_the_thickness(void **state)
 {
     (void)state;
@@ -238,7 +239,7 @@ static void open_meshes_are_refused(void **state)
     mesh_free(&m);
 }
 
-static void files_that_are_no_meshes(void **state)
+static void files_that_are_no_meshes_are_refused(void **state)
 {
     (void)state;
     static const struct {
@@ -263,8 +264,8 @@ static void files_that_are_no_meshes(void **state)
         expect_error(cases[k].path, cases[k].text, strlen(cases[k].text), cases[k].code, cases[k].message);
 }
 
-/* Cut at any place or with any bytes changed, a file gives an error or a mesh, and the program does not fail. A fuzzer tries
- * many more such files. */
+/* A file that is truncated anywhere, or has any bytes changed, gives an error or a mesh, and the program does not
+ * fail. A fuzzer tests many more such files. */
 static void damaged_files(void **state)
 {
     (void)state;
@@ -298,7 +299,7 @@ static void damaged_files(void **state)
     mesh_free(&m);
 }
 
-/* A pipe that nobody writes would hold whoever opens it for ever. */
+/* Opening a pipe without a writer would block forever. */
 static void other_files_are_not_opened(void **state)
 {
     (void)state;
@@ -366,7 +367,7 @@ static int fake(int kind)
     return 0;
 }
 
-static void answers_are_not_believed(void **state)
+static void invalid_answers_of_a_reader_are_refused(void **state)
 {
     (void)state;
     static const char *const words[] = {"",
@@ -386,7 +387,7 @@ static void answers_are_not_believed(void **state)
                                         "??"};
     volume *v = NULL;
     error e = {0};
-    v = open_bytes("x", 1, "a.fake0", 32, FIXTURE_MEMORY, &e); /* nothing wrong with this one */
+    v = open_bytes("x", 1, "a.fake0", 32, FIXTURE_MEMORY, &e); /* a valid answer */
     if (!v) fail_msg("%s", e.message);
     volume_close(v);
     for (int kind = 1; kind <= FAKES; kind++) {
@@ -414,17 +415,18 @@ static void assert_same_mesh(const mesh *a, const mesh *b)
     assert_memory_equal(a->triangle, b->triangle, a->triangle_count * sizeof *a->triangle);
 }
 
-/* What needs no more than joined vertices is welded once; another mesh is welded by whoever needs it, and tells it. */
+/* If a mesh only needs joined vertices, it is welded once. Any other mesh is welded by its user, who also gets the
+ * notes. */
 static void clean_meshes_are_welded_once(void **state)
 {
     (void)state;
     error e = {0};
     for (int kind = 0; kind < 5; kind++) {
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3), usual;
-        mesh_notes notes = {0}, told = {0};
+        mesh_notes notes = {0}, weld_notes = {0};
         const uint32_t *t = m.triangle[7];
-        if (kind == 1) mesh_fixture_add(&m, t[1], t[2], t[0]); /* again */
-        if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* the other way round */
+        if (kind == 1) mesh_fixture_add(&m, t[1], t[2], t[0]); /* a duplicate */
+        if (kind == 2) mesh_fixture_add(&m, t[0], t[2], t[1]); /* with the opposite orientation */
         if (kind == 3) mesh_fixture_add(&m, t[0], t[0], t[1]);
         if (kind == 4) mesh_fixture_remove(&m, 5);
         assert_true(mesh_copy(&m, mesh_fixture_pool(), &usual, &e) &&
@@ -433,16 +435,15 @@ static void clean_meshes_are_welded_once(void **state)
         assert_true(mesh_weld_clean(&m, mesh_fixture_pool(), &e));
         assert_int_equal(m.welded, kind == 0 || kind == 4);
         assert_int_equal(m.triangle_count, all);
-        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &told, &e));
-        assert_true(m.welded && told.count == notes.count && notes.count == (kind > 0 && kind < 4));
+        assert_true(mesh_weld(&m, MESH_KEEP_CANCELLED, &weld_notes, &e));
+        assert_true(m.welded && weld_notes.count == notes.count && notes.count == (kind > 0 && kind < 4));
         assert_same_mesh(&m, &usual);
         mesh_free(&m);
         mesh_free(&usual);
     }
 }
 
-/* A fan of more triangles than are held against each other is looked at by those who weld. */
-/* A vertex of its own for each corner, in an order of their own, and some of no triangle, far away. */
+/* Each corner has its own vertex, in a separate order. Some vertices far away belong to no triangle. */
 static mesh make_soup(int splits, uint64_t *seed)
 {
     mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, splits);
@@ -468,7 +469,7 @@ static mesh make_soup(int splits, uint64_t *seed)
     return m;
 }
 
-/* Of equal vertices that is kept whose corner comes first; they keep their order. */
+/* Of equal vertices the one with the first corner is kept. Kept vertices keep their order. */
 static void the_first_of_equal_vertices_is_kept(void **state)
 {
     (void)state;
@@ -500,8 +501,8 @@ static void the_first_of_equal_vertices_is_kept(void **state)
     }
 }
 
-/* Far vertices of no triangle are outside of it, and any number of threads find the same. */
-static void boxes_hold_what_triangles_use(void **state)
+/* Vertices without triangles are outside of the box. The result does not depend on the number of threads. */
+static void boxes_contain_the_vertices_of_triangles_only(void **state)
 {
     (void)state;
     uint64_t seed = 1;
@@ -516,6 +517,7 @@ static void boxes_hold_what_triangles_use(void **state)
     mesh_free(&m);
 }
 
+/* A fan with more triangles than are compared with each other is checked by the user that welds the mesh. */
 static void fans_are_welded_too(void **state)
 {
     (void)state;
@@ -541,7 +543,7 @@ static void fans_are_welded_too(void **state)
     mesh_free(&m);
 }
 
-/* A box with every face twice, one of them turned: the two cancel, but without both the box has a hole. */
+/* A box with every face twice, one of them reversed: the two cancel, but without both the box would have a hole. */
 static void faces_that_cancel_leave_no_hole(void **state)
 {
     (void)state;
@@ -563,7 +565,7 @@ static void faces_that_cancel_leave_no_hole(void **state)
     }
 }
 
-/* A box and its mirror image above it, also where a face is turned elsewhere. */
+/* A box and its mirror image above it, also if a face is reversed elsewhere. */
 static void a_contact_of_solids_is_dropped(void **state)
 {
     (void)state;
@@ -586,7 +588,7 @@ static void a_contact_of_solids_is_dropped(void **state)
     }
 }
 
-/* Two balls in each other, and a thin plate, none of which a level set follows. */
+/* Two intersecting balls, and a thin plate, neither of which a level set represents. */
 static void fidelity_by_any_number_of_threads(void **state)
 {
     (void)state;
@@ -608,8 +610,8 @@ static void fidelity_by_any_number_of_threads(void **state)
     mesh_free(&m);
 }
 
-/* Of a mesh of so many triangles that trees are made where places are looked for. */
-static void places_on_many_triangles(void **state)
+/* The mesh has enough triangles that a tree is used to find the closest points. */
+static void closest_points_on_many_triangles_are_found(void **state)
 {
     (void)state;
     error e = {0};
@@ -648,19 +650,19 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(balls_of_every_format),
         cmocka_unit_test(cavities_and_hidden_shells),
-        cmocka_unit_test(thin_walls_are_told),
+        cmocka_unit_test(thin_walls_are_reported),
         cmocka_unit_test(open_meshes_are_refused),
-        cmocka_unit_test(files_that_are_no_meshes),
+        cmocka_unit_test(files_that_are_no_meshes_are_refused),
         cmocka_unit_test(damaged_files),
         cmocka_unit_test(other_files_are_not_opened),
         cmocka_unit_test(limits_hold),
-        cmocka_unit_test(answers_are_not_believed),
+        cmocka_unit_test(invalid_answers_of_a_reader_are_refused),
         cmocka_unit_test(voxels_follow_the_thickness),
-        cmocka_unit_test(places_on_many_triangles),
-        cmocka_unit_test(places_far_from_the_origin),
+        cmocka_unit_test(closest_points_on_many_triangles_are_found),
+        cmocka_unit_test(positions_far_from_the_origin_keep_their_precision),
         cmocka_unit_test(clean_meshes_are_welded_once),
         cmocka_unit_test(the_first_of_equal_vertices_is_kept),
-        cmocka_unit_test(boxes_hold_what_triangles_use),
+        cmocka_unit_test(boxes_contain_the_vertices_of_triangles_only),
         cmocka_unit_test(fans_are_welded_too),
         cmocka_unit_test(faces_that_cancel_leave_no_hole),
         cmocka_unit_test(a_contact_of_solids_is_dropped),

@@ -1,4 +1,4 @@
-/* The edges of meshes, by how many triangles meet there. */
+/* The edges of meshes, classified by the number of triangles that meet there. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,7 +27,7 @@ static void assert_edges(const mesh *m, size_t open, size_t odd, size_t branchin
     size_t count, found = 0;
     assert_true(mesh_edges_open(&edges, &list, &count, &e));
     assert_int_equal(count, open);
-    for (size_t k = 0; k < count; k++) { /* each is its triangle's */
+    for (size_t k = 0; k < count; k++) { /* each edge belongs to its triangle */
         const uint32_t *t = m->triangle[list[k].triangle];
         for (int c = 0; c < 3; c++) found += t[c] == list[k].from && t[(c + 1) % 3] == list[k].to;
     }
@@ -48,7 +48,7 @@ static void kinds_are_counted(void **state)
     assert_edges(&m, 0, 0, 0, 3);
     mesh_fixture_turn(&m, 7000);
     const uint32_t *t = m.triangle[7];
-    mesh_fixture_add(&m, t[0], t[1], 5000); /* at an edge of two triangles; its others are its own */
+    mesh_fixture_add(&m, t[0], t[1], 5000); /* shares an edge of two triangles; its other edges are its own */
     assert_edges(&m, 2, 1, 1, 0);
     t = m.triangle[7];
     mesh_fixture_add(&m, t[1], t[0], 5001);
@@ -59,7 +59,7 @@ static void kinds_are_counted(void **state)
     mesh_free(&sheet);
 }
 
-/* Edges that are known are those of a closed mesh, and are listed anew once vertices were joined. */
+/* Known edges are those of a closed mesh. They are listed again after vertices were joined. */
 static void known_edges_are_kept(void **state)
 {
     (void)state;
@@ -69,7 +69,7 @@ static void known_edges_are_kept(void **state)
         mesh_notes notes = {0};
         error e = {0};
         assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
-        if (cut) { /* a corner of its own, a hair away */
+        if (cut) { /* a separate corner at a small distance */
             mesh more = mesh_fixture_ball((vec3){1e-7, 0, 0}, 1, 2);
             const size_t first = m.vertex_count;
             mesh_fixture_append(&m, more);

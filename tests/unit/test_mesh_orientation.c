@@ -13,7 +13,7 @@
 #include "mesh/mesh_orientation.h"
 #include "mesh_fixture.h"
 
-/* Patches of a mesh whose edges bent by more than 0.7 are features, oriented. */
+/* Oriented patches of a mesh; edges with an angle of more than 0.7 are features. */
 static mesh_patches oriented(mesh m)
 {
     const mesh_patches_params params = {.weld = 1e-6, .feature_angle = 0.7, .pool = mesh_fixture_pool()};
@@ -25,7 +25,7 @@ static mesh_patches oriented(mesh m)
     return p;
 }
 
-/* The volume that the triangles enclose by their orientation. */
+/* The signed volume that the triangles enclose. */
 static double volume_of(const mesh *m)
 {
     double sum = 0;
@@ -53,7 +53,7 @@ static void a_box_that_is_inside_out_gets_outward_normals(void **state)
     mesh_patches_free(&p);
 }
 
-static void a_box_that_is_right_stays_as_it_is(void **state)
+static void a_box_with_outward_normals_is_unchanged(void **state)
 {
     (void)state;
     mesh_patches p = oriented(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3));
@@ -62,7 +62,7 @@ static void a_box_that_is_right_stays_as_it_is(void **state)
     mesh_patches_free(&p);
 }
 
-/* Of a ball and of a box, a third of the triangles turned at random. */
+/* A ball and a box with a third of the triangles reversed at random. */
 static void mixed_faces_of_closed_parts_get_outward_normals(void **state)
 {
     (void)state;
@@ -86,8 +86,9 @@ static void mixed_faces_of_closed_parts_get_outward_normals(void **state)
     }
 }
 
-/* A shell in another: inwards it is a cavity, outwards another solid; either stays so when the whole file is inside out. */
-static void a_shell_inside_another_keeps_its_orientation_to_it(void **state)
+/* A shell in another one: with inward normals it is a cavity, with outward normals another solid. Both are kept if
+ * the whole file is inside out. */
+static void an_inner_shell_keeps_its_relative_orientation(void **state)
 {
     (void)state;
     for (int k = 0; k < 4; k++) {
@@ -104,7 +105,7 @@ static void a_shell_inside_another_keeps_its_orientation_to_it(void **state)
     }
 }
 
-/* Four sides of a box, bent at three edges: the side that most others do not agree with is turned. */
+/* Four sides of a box with three sharp edges: the side that disagrees with the majority is reversed. */
 static void an_open_part_agrees_along_its_edges(void **state)
 {
     (void)state;
@@ -115,7 +116,7 @@ static void an_open_part_agrees_along_its_edges(void **state)
     mesh_fixture_turn(&m, 1);
     mesh_patches p = oriented(m);
     assert_int_equal(p.turned, 2);
-    for (size_t n = 0; n < p.m.triangle_count; n++) { /* all look away from the middle, as of the box */
+    for (size_t n = 0; n < p.m.triangle_count; n++) { /* all point outwards, as for the box */
         const uint32_t *t = p.m.triangle[n];
         const vec3 a = p.m.vertex[t[0]], b = p.m.vertex[t[1]], c = p.m.vertex[t[2]];
         assert_true(vec3_dot(a, vec3_cross(vec3_sub(b, a), vec3_sub(c, a))) > 0);
@@ -137,9 +138,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_box_that_is_inside_out_gets_outward_normals),
-        cmocka_unit_test(a_box_that_is_right_stays_as_it_is),
+        cmocka_unit_test(a_box_with_outward_normals_is_unchanged),
         cmocka_unit_test(mixed_faces_of_closed_parts_get_outward_normals),
-        cmocka_unit_test(a_shell_inside_another_keeps_its_orientation_to_it),
+        cmocka_unit_test(an_inner_shell_keeps_its_relative_orientation),
         cmocka_unit_test(an_open_part_agrees_along_its_edges),
         cmocka_unit_test(a_moebius_strip_stays_one_sided),
     };

@@ -1,4 +1,4 @@
-/* Meshes as patches, curves and corners: of shapes whose numbers of each are known. */
+/* Meshes as patches, curves and corners: shapes whose numbers of each are known. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -38,7 +38,8 @@ static mesh_patches make(mesh m, double angle)
     const mesh_patches_params params = {.weld = 1e-6, .feature_angle = angle};
     assert_true(mesh_patches_make(&m, &params, &notes, &out, &e));
     assert_null(m.vertex);
-    for (size_t k = 0; k < out.curve_count; k++) { /* none is empty, and ends of others are ends */
+    /* no curve is empty, and curves that meet share their ends */
+    for (size_t k = 0; k < out.curve_count; k++) {
         assert_true(out.curve[k].count >= (out.curve[k].closed ? 3 : 2));
         assert_true(out.curve[k].patch_count >= 1);
         for (size_t i = 0; i < out.curve[k].patch_count; i++)
@@ -56,7 +57,7 @@ static void assert_counts(const mesh_patches *p, size_t patches, size_t curves, 
         assert_int_equal(p->curve[k].patch_count, patches_at_each);
 }
 
-/* Whether any two triangles of a patch agree along the edge they share; vertices are not shared beyond curves. */
+/* Checks that triangles of a patch agree along their shared edges. Vertices are not shared across curves. */
 static void assert_oriented(const mesh_patches *p)
 {
     for (size_t a = 0; a < p->m.triangle_count; a++)
@@ -77,7 +78,7 @@ static void test_square_sheet(void **state)
     for (int k = 0; k < 4; k++) assert_int_equal(p.curve[k].count, 6);
     assert_false(p.one_sided[0] || p.curve[0].closed);
     mesh_patches_free(&p);
-    p = make(mesh_fixture_sheet(5, 5, flat), 0); /* no features: its rim is one loop */
+    p = make(mesh_fixture_sheet(5, 5, flat), 0); /* without features, its boundary is one loop */
     assert_counts(&p, 1, 1, 1);
     assert_true(p.curve[0].closed);
     assert_int_equal(p.curve[0].count, 20);
@@ -91,7 +92,7 @@ static void test_box(void **state)
         make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), MESH_PATCHES_AUTOMATIC);
     assert_counts(&p, 6, 12, 2);
     assert_true(p.feature_angle == MESH_PATCHES_ANGLE);
-    assert_int_equal(p.m.vertex_count, 24); /* each face has its own */
+    assert_int_equal(p.m.vertex_count, 24); /* each face has its own vertices */
     for (int k = 0; k < 12; k++) assert_int_equal(p.curve[k].count, 2);
     mesh_patches_free(&p);
     p = make(mesh_fixture_box(vec3_make(1, 2, 3), vec3_make(1, 2, 3), 0.3), 0);
@@ -99,13 +100,13 @@ static void test_box(void **state)
     mesh_patches_free(&p);
 }
 
-/* A sheet folded along v = 1/2, its halves a tenth of their length apart at the other end. */
+/* A surface folded along v = 1/2; the far ends of its halves are a tenth of their length apart. */
 static vec3 folded(double u, double v)
 {
     return vec3_make(u, fabs(v - 0.5), 0.1 * (v - 0.5));
 }
 
-static void test_curves_know_how_sharp_they_are(void **state)
+static void test_curves_have_the_cosine_of_their_sharpest_angle(void **state)
 {
     (void)state;
     mesh_patches p = make(mesh_fixture_sheet(4, 4, folded), 2);
@@ -127,12 +128,12 @@ static void test_smooth_ball_has_no_curves(void **state)
     mesh_patches_free(&p);
 }
 
-/* Rough as a scan is: bends of all sizes, and few that are sharp. */
+/* Rough like a scan: angles of all sizes, and few sharp ones. */
 static void test_scan_has_no_features(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_ball(vec3_make(0, 0, 0), 1, 4);
-    for (size_t v = 0; v < m.vertex_count; v++) { /* the same for vertices of one place */
+    for (size_t v = 0; v < m.vertex_count; v++) { /* equal for coinciding vertices */
         const vec3 x = m.vertex[v];
         m.vertex[v] = vec3_scale(x, 1 + 0.02 * sin(1e3 * (x.x + 2 * x.y + 3 * x.z)));
     }
@@ -142,7 +143,7 @@ static void test_scan_has_no_features(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_one_sided(void **state)
+static void test_one_sided_surfaces(void **state)
 {
     (void)state;
     mesh_patches p = make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), MESH_PATCHES_AUTOMATIC);
@@ -156,12 +157,13 @@ static void test_one_sided(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_three_sheets_at_an_edge(void **state)
+static void test_three_surfaces_meet_in_an_edge(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(4, 4, flat);
     mesh_fixture_append(&m, mesh_fixture_sheet(4, 4, wall));
-    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC); /* the flat one is two, on either side of the wall */
+    /* the flat part is two patches, on either side of the wall */
+    mesh_patches p = make(m, MESH_PATCHES_AUTOMATIC);
     size_t three = 0;
     assert_int_equal(p.count, 3);
     for (size_t k = 0; k < p.curve_count; k++) three += p.curve[k].patch_count == 3;
@@ -170,7 +172,7 @@ static void test_three_sheets_at_an_edge(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_orientation_follows_most(void **state)
+static void test_orientation_follows_the_majority(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(6, 6, flat);
@@ -186,7 +188,7 @@ static void test_orientation_follows_most(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_double_faces_count_once(void **state)
+static void test_duplicate_faces_count_once(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(3, 3, flat), back = mesh_fixture_sheet(3, 3, flat);
@@ -204,7 +206,7 @@ static vec3 beside(double u, double v)
     return vec3_make(1 + u, v, 0);
 }
 
-/* Sheets whose vertices lie on each other's edges are one. */
+/* Surfaces whose vertices lie on each other's edges are joined. */
 static void test_t_junctions(void **state)
 {
     (void)state;
@@ -215,7 +217,7 @@ static void test_t_junctions(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_soup(void **state)
+static void test_disconnected_triangles_are_patches(void **state)
 {
     (void)state;
     mesh m = {0};
@@ -229,7 +231,7 @@ static void test_soup(void **state)
     mesh_patches_free(&p);
 }
 
-static void test_nothing_is_left(void **state)
+static void test_a_mesh_without_area_has_no_surface(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(1, 1, flat);
@@ -247,16 +249,16 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_square_sheet),
         cmocka_unit_test(test_box),
-        cmocka_unit_test(test_curves_know_how_sharp_they_are),
+        cmocka_unit_test(test_curves_have_the_cosine_of_their_sharpest_angle),
         cmocka_unit_test(test_smooth_ball_has_no_curves),
         cmocka_unit_test(test_scan_has_no_features),
-        cmocka_unit_test(test_one_sided),
-        cmocka_unit_test(test_three_sheets_at_an_edge),
-        cmocka_unit_test(test_orientation_follows_most),
-        cmocka_unit_test(test_double_faces_count_once),
+        cmocka_unit_test(test_one_sided_surfaces),
+        cmocka_unit_test(test_three_surfaces_meet_in_an_edge),
+        cmocka_unit_test(test_orientation_follows_the_majority),
+        cmocka_unit_test(test_duplicate_faces_count_once),
         cmocka_unit_test(test_t_junctions),
-        cmocka_unit_test(test_soup),
-        cmocka_unit_test(test_nothing_is_left),
+        cmocka_unit_test(test_disconnected_triangles_are_patches),
+        cmocka_unit_test(test_a_mesh_without_area_has_no_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Meshes as fields of patches: zero on their triangles, with normals and curvatures of what they stand for. */
+/* Meshes as fields of patches: zero on their triangles, with the normals and curvatures of the approximated surface. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,7 +35,7 @@ static mesh_surface *make(mesh m, double angle, double longest)
     return s;
 }
 
-/* The square of the distance from some triangles. */
+/* The squared distance from some triangles. */
 static double distance2_from(const mesh *m, size_t first, size_t end, vec3 x)
 {
     double best = INFINITY;
@@ -53,7 +53,7 @@ static double distance_from(const mesh_surface *s, vec3 x)
     return sqrt(distance2_from(m, 0, m->triangle_count, x));
 }
 
-/* A place of some cell, moved by up to `off` every way. */
+/* A place in a random cell, displaced by up to `off` along each axis. */
 static vec3 place_near(const field *f, double off, uint64_t *seed, size_t *cell)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];
@@ -66,7 +66,7 @@ static vec3 place_near(const field *f, double off, uint64_t *seed, size_t *cell)
     return x;
 }
 
-/* Newton's method from beside the mesh ends on it, in few steps. */
+/* Newton's method from a place near the mesh converges to it in few steps. */
 static void assert_newton_ends_on_mesh(mesh_surface *s, double off)
 {
     const field *f = mesh_surface_field(s);
@@ -103,8 +103,8 @@ static void test_newton_ends_on_mesh(void **state)
     mesh_surface_free(s);
 }
 
-/* Places in lanes, each by a hint of the one before or by none, are told as one by one. */
-static void test_lanes_of_patches(void **state)
+/* Places in lanes, with the hint of the previous one or without a hint, give the results of single samples. */
+static void test_lanes_of_patches_equal_single_samples(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 4), 0, 0.2);
@@ -140,12 +140,12 @@ static void test_lanes_of_patches(void **state)
             x[l] = vec3_axpy(-one.value, one.gradient, x[l]);
         }
     }
-    assert_int_equal(hint[0], FIELD_NO_HINT); /* of no place */
+    assert_int_equal(hint[0], FIELD_NO_HINT); /* its place is undefined */
     mesh_surface_free(s);
 }
 
-/* Of a ball of triangles: F the distance from it, and normals and curvatures those of the sphere, but for the
- * triangles' size. */
+/* A ball of triangles: F is the distance from it, and normals and curvatures are those of the sphere, to the size of
+ * the triangles. */
 static void test_ball(void **state)
 {
     (void)state;
@@ -171,8 +171,9 @@ static void test_ball(void **state)
     mesh_surface_free(s);
 }
 
-/* Blocks that touch, so that many places are as near to two patches: the whole is what the first of the nearest is. */
-static void test_the_whole_is_the_nearest_patch(void **state)
+/* Touching blocks, so that many places have the same distance from two patches: the whole field equals the first of
+ * the nearest patches. */
+static void test_the_whole_field_equals_the_nearest_patch(void **state)
 {
     (void)state;
     enum { SIDE = 6, ALL = SIDE * SIDE * SIDE };
@@ -220,8 +221,8 @@ static vec3 flat(double u, double v)
     return vec3_make(u, v, 0);
 }
 
-/* Beyond its rim a sheet goes on, but not within. */
-static void test_beyond_the_rim(void **state)
+/* A surface is extrapolated beyond its boundary, but not within. */
+static void test_a_patch_is_extrapolated_beyond_its_boundary(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_sheet(3, 3, flat), MESH_PATCHES_AUTOMATIC, 0.2);
@@ -240,7 +241,7 @@ static void test_beyond_the_rim(void **state)
     mesh_surface_free(s);
 }
 
-/* Cells add up to the mesh, keep to their size, and are of the patch of their triangle. */
+/* The cells add up to the mesh, do not exceed their size, and belong to the patch of their triangle. */
 static void test_cells(void **state)
 {
     (void)state;
@@ -267,8 +268,8 @@ static void test_cells(void **state)
     mesh_surface_free(s);
 }
 
-/* A spacing that is far too small is refused before memory is out. */
-static void test_pieces_keep_to_the_memory(void **state)
+/* A spacing that is far too small is refused before memory is exhausted. */
+static void test_a_spacing_beyond_memory_is_refused(void **state)
 {
     (void)state;
     const vec3 half = {1, 2, 3}, center = {4, 5, 6};
@@ -282,7 +283,7 @@ static void test_pieces_keep_to_the_memory(void **state)
     }
 }
 
-/* Those of one patch, where cubes hold several: what a walk along all of them finds, in its order. */
+/* The elements of one patch in cubes with several patches: those of a walk along all of them, in the same order. */
 static void test_elements_of_a_patch(void **state)
 {
     (void)state;
@@ -318,9 +319,9 @@ static void test_elements_of_a_patch(void **state)
     mesh_surface_free(s);
 }
 
-/* Two flat pyramids back to back, of eight triangles: the normals between their corners turn over whole faces, so that near
- * the edge they face aside. The medial axis is the base between them. */
-static void test_feature_sizes_are_of_the_faces(void **state)
+/* Two flat pyramids with a common base, of eight triangles. Interpolated normals would rotate over whole faces and
+ * be oblique near the edge. The medial axis is the common base. */
+static void test_feature_sizes_use_face_normals(void **state)
 {
     (void)state;
     static const vec3 corner[] = {{1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}, {0, 0, 0.3}, {0, 0, -0.3}};
@@ -374,7 +375,7 @@ static void assert_same_sample(const field_sample *a, const field_sample *b)
                 1e-12 * size);
 }
 
-/* Of a surface whose sheets are far apart: what a field tells with a hint, of whatever place, is what it tells without. */
+/* On a surface whose sheets are far apart, the samples of the field do not depend on the hint. */
 static void assert_hints_change_nothing(mesh_surface *s, double off)
 {
     const field *f = mesh_surface_field(s);
@@ -410,7 +411,7 @@ static void assert_hints_change_nothing(mesh_surface *s, double off)
     mesh_surface_free(s);
 }
 
-static void test_hints_change_nothing(void **state)
+static void test_hints_do_not_change_results(void **state)
 {
     (void)state;
     assert_hints_change_nothing(make(mesh_fixture_ball(vec3_make(1, 2, 3), 2, 3), 0, 0.2), 0.1);
@@ -419,8 +420,9 @@ static void test_hints_change_nothing(void **state)
     assert_hints_change_nothing(make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2), 0.05);
 }
 
-/* Between two sheets of a patch, nearer to the other one, a hint keeps to its own; without a hint the nearest is told. */
-static void test_hint_keeps_to_its_sheet(void **state)
+/* Between two sheets of a patch, a sample with a hint is of the sheet of the hint, also if the other one is nearer;
+ * without a hint it is of the nearest sheet. */
+static void test_a_hint_stays_on_its_side_of_a_fold(void **state)
 {
     (void)state;
     mesh_surface *s = make(mesh_fixture_sheet(22, 6, folded), 0, 0.2);
@@ -441,9 +443,9 @@ static vec3 level(double u, double v)
     return vec3_make(u, v, 0);
 }
 
-/* A vertex of a level sheet is moved beyond its neighbours, so that triangles are turned over: normals there are still those of the
- * sheet around them, and not of an opposite wall. */
-static void test_normals_in_a_small_fold_are_those_around_it(void **state)
+/* A vertex of a level sheet is moved beyond its neighbours, which reverses triangles. The normals at these triangles
+ * remain those of the sheet around them. */
+static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_sheet(10, 10, level);
@@ -470,7 +472,8 @@ static void test_normals_in_a_small_fold_are_those_around_it(void **state)
     mesh_surface_free(s);
 }
 
-/* Patches are refined where they bend: along their curves they still have the same sides, and the area stays. */
+/* Patches are refined where they are curved. They still share the same sides along their curves, and the area is
+ * unchanged. */
 static void test_refined_patches_meet(void **state)
 {
     (void)state;
@@ -496,18 +499,18 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_newton_ends_on_mesh),
-        cmocka_unit_test(test_lanes_of_patches),
-        cmocka_unit_test(test_hints_change_nothing),
-        cmocka_unit_test(test_hint_keeps_to_its_sheet),
-        cmocka_unit_test(test_normals_in_a_small_fold_are_those_around_it),
+        cmocka_unit_test(test_lanes_of_patches_equal_single_samples),
+        cmocka_unit_test(test_hints_do_not_change_results),
+        cmocka_unit_test(test_a_hint_stays_on_its_side_of_a_fold),
+        cmocka_unit_test(test_normals_in_a_small_fold_equal_those_around_it),
         cmocka_unit_test(test_refined_patches_meet),
         cmocka_unit_test(test_ball),
-        cmocka_unit_test(test_beyond_the_rim),
-        cmocka_unit_test(test_the_whole_is_the_nearest_patch),
+        cmocka_unit_test(test_a_patch_is_extrapolated_beyond_its_boundary),
+        cmocka_unit_test(test_the_whole_field_equals_the_nearest_patch),
         cmocka_unit_test(test_cells),
-        cmocka_unit_test(test_pieces_keep_to_the_memory),
+        cmocka_unit_test(test_a_spacing_beyond_memory_is_refused),
         cmocka_unit_test(test_elements_of_a_patch),
-        cmocka_unit_test(test_feature_sizes_are_of_the_faces),
+        cmocka_unit_test(test_feature_sizes_use_face_normals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

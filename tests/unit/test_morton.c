@@ -1,4 +1,4 @@
-/* Morton's order: a permutation, sorted by the interleaved coordinates, along which neighbours are near. */
+/* Morton's order: a permutation sorted by the interleaved coordinates, along which neighbours are near. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,14 +18,14 @@ static void a_lattice_is_ordered_octant_by_octant(void **state)
     static vec3 x[COUNT];
     static uint32_t order[COUNT];
     error e = {0};
-    for (int k = 0; k < COUNT; k++) /* x slowest, so that nothing is in order yet */
+    for (int k = 0; k < COUNT; k++) /* x slowest, so that the points are not sorted */
         x[k] = (vec3){k / (SIDE * SIDE), k / SIDE % SIDE, k % SIDE};
     assert_true(morton_order(x, COUNT, NULL, order, &e));
     bool seen[COUNT] = {false};
     for (int k = 0; k < COUNT; k++) {
         assert_false(seen[order[k]]);
         seen[order[k]] = true;
-        /* the k-th octant of the lattice holds the k-th eighth of the order, and so on down */
+        /* the k-th octant of the lattice is the k-th eighth of the order, recursively */
         int expected[3] = {0, 0, 0};
         for (int bit = 0; bit < 12; bit++) expected[bit % 3] |= (k >> bit & 1) << bit / 3;
         assert_true(x[order[k]].x == expected[0] && x[order[k]].y == expected[1] &&
@@ -46,8 +46,9 @@ static void coincident_points_keep_their_order(void **state)
     assert_true(order[0] == 0 && order[1] == 1);
 }
 
-/* So many points that threads share the work: each comes once, their cells ascend, and those of a cell keep their order. */
-static void many_points_are_ordered_alike_by_any_number_of_threads(void **state)
+/* There are enough points for several threads: each point occurs once, cells ascend, and points of a cell keep their
+ * order. */
+static void order_does_not_depend_on_threads(void **state)
 {
     (void)state;
     enum { MANY = 100000 };
@@ -70,7 +71,8 @@ static void many_points_are_ordered_alike_by_any_number_of_threads(void **state)
         const bool alike = a.x == b.x && a.y == b.y && a.z == b.z;
         if (k > 0 && alike) assert_true(order[k - 1] < order[k]);
         assert_true((int)a.x / 256 <=
-                    (int)b.x / 256); /* the first two bits of a cell are of x alone, four times as long */
+                    /* the first two bits of a cell belong to x, since the box is four times as long in x */
+                    (int)b.x / 256);
     }
     free(seen);
     free(x);
@@ -83,7 +85,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_lattice_is_ordered_octant_by_octant),
         cmocka_unit_test(coincident_points_keep_their_order),
-        cmocka_unit_test(many_points_are_ordered_alike_by_any_number_of_threads),
+        cmocka_unit_test(order_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests_name("morton", tests, NULL, NULL);
 }

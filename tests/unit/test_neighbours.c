@@ -1,4 +1,4 @@
-/* Lists against all pairs, and the property that makes threads harmless. */
+/* Neighbour lists against all pairs, and the independence of the colours that threads rely on. */
 #include <math.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -54,7 +54,7 @@ static void lists_hold_every_pair_within_the_cutoff(void **state)
     threads_free(pool);
 }
 
-/* Sizes of 1 to 300, side by side, so that every bin has neighbours of other levels. */
+/* Adjacent sizes of 1 to 300, so that every bin has neighbours on other levels. */
 static void lists_hold_every_pair_within_its_own_cutoff(void **state)
 {
     (void)state;
@@ -85,7 +85,8 @@ static void lists_hold_every_pair_within_its_own_cutoff(void **state)
     threads_free(pool);
 }
 
-/* As many points as fill many bins of each level, in a sheet, so dense where sizes are small as packings are; sizes of 1 to 1.9, 9 or 40. */
+/* Enough points to fill many bins of each level, in a plane, with the density of a packing; sizes of 1 to 1.9, 9 or
+ * 40. */
 static void lists_of_many_graded_points_hold_every_pair(void **state)
 {
     (void)state;
@@ -180,8 +181,8 @@ static void stop(int signal)
     stopped = 1;
 }
 
-/* A build that is stopped anywhere on its way says so; one that does not has all lists. */
-static void a_stopped_build_is_no_build(void **state)
+/* A build that is stopped at any time reports it. A build that is not stopped has all lists. */
+static void a_stopped_build_is_reported(void **state)
 {
     (void)state;
     enum { MANY = 40000, STEPS = 40 };
@@ -229,7 +230,7 @@ int main(void)
         cmocka_unit_test(lists_of_many_graded_points_hold_every_pair),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
-        cmocka_unit_test(a_stopped_build_is_no_build),
+        cmocka_unit_test(a_stopped_build_is_reported),
     };
     return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Orientations: unit quaternions that turn +z to the normal, by rotation matrices that are written out here. */
+/* Orientations: unit quaternions that rotate +z to the normal, against explicit rotation matrices. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,9 +32,9 @@ static void check(vec3 normal, double twist)
     assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], 1, EXACT);
     assert_true(q[3] >= 0);
     assert_close(vec3_norm(vec3_sub(column(q, 2), normal)), 0, EXACT);
-    assert_close(untwisted[2], 0, 0); /* the shortest way has no part about z */
+    assert_close(untwisted[2], 0, 0); /* the shortest rotation has no component about z */
     assert_close(untwisted[3], sqrt(fmax(1 + normal.z, 0) / 2), 1e-8);
-    /* +x is turned by the twist within the plane of the normal */
+    /* the twist rotates +x in the plane perpendicular to the normal */
     const vec3 x = column(untwisted, 0), y = column(untwisted, 1);
     assert_close(vec3_norm(vec3_sub(column(q, 0), vec3_axpy(sin(twist), y, vec3_scale(x, cos(twist))))), 0,
                  1e-13);

@@ -117,7 +117,7 @@ static void test_a_copy_over_another(void **state)
     assert_true(copy(p, "a", &e));
     expect_text(p->root, "a/points.ply", "newer");
     expect_text(p->root, "a/notes", "of somebody");
-    DIR *listing = opendir(there); /* nothing temporary stays */
+    DIR *listing = opendir(there); /* no temporary file remains */
     int entries = 0;
     while (readdir(listing)) entries++;
     closedir(listing);
@@ -125,8 +125,8 @@ static void test_a_copy_over_another(void **state)
     free(there);
 }
 
-/* What says that a set is whole must not stand there while it is not. */
-static void test_a_copy_that_fails_is_not_whole(void **state)
+/* The file that marks a set as complete must not exist while the set is incomplete. */
+static void test_a_failed_copy_is_not_marked_complete(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -209,8 +209,8 @@ static int open_nearest(place *p, const char *where, bool *whole, error *e)
     return directory;
 }
 
-/* What a submission finds out about a directory; nothing is made. */
-static void test_the_nearest_directory_is_tried(void **state)
+/* The check of a directory at a submission creates nothing. */
+static void test_the_nearest_existing_directory_is_tried(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -223,7 +223,7 @@ static void test_the_nearest_directory_is_tried(void **state)
     char *name = store_output_name(directory), *real = realpath(there, NULL);
     assert_string_equal(name, real);
     close(directory);
-    DIR *listing = opendir(there); /* nothing stays */
+    DIR *listing = opendir(there); /* no file remains */
     int entries = 0;
     while (readdir(listing)) entries++;
     closedir(listing);
@@ -263,7 +263,7 @@ static void test_the_message_on_a_path_outside_names_setting_and_roots(void **st
     expect_outside(&none, "/srv/a/x", "add a directory to the setting output_roots");
 }
 
-/* The kernel's own file system: not even root makes files in it. */
+/* A file system of the kernel, in which not even root can create files. */
 static void test_a_directory_that_cannot_be_written(void **state)
 {
     (void)state;
@@ -281,15 +281,17 @@ static void test_a_directory_that_cannot_be_written(void **state)
     close(directory);
 }
 
-static void test_what_was_cut_off_is_cleared(void **state)
+static void test_files_of_an_interrupted_copy_are_removed(void **state)
 {
     place *p = *state;
     error e = {0};
     char *there = mem_printf("%s/a", p->root), *link = mem_printf("%s/link", p->root);
-    assert_false(store_output_clear(&p->outputs, there, TEMPORARY, &e)); /* the directory may be away */
+    /* the directory may be on a disk that is not mounted */
+    assert_false(store_output_clear(&p->outputs, there, TEMPORARY, &e));
     assert_int_equal(access(there, F_OK), -1);
     assert_true(copy(p, "a", NULL));
-    assert_true(store_output_clear(&p->outputs, there, TEMPORARY, NULL)); /* nothing is there */
+    /* the temporary file does not exist */
+    assert_true(store_output_clear(&p->outputs, there, TEMPORARY, NULL));
     put(there, TEMPORARY, "half");
     put(there, ".job.2.hexad-tmp", "of another");
     assert_true(store_output_clear(&p->outputs, there, TEMPORARY, NULL));
@@ -319,7 +321,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
-        cmocka_unit_test_setup_teardown(test_what_was_cut_off_is_cleared, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);
 }

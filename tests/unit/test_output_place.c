@@ -1,4 +1,4 @@
-/* Copies into directories of users: they take turns, and fail where another user has a result. */
+/* Copies to directories of users run one after another, and fail if another user has a result there. */
 #include "queue_place.h"
 
 #include <pthread.h>
@@ -13,7 +13,7 @@
 
 enum { THREADS = 4, FILES = 3 };
 
-/* A file system that answers no removal until it is let go. */
+/* A file system that does not complete a removal until the test permits it. */
 static struct {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
@@ -21,7 +21,7 @@ static struct {
     int waiting;
 } disk = {.mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
 
-/* Take the place of the C library's functions: while the disk hangs, it seems to have done so for 2 s. */
+/* Replace functions of the C library. While the file system hangs, 2 s seem to have passed. */
 int unlinkat(int directory, const char *name, int flags)
 {
     pthread_mutex_lock(&disk.mutex);
@@ -60,7 +60,7 @@ static void end(outputs *o)
     free(o->root);
 }
 
-/* A result of three files, each of `bytes` bytes, all alike. To be freed. */
+/* Makes a result of three equal files of `bytes` bytes. Returns its path, which the caller frees. */
 static char *make_result(place *p, const char *name, int bytes)
 {
     char *directory = mem_printf("%s/%s", p->base, name), hash[STORE_HASH_SIZE], *text = NULL;
@@ -88,7 +88,7 @@ static char *make_result(place *p, const char *name, int bytes)
     return directory;
 }
 
-/* The files in the directory are those that the report there lists. */
+/* Checks that the files in the directory are those that its report lists. */
 static void expect_whole(const char *directory)
 {
     result r = {0};
@@ -124,13 +124,13 @@ static void *copy_often(void *argument)
         pthread_barrier_wait(c->round);
         c->ok &= output_place_copy(c->place, "ann", c->from, c->to, NULL, temporary, NULL);
         pthread_barrier_wait(c->round);
-        pthread_barrier_wait(c->round); /* the test has looked */
+        pthread_barrier_wait(c->round); /* the test has checked the directory */
     }
     free(temporary);
     return NULL;
 }
 
-static void test_copies_into_one_directory_are_whole_one_after_the_other(void **state)
+static void test_copies_into_one_directory_run_one_after_another(void **state)
 {
     place *p = *state;
     outputs o;
@@ -145,7 +145,7 @@ static void test_copies_into_one_directory_are_whole_one_after_the_other(void **
     for (int i = 0; i < THREADS; i++) {
         char name[16];
         snprintf(name, sizeof name, "result.%d", i);
-        /* the same directory by two names */
+        /* the same directory under two paths */
         c[i] = (copier){o.place,
                         &round,
                         make_result(p, name, 100 + i),
@@ -194,7 +194,7 @@ static void test_a_directory_belongs_to_the_user_whose_report_is_there(void **st
     char *from = make_result(p, "result", 10), *other = make_result(p, "other", 11);
     char *to = mem_printf("%s/a", o.root), *alias = mem_printf("%s/./a", o.root);
     char *report = mem_printf("%s/report.json", to), *file = mem_printf("%s/0.ply", to);
-    expect_checked(&o, "ben", to, ERROR_NONE); /* there is no such directory */
+    expect_checked(&o, "ben", to, ERROR_NONE); /* the directory does not exist */
     expect_copied(&o, "ann", from, to, ERROR_NONE);
     expect_checked(&o, "ann", to, ERROR_NONE);
     expect_checked(&o, "ben", to, ERROR_OUTPUT_TAKEN);
@@ -210,7 +210,7 @@ static void test_a_directory_belongs_to_the_user_whose_report_is_there(void **st
     expect_copied(&o, "ben", from, to, ERROR_NONE);
     end(&o);
     begin(&o, p, false);
-    expect_checked(&o, "ann", to, ERROR_OUTPUT_TAKEN); /* now it is his */
+    expect_checked(&o, "ann", to, ERROR_OUTPUT_TAKEN); /* now the report is ben's */
     assert_int_equal(unlink(report), 0);
     expect_checked(&o, "ann", to, ERROR_NONE);
     expect_copied(&o, "ann", other, to, ERROR_NONE);
@@ -223,7 +223,7 @@ static void test_a_directory_belongs_to_the_user_whose_report_is_there(void **st
     end(&o);
 }
 
-static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
+static void test_a_report_that_no_job_delivered_has_no_owner(void **state)
 {
     place *p = *state;
     outputs o;
@@ -236,7 +236,7 @@ static void test_a_report_that_no_job_delivered_belongs_to_nobody(void **state)
     end(&o);
 }
 
-static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
+static void test_a_file_system_that_does_not_respond_is_unwritable(void **state)
 {
     place *p = *state;
     outputs o;
@@ -252,7 +252,7 @@ static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
     while (disk.waiting) pthread_cond_wait(&disk.changed, &disk.mutex);
     pthread_mutex_unlock(&disk.mutex);
     expect_checked(&o, "ann", to, ERROR_NONE);
-    assert_null(output_place_unwritable(o.place)); /* it answers again */
+    assert_null(output_place_unwritable(o.place)); /* it responds again */
     free(to);
     end(&o);
 }
@@ -260,12 +260,12 @@ static void test_a_file_system_that_does_not_answer_is_unwritable(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_copies_into_one_directory_are_whole_one_after_the_other),
+        CASE(test_copies_into_one_directory_run_one_after_another),
         CASE(test_a_directory_belongs_to_the_user_whose_report_is_there),
-        CASE(test_a_report_that_no_job_delivered_belongs_to_nobody),
-        CASE(test_a_file_system_that_does_not_answer_is_unwritable),
+        CASE(test_a_report_that_no_job_delivered_has_no_owner),
+        CASE(test_a_file_system_that_does_not_respond_is_unwritable),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
-    log_set_level(LOG_LEVEL_ERROR); /* a warning is wanted: of the root that is not writable */
+    log_set_level(LOG_LEVEL_ERROR); /* hides the expected warning about the root that is not writable */
     return cmocka_run_group_tests_name("output_place", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Whose turn it is: users share within a priority, by weights; holds; numbers that settings give to users. */
+/* Turns of users within a priority, by weights; holds; numbers of users in settings. */
 #include "queue/user_numbers.h"
 #include "queue_place.h"
 
@@ -11,27 +11,27 @@ static void put_for(place *p, const char *owner, int priority, int count)
     for (int i = 0; i < count; i++) submit_for(p, &s, id);
 }
 
-/* Claims a task and ends it; its owner has to be this one. */
-static void expect_turn(place *p, const queue_resources *room, const char *owner)
+/* Claims a task of this owner and ends it. */
+static void expect_turn(place *p, const queue_resources *resources, const char *owner)
 {
     queue_claimed claimed = {0};
     bool found = false;
     error e = {0};
-    if (!queue_claim(p->q, room, &claimed, &found, &e)) fail_msg("%s", e.message);
+    if (!queue_claim(p->q, resources, &claimed, &found, &e)) fail_msg("%s", e.message);
     assert_true(found);
     assert_string_equal(claimed.job.owner, owner);
     assert_true(finish(p, claimed.job.id, claimed.task.number, claimed.task.attempt, &success));
     queue_claimed_clear(&claimed);
 }
 
-/* Claims tasks and ends them; returns how many of them were this owner's. */
-static int count_turns(place *p, const queue_resources *room, const char *owner, int claims)
+/* Claims tasks and ends them. Returns the number of tasks of this owner. */
+static int count_turns(place *p, const queue_resources *resources, const char *owner, int claims)
 {
     int count = 0;
     for (int i = 0; i < claims; i++) {
         queue_claimed claimed = {0};
         bool found = false;
-        assert_true(queue_claim(p->q, room, &claimed, &found, NULL) && found);
+        assert_true(queue_claim(p->q, resources, &claimed, &found, NULL) && found);
         count += strcmp(claimed.job.owner, owner) == 0;
         assert_true(finish(p, claimed.job.id, claimed.task.number, claimed.task.attempt, &success));
         queue_claimed_clear(&claimed);
@@ -39,7 +39,7 @@ static int count_turns(place *p, const queue_resources *room, const char *owner,
     return count;
 }
 
-static void test_who_comes_later_is_next(void **state)
+static void test_the_user_that_came_later_is_next(void **state)
 {
     place *p = *state;
     put_for(p, "ann", 0, 400);
@@ -72,24 +72,24 @@ static void test_priority_comes_first(void **state)
     expect_turn(p, &wide, "ann");
 }
 
-static void test_turns_go_by_weight(void **state)
+static void test_turns_are_proportional_to_weights(void **state)
 {
     place *p = *state;
     static const char *const given[] = {"alice:2", "*:0.5", "bob:1"};
     user_numbers *weights = user_numbers_read(given, 3, 0.01, 100, NULL);
-    queue_resources room = wide;
-    room.weights = weights;
+    queue_resources resources = wide;
+    resources.weights = weights;
     put_for(p, "alice", 0, 100);
     put_for(p, "bob", 0, 100);
     put_for(p, "carl", 0, 100);
-    assert_int_equal(count_turns(p, &room, "alice", 35), 20);
-    assert_int_equal(count_turns(p, &room, "bob", 35), 10);
-    assert_int_equal(count_turns(p, &room, "carl", 35), 5);
+    assert_int_equal(count_turns(p, &resources, "alice", 35), 20);
+    assert_int_equal(count_turns(p, &resources, "bob", 35), 10);
+    assert_int_equal(count_turns(p, &resources, "carl", 35), 5);
     user_numbers_free(weights);
 }
 
-/* Who did nothing for long has no more turns than others afterwards. */
-static void test_idle_time_saves_no_turns(void **state)
+/* A user that was idle for a long time gets no additional turns afterwards. */
+static void test_idle_users_accumulate_no_turns(void **state)
 {
     place *p = *state;
     put_for(p, "bob", 0, 1);
@@ -101,8 +101,8 @@ static void test_idle_time_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &wide, "new", 30), 10);
 }
 
-/* Nor has who waited with a low priority, beside others of that priority. */
-static void test_waiting_behind_a_priority_saves_no_turns(void **state)
+/* A user that waited with a low priority gets no additional turns among users of that priority. */
+static void test_users_of_lower_priority_accumulate_no_turns(void **state)
 {
     place *p = *state;
     put_for(p, "low", 0, 50);
@@ -112,8 +112,8 @@ static void test_waiting_behind_a_priority_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &wide, "low", 20), 10);
 }
 
-/* Who has one job at a time, and submits the next when it has ended, has his share and no more. */
-static void test_going_away_ends_no_debt(void **state)
+/* A user that always has one job, and submits the next one when it has ended, gets an equal share. */
+static void test_leaving_and_returning_keeps_the_turn(void **state)
 {
     place *p = *state;
     static const char *const busy[] = {"a", "b", "c", "d"};
@@ -159,8 +159,8 @@ static void test_an_array_has_a_turn_for_each_task(void **state)
     assert_int_equal(count_turns(p, &wide, "ann", 20), 10);
 }
 
-/* Who has as many running tasks as a user may have is passed by, and then continues like all others. */
-static void test_a_limit_saves_no_turns(void **state)
+/* A user at the limit of running tasks is skipped, and continues afterwards without additional turns. */
+static void test_users_at_a_limit_accumulate_no_turns(void **state)
 {
     place *p = *state;
     queue_resources one_each = wide;
@@ -176,7 +176,8 @@ static void test_a_limit_saves_no_turns(void **state)
     assert_int_equal(count_turns(p, &one_each, "ann", 21), 11); /* ann is first */
 }
 
-/* A task that does not fit is overtaken so many times, also by users who come later, and then has its turn. */
+/* A task that does not fit is overtaken at most QUEUE_OVERTAKE_MOST times, also by users that come later, and then
+ * has its turn. */
 static void test_newcomers_do_not_starve_a_large_task(void **state)
 {
     place *p = *state;
@@ -198,8 +199,8 @@ static void test_newcomers_do_not_starve_a_large_task(void **state)
     claim_in(p, &idle, large);
 }
 
-/* A pause, an edit and a dependency change what a user's first job is. */
-static void test_the_first_job_follows_what_changes_it(void **state)
+/* A pause, an edit or a dependency changes the first job of a user. */
+static void test_changes_of_a_job_update_the_first_job(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -210,10 +211,10 @@ static void test_the_first_job_follows_what_changes_it(void **state)
     s.depends_on = (const char *const[]){first};
     s.depends_on_count = 1;
     submit_for(p, &s, third);
-    tell(p, first, QUEUE_PAUSE, true);
+    apply_command(p, first, QUEUE_PAUSE, true);
     int attempt = claim(p, second);
     claim(p, NULL);
-    tell(p, first, QUEUE_RESUME, true);
+    apply_command(p, first, QUEUE_RESUME, true);
     assert_true(requeue(p, second, attempt, false, 0, &crash));
     queue_edited edited;
     assert_true(queue_change(p->q, second, -1, &(queue_edit){.priority = &(int){5}}, &edited, NULL));
@@ -278,18 +279,18 @@ int main(void)
 {
     sqlite3_auto_extension((void (*)(void))note_connection);
     const struct CMUnitTest tests[] = {
-        CASE(test_who_comes_later_is_next),
+        CASE(test_the_user_that_came_later_is_next),
         CASE(test_users_take_turns),
         CASE(test_priority_comes_first),
-        CASE(test_turns_go_by_weight),
-        CASE(test_idle_time_saves_no_turns),
-        CASE(test_waiting_behind_a_priority_saves_no_turns),
-        CASE(test_going_away_ends_no_debt),
+        CASE(test_turns_are_proportional_to_weights),
+        CASE(test_idle_users_accumulate_no_turns),
+        CASE(test_users_of_lower_priority_accumulate_no_turns),
+        CASE(test_leaving_and_returning_keeps_the_turn),
         CASE(test_turns_outlive_a_restart),
         CASE(test_an_array_has_a_turn_for_each_task),
-        CASE(test_a_limit_saves_no_turns),
+        CASE(test_users_at_a_limit_accumulate_no_turns),
         CASE(test_newcomers_do_not_starve_a_large_task),
-        CASE(test_the_first_job_follows_what_changes_it),
+        CASE(test_changes_of_a_job_update_the_first_job),
         CASE(test_a_hold_outlives_a_restart),
         cmocka_unit_test(test_numbers_of_users),
     };

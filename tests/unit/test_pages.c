@@ -1,4 +1,4 @@
-/* Hosts and origins that a port without tokens answers. */
+/* Hosts and origins that are accepted on a port without tokens. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -45,7 +45,7 @@ static void test_hosts(void **state)
     p = pages_new(NULL, 0, &e);
     pages_add(p, "", "[::1]:80");
     assert_true(pages_is_host(p, "localhost") && pages_is_host(p, "[::1]"));
-    assert_false(pages_has_named(p) || pages_is_host(p, "localhost:8080"));
+    assert_false(pages_has_listed(p) || pages_is_host(p, "localhost:8080"));
     pages_free(p);
     p = pages_new(NULL, 0, &e);
     pages_add(p, "", "unix:/run/hexad:1");
@@ -78,11 +78,11 @@ static void test_origins(void **state)
                                          "http://localhost",
                                          "HTTPS://GUI.EXAMPLE"};
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (pages_is_welcome(p, others[i])) fail_msg("%s", others[i]);
+        if (pages_is_permitted(p, others[i])) fail_msg("%s", others[i]);
     pages_free(p);
 }
 
-static void test_what_is_no_origin(void **state)
+static void test_texts_that_are_no_origins_are_refused(void **state)
 {
     (void)state;
     static const char *const bad[] = {"",           "*",          "null",      "gui.example",
@@ -100,7 +100,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_hosts),
         cmocka_unit_test(test_origins),
-        cmocka_unit_test(test_what_is_no_origin),
+        cmocka_unit_test(test_texts_that_are_no_origins_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* The kernel against the potential's own functions, pair by pair, and against differences of energy. */
+/* The pair kernel against the functions of the potential, pair by pair, and against differences of the energy. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -89,7 +89,7 @@ static void forces_match_differences_of_energy(void **state)
     }
 }
 
-/* (10) without its second term, restricted to the frame, written out. */
+/* (10) without its second term, restricted to the frame, by an explicit formula. */
 static void hessian_is_the_first_term_of_equation_10(void **state)
 {
     (void)state;
@@ -116,7 +116,7 @@ static void hessian_is_the_first_term_of_equation_10(void **state)
     }
 }
 
-/* The path through the tables, on the cotangent's own table and on the others. */
+/* The kernel that uses tables, with the table of the cotangent and with others. */
 static void tables_agree_with_the_kernel_and_with_differences(void **state)
 {
     (void)state;
@@ -128,7 +128,7 @@ static void tables_agree_with_the_kernel_and_with_differences(void **state)
         const energy_function *t = tables[round % 3];
         fixture f;
         random_fixture(&f, &r);
-        for (int k = 0; k < NEIGHBOURS; k++) /* keep off the truncation, where differences mean nothing */
+        for (int k = 0; k < NEIGHBOURS; k++) /* away from the truncation, where differences are not valid */
             if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sqrt(f.size2[k]) * sigma) <
                 1e-4)
                 f.weight[k] = 0;

@@ -1,4 +1,4 @@
-/* Particles: one index is one particle, whatever is copied, arranged or grown. */
+/* Particles: an index denotes one particle in all arrays, after copying, permuting and growing. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -13,7 +13,7 @@
 
 enum { COUNT = 1000 };
 
-/* Every array of particle i holds a number of its own. */
+/* Sets every array of particle i to a distinct number. */
 static void fill(particles *p, size_t i)
 {
     double v = (double)i + 1;
@@ -52,7 +52,7 @@ static particles *filled(void)
     return p;
 }
 
-static void test_new_particles_are_even(void **state)
+static void test_new_particles_have_unit_amplitude_and_size(void **state)
 {
     (void)state;
     error e = {0};
@@ -61,8 +61,8 @@ static void test_new_particles_are_even(void **state)
     particles_free(p);
 }
 
-/* Even ones have no arrays of ones until they are asked for; they grow and are copied as others. */
-static void test_even_particles_share_what_is_one(void **state)
+/* Uniform particles have no arrays of ones until these are requested. They grow and are copied like other particles. */
+static void test_uniform_particles_have_no_arrays_of_ones(void **state)
 {
     (void)state;
     error e = {0};
@@ -100,7 +100,7 @@ static void test_a_permutation_arranges_all_arrays(void **state)
     particles_free(p);
 }
 
-static void test_growing_keeps_those_there(void **state)
+static void test_growing_keeps_the_particles(void **state)
 {
     (void)state;
     particles *p = filled();
@@ -117,10 +117,10 @@ static void test_growing_keeps_those_there(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_new_particles_are_even),
-        cmocka_unit_test(test_even_particles_share_what_is_one),
+        cmocka_unit_test(test_new_particles_have_unit_amplitude_and_size),
+        cmocka_unit_test(test_uniform_particles_have_no_arrays_of_ones),
         cmocka_unit_test(test_a_permutation_arranges_all_arrays),
-        cmocka_unit_test(test_growing_keeps_those_there),
+        cmocka_unit_test(test_growing_keeps_the_particles),
     };
     return cmocka_run_group_tests_name("particles", tests, NULL, NULL);
 }

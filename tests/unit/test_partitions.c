@@ -29,7 +29,7 @@ static int set_up(void **state)
     f->position = mem_alloc(COUNT * sizeof *f->position);
     f->normal = mem_alloc(COUNT * sizeof *f->normal);
     f->spacing = mem_alloc(COUNT * sizeof *f->spacing);
-    for (size_t i = 0; i < COUNT; i++) { /* a sheet, longest along y */
+    for (size_t i = 0; i < COUNT; i++) { /* a surface that is longest along y */
         f->position[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){1, 3, 0.01});
         f->normal[i] = (vec3){0, 0, 1};
         f->spacing[i] = SPACING * (1 + f->position[i].y);
@@ -55,7 +55,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* Neighbours of point i, but for those on the very edge of the cutoff, which rounding may take or leave. */
+/* Number of neighbours of point i, except those whose distance equals the cutoff to rounding. */
 static size_t count_near(const neighbours *near, size_t i, const vec3 *position, const double *spacing)
 {
     size_t count = 0;
@@ -67,7 +67,7 @@ static size_t count_near(const neighbours *near, size_t i, const vec3 *position,
     return count;
 }
 
-static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **state)
+static void test_each_point_has_one_owner_with_all_its_neighbours(void **state)
 {
     fixture *f = *state;
     error e = {0};
@@ -99,7 +99,7 @@ static void test_each_point_has_one_owner_that_knows_all_its_neighbours(void **s
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_each_point_has_one_owner_that_knows_all_its_neighbours, set_up,
+        cmocka_unit_test_setup_teardown(test_each_point_has_one_owner_with_all_its_neighbours, set_up,
                                         tear_down),
     };
     return cmocka_run_group_tests_name("partitions", tests, NULL, NULL);

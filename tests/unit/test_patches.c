@@ -1,4 +1,6 @@
-/* Surfaces of patches that meet in curves, from the start to the triangles: flat faces, whose curves and corners are known. */
+/* Surfaces of patches that meet in curves, from the random start to the triangles. The faces are flat, so that curves
+ * and corners are known.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -35,7 +37,7 @@ typedef struct solved {
     const solver_points *points;
     measures q;
     triangulation mesh;
-    double farthest; /* place of the surface from the points, in spacings */
+    double farthest; /* largest distance of the surface from the points, in spacings */
 } solved;
 
 static bool is_within(const void *context, uint32_t label, vec3 x)
@@ -83,7 +85,7 @@ static void release(solved *x)
     threads_free(x->pool);
 }
 
-/* How far along a curve a point is, which is straight; NAN when it is not on the curve. */
+/* The position of a point along a straight curve; NAN if it is not on the curve. */
 static double place_along(const solved *x, size_t curve, size_t i)
 {
     vec3 from = x->faces->vertex[2 * curve], side = vec3_sub(x->faces->vertex[2 * curve + 1], from);
@@ -93,7 +95,7 @@ static double place_along(const solved *x, size_t curve, size_t i)
     return on && x->points->feature[i] != SOLVER_ON_PATCH ? along : NAN;
 }
 
-/* A curve has as many equal steps as fit best. */
+/* A curve has the number of equal steps that fits best. */
 static void check_row(const solved *x, size_t curve)
 {
     const vec3 *end = x->faces->vertex + 2 * curve;
@@ -108,7 +110,7 @@ static void check_row(const solved *x, size_t curve)
     assert_close(seen, steps + 1, 0);
 }
 
-/* Every point is on its face, and rows are where they are to be. */
+/* Every point is on its face, and curve samples are at the expected positions. */
 static void check_places(const solved *x)
 {
     const faces *f = x->faces;
@@ -124,7 +126,7 @@ static void check_places(const solved *x)
     assert_true(on[SOLVER_ON_PATCH] + on[SOLVER_ON_CURVE] + on[SOLVER_ON_CORNER] == x->points->count);
 }
 
-static void a_cube_has_rows_along_its_edges(void **state)
+static void a_cube_has_curve_samples_along_its_edges(void **state)
 {
     (void)state;
     static faces cube;
@@ -140,15 +142,15 @@ static void a_cube_has_rows_along_its_edges(void **state)
         assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         check_places(&x);
         assert_true(x.farthest < 1);
-        assert_true(counts[k] < 5000 || x.q.hex_fraction >= 0.85); /* edges included */
+        assert_true(counts[k] < 5000 || x.q.hex_fraction >= 0.85); /* including edges */
         assert_true(triangulation_is_closed(&x.mesh.facts));
         assert_int_equal(x.mesh.facts.euler, 2);
         release(&x);
     }
 }
 
-/* The same bytes for any number of threads. */
-static void threads_do_not_show(void **state)
+/* The results for any number of threads are equal bit by bit. */
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     static faces cube;
@@ -175,8 +177,9 @@ static size_t count_on_patch(const solved *x, uint32_t patch)
     return count;
 }
 
-/* Two squares so near to each other that their points would not be told apart, had they no labels. */
-static void two_sheets_do_not_see_each_other(void **state)
+/* Two squares so close to each other that their points could not be distinguished without the numbers of their
+ * patches. */
+static void close_parallel_patches_do_not_interact(void **state)
 {
     (void)state;
     static faces two;
@@ -198,8 +201,8 @@ static void two_sheets_do_not_see_each_other(void **state)
     release(&x);
 }
 
-/* Three sheets that meet in one edge, which is in three triangles everywhere. */
-static void three_sheets_share_a_row(void **state)
+/* Three patches that meet in one edge, which belongs to three triangles everywhere. */
+static void three_patches_share_the_samples_of_their_edge(void **state)
 {
     (void)state;
     static faces three;
@@ -221,8 +224,8 @@ static void three_sheets_share_a_row(void **state)
     release(&x);
 }
 
-/* The method of the paper, from random places and with insertion: rows become denser as the count rises. */
-static void rows_follow_the_count(void **state)
+/* The method of the paper, from random positions and with insertion: curve samples become denser as the count rises. */
+static void curve_samples_follow_the_count(void **state)
 {
     (void)state;
     static faces cube;
@@ -246,8 +249,8 @@ static double finer_to_one_side(const void *context, vec3 x)
     return 1 + 0.8 * x.x;
 }
 
-/* With a grading the steps of rows follow the spacing, as the packing does. */
-static void rows_are_graded(void **state)
+/* With a grading, the steps of curve samples follow the spacing, like the packing. */
+static void curve_samples_are_graded(void **state)
 {
     (void)state;
     static faces sheet;
@@ -297,7 +300,7 @@ static void make_holed_face(faces *s)
     for (int k = 4; k < 7; k++) s->curve_patch[k] = 0;
 }
 
-static void a_loop_without_a_place_takes_no_room(void **state)
+static void a_loop_without_samples_uses_no_points(void **state)
 {
     (void)state;
     static faces s;
@@ -313,8 +316,8 @@ static void a_loop_without_a_place_takes_no_room(void **state)
     curve_samples_free(&rows);
 }
 
-/* With two its patches would meet twice along one edge. */
-static void a_loop_has_never_two_places(void **state)
+/* With two samples its patches would meet twice along one edge. */
+static void a_loop_never_has_two_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -334,7 +337,7 @@ static void a_loop_has_never_two_places(void **state)
     }
 }
 
-static void loops_and_short_curves_have_places(void **state)
+static void loops_and_short_curves_have_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -343,12 +346,12 @@ static void loops_and_short_curves_have_places(void **state)
     make_holed_face(&s);
     boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
-    /* a square of ten steps a side, the hole's length of 1.25, and one end of the slit */
+    /* a square with ten steps per side, the length of 1.25 of the hole, and one end of the slit */
     assert_int_equal(rows.corners, 4 + 1);
     assert_int_equal(rows.count, 4 * 10 + 13 + 1);
-    assert_int_equal(rows.copies, rows.count); /* where a patch meets itself it stands once */
-    /* halves of cells behind the rows, those of the slit twice, less an Euler characteristic of 2 - 2.5 loops: the slit's one
-     * place takes a cell */
+    assert_int_equal(rows.copies, rows.count); /* where a patch meets itself, there is one copy */
+    /* halves of cells beside the samples, those of the slit twice, less an Euler characteristic of 2 - 2.5 loops;
+     * the single sample of the slit occupies a cell */
     assert_close(rows.border[0], 0.5 * (4 * 10 + 13) + 0.5 - (2 - 2.5), 1e-9);
     curve_samples_free(&rows);
     request.most = 7;
@@ -361,7 +364,7 @@ static void loops_and_short_curves_have_places(void **state)
     curve_distance_free(d);
 }
 
-/* A face with two slits from (0.1, 0.1) on: along x, and to the end given. */
+/* A face with two slits from (0.1, 0.1): along x, and to the given end. */
 static void make_slit_face(faces *s, vec3 from, vec3 to)
 {
     *s = (faces){0};
@@ -387,8 +390,8 @@ static double least_distance(const curve_samples *r)
     return least;
 }
 
-/* Two rows a tenth of a spacing apart, as of a low step, would have slivers between them. */
-static void rows_of_a_low_step_are_one(void **state)
+/* Samples of two curves a tenth of a spacing apart, as at a low step, would cause slivers between them. */
+static void curve_samples_of_a_low_step_are_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -401,15 +404,15 @@ static void rows_of_a_low_step_are_one(void **state)
     assert_int_equal(rows.corners, 4 + 2);
     assert_int_equal(rows.copies, rows.count);
     assert_true(least_distance(&rows) > 0.09);
-    /* the step takes what one slit does: seven cells */
+    /* the step occupies seven cells, as one slit does */
     assert_close(rows.border[0], 0.5 * 4 * 10 + 7 - (2 - 3), 1e-9);
     curve_samples_free(&rows);
-    /* also where all of the rows just fit */
+    /* also if all samples just fit into the limit */
     const boundary_request full = {.spacing = 0.1, .even = 0.1, .most = 4 * 10 + 16};
     assert_true(curve_samples_make(&s.base, &full, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
     curve_samples_free(&rows);
-    /* and where those that remain just fit */
+    /* and if the remaining samples just fit */
     const boundary_request merged = {.spacing = 0.1, .even = 0.1, .most = 4 * 10 + 8};
     assert_true(curve_samples_make(&s.base, &merged, &rows, &e));
     assert_int_equal(rows.count, 4 * 10 + 8);
@@ -420,8 +423,8 @@ static void rows_of_a_low_step_are_one(void **state)
     curve_samples_free(&rows);
 }
 
-/* Four corners of each of two squares that no curve connects are too many for one sample: the curves have no samples, as a part of them would
- * lie on one side of the surface. */
+/* Four corners of each of two squares that no curve connects are too many for one sample. The curves then have no
+ * samples, because a part of them would lie on one side of the surface. */
 static void too_many_corners_have_no_samples(void **state)
 {
     (void)state;
@@ -441,9 +444,9 @@ static void too_many_corners_have_no_samples(void **state)
     curve_samples_free(&rows);
 }
 
-/* What is left out of an edge's row is cut off by the one beside it: by less than a third of a spacing, with room for what steps
- * cut. */
-static void rows_that_become_one_cut_off_less_than_a_third(void **state)
+/* Samples of an edge that are merged into those of the adjacent curve are displaced by less than a third of a
+ * spacing. */
+static void merging_curve_samples_cuts_off_less_than_a_third(void **state)
 {
     (void)state;
     static faces s;
@@ -459,8 +462,8 @@ static void rows_that_become_one_cut_off_less_than_a_third(void **state)
     }
 }
 
-/* Two rows that part at seven degrees begin as one. */
-static void rows_that_part_slowly_begin_as_one(void **state)
+/* Two curves that diverge at seven degrees have common first samples. */
+static void curves_with_a_small_angle_share_their_first_samples(void **state)
 {
     (void)state;
     static faces s;
@@ -475,9 +478,9 @@ static void rows_that_part_slowly_begin_as_one(void **state)
     curve_samples_free(&rows);
 }
 
-/* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. What joins a and b then is
- * the curve from a to c. */
-static void corners_joined_by_way_of_a_merged_one_are_one(void **state)
+/* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. The curve from a to c
+ * then joins a and b. */
+static void corners_connected_through_a_merged_corner_are_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -500,15 +503,15 @@ static void corners_joined_by_way_of_a_merged_one_are_one(void **state)
     curve_samples_free(&rows);
 }
 
-/* A row that folds back between two samples, which would be a fifth of a spacing apart, or at a sample. */
-static void a_row_that_folds_back_has_no_close_samples(void **state)
+/* A curve that folds back between two samples, which would be a fifth of a spacing apart, or at a sample. */
+static void a_curve_that_folds_back_has_no_close_samples(void **state)
 {
     (void)state;
     static faces s;
     error e = {0};
     curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
-    for (int odd = 0; odd < 2; odd++) { /* number of steps along the row: 8 or 7 */
+    for (int odd = 0; odd < 2; odd++) { /* number of steps along the curve: 8 or 7 */
         make_slit_face(&s, (vec3){0, 0, 0}, (vec3){0, 0, 0});
         const double length = odd ? 0.34 : 0.39;
         s.patches.curve_count--;
@@ -525,8 +528,8 @@ static void a_row_that_folds_back_has_no_close_samples(void **state)
     }
 }
 
-/* A crease that begins half a spacing from another is no corner there. */
-static void ends_of_creases_keep_apart(void **state)
+/* A crease that begins half a spacing from another one makes no corner there. */
+static void ends_of_creases_keep_their_distance(void **state)
 {
     (void)state;
     static faces s;
@@ -541,8 +544,8 @@ static void ends_of_creases_keep_apart(void **state)
     curve_samples_free(&rows);
 }
 
-/* On a scan curves bend for no reason: a corner where two of them go on is no other place than those between. */
-static void bends_of_rough_curves_keep_apart(void **state)
+/* Curves on a scan bend irregularly: a corner at which two of them continue is treated like the samples between. */
+static void bends_of_rough_curves_are_no_corners(void **state)
 {
     (void)state;
     static faces s;
@@ -550,7 +553,7 @@ static void bends_of_rough_curves_keep_apart(void **state)
     curve_samples rows;
     const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
     make_slit_face(&s, (vec3){0.44, 0.1, 0}, (vec3){0.44, -0.3, 0});
-    s.vertex[9] = s.vertex[10]; /* 0.6 spacing from the row at the end of the face */
+    s.vertex[9] = s.vertex[10]; /* 0.6 spacings from the samples at the boundary of the face */
     for (int rough = 0; rough < 2; rough++) {
         s.patches.has_rough_curves = rough;
         assert_true(curve_samples_make(&s.base, &request, &rows, &e));
@@ -559,8 +562,8 @@ static void bends_of_rough_curves_keep_apart(void **state)
     }
 }
 
-/* What ends a patch on one side of a sheet is not what ends it on the other, however thin it is. */
-static void rows_on_two_sides_of_a_sheet_stay(void **state)
+/* The boundary of a patch on one side of a thin part differs from the boundary on the other side. */
+static void curve_samples_on_opposite_sides_are_not_merged(void **state)
 {
     (void)state;
     static faces s;
@@ -580,8 +583,8 @@ static void rows_on_two_sides_of_a_sheet_stay(void **state)
     curve_samples_free(&rows);
 }
 
-/* Nor where one patch is on both sides: what counts is where it faces. */
-static void rows_of_one_patch_merge_on_one_side_only(void **state)
+/* The same holds if one patch is on both sides: the direction of the normals decides. */
+static void curve_samples_of_one_patch_merge_on_one_side_only(void **state)
 {
     (void)state;
     enum { PLACES = 10 };
@@ -597,7 +600,7 @@ static void rows_of_one_patch_merge_on_one_side_only(void **state)
         rows.patch = calloc(2 * PLACES, sizeof *rows.patch);
         rows.normal = calloc(2 * PLACES, sizeof *rows.normal);
         rows.border = calloc(1, sizeof *rows.border);
-        for (uint32_t k = 0; k < 2 * PLACES; k++) { /* circles, one just above the other */
+        for (uint32_t k = 0; k < 2 * PLACES; k++) { /* circles, one slightly above the other */
             const double angle = 2 * M_PI * k / PLACES;
             rows.position[k] = (vec3){cos(angle), sin(angle), k < PLACES ? 0 : 0.05};
             rows.curve[k] = k / PLACES;
@@ -656,9 +659,9 @@ static void make_circles(circles *c, size_t count, uint32_t places, const double
     c->in = (near_curves_input){4, count, c->closed, c->end, c->first, c->spacing, c->half, false};
 }
 
-/* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls, but once the edge of the wedge
- * is merged both have copies for both faces of the wedge. */
-static void rows_at_a_wedge_between_opposite_walls_are_one(void **state)
+/* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls. After
+ * the edge of the wedge was merged, both have copies for both faces of the wedge. */
+static void curve_samples_at_a_wedge_between_opposite_walls_are_merged(void **state)
 {
     (void)state;
     enum { PLACES = 10 };
@@ -675,7 +678,7 @@ static void rows_at_a_wedge_between_opposite_walls_are_one(void **state)
 }
 
 /* A closed curve of one sample has no neighbours along it. */
-static void single_samples_of_two_closed_curves_are_one(void **state)
+static void single_samples_of_two_closed_curves_are_merged(void **state)
 {
     (void)state;
     const double height[2] = {0, 0.3};
@@ -690,8 +693,8 @@ static void single_samples_of_two_closed_curves_are_one(void **state)
     curve_samples_free(&c.rows);
 }
 
-/* A closed curve of two straight parts close together: their rows are one, but for a place at each bend. */
-static void row_of_a_curve_that_folds_back_is_one(void **state)
+/* A closed curve of two straight parts close together: their samples are merged, except one at each bend. */
+static void samples_of_a_curve_that_folds_back_are_merged(void **state)
 {
     (void)state;
     enum { PART = 20, PLACES = 2 * PART };
@@ -720,8 +723,8 @@ static void row_of_a_curve_that_folds_back_is_one(void **state)
     curve_samples_free(&rows);
 }
 
-/* Points go to given places of their patches and stay there; the others come to rest around them. */
-static void points_are_held_where_they_are_wanted(void **state)
+/* Points move to given positions of their patches and stay there; the other points converge around them. */
+static void points_are_held_at_given_positions(void **state)
 {
     (void)state;
     static faces cube;
@@ -734,7 +737,7 @@ static void points_are_held_where_they_are_wanted(void **state)
     vec3 at[2];
     size_t found = 0;
     for (size_t i = 0; i < count && found < 2;
-         i++) { /* between a point on a face and the one that is nearest to it */
+         i++) { /* between a point on a face and its nearest neighbour */
         if (x.points->feature[i] != SOLVER_ON_PATCH) continue;
         size_t other = i;
         double least = INFINITY;
@@ -770,43 +773,43 @@ static void points_are_held_where_they_are_wanted(void **state)
         assert_true(least < 1e-9);
     }
     assert_true(x.points->step_left < even.step_tolerance);
-    size_t next = 0; /* to the one that is held */
+    size_t next = 0; /* nearest neighbour of the held point */
     for (size_t i = 1; i < count; i++)
         if (fabs(vec3_norm(vec3_sub(x.points->position[i], at[0])) - x.points->patch_points.spacing[i]) <
             fabs(vec3_norm(vec3_sub(x.points->position[next], at[0])) - x.points->patch_points.spacing[next]))
             next = i;
     const vec3 beside = vec3_axpy(0.2, vec3_sub(x.points->position[next], at[0]), at[0]);
     assert_true(solver_pin(x.s, &beside, 1, &goes_on, &e));
-    assert_false(goes_on); /* two that are held stay as near as they are */
+    assert_false(goes_on); /* two held points keep their distance */
     release(&x);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_cube_has_rows_along_its_edges),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(two_sheets_do_not_see_each_other),
-        cmocka_unit_test(three_sheets_share_a_row),
-        cmocka_unit_test(rows_follow_the_count),
-        cmocka_unit_test(rows_are_graded),
-        cmocka_unit_test(rows_of_a_low_step_are_one),
-        cmocka_unit_test(points_are_held_where_they_are_wanted),
-        cmocka_unit_test(rows_that_become_one_cut_off_less_than_a_third),
-        cmocka_unit_test(rows_that_part_slowly_begin_as_one),
-        cmocka_unit_test(corners_joined_by_way_of_a_merged_one_are_one),
-        cmocka_unit_test(a_row_that_folds_back_has_no_close_samples),
-        cmocka_unit_test(ends_of_creases_keep_apart),
-        cmocka_unit_test(bends_of_rough_curves_keep_apart),
-        cmocka_unit_test(rows_on_two_sides_of_a_sheet_stay),
-        cmocka_unit_test(rows_of_one_patch_merge_on_one_side_only),
-        cmocka_unit_test(rows_at_a_wedge_between_opposite_walls_are_one),
-        cmocka_unit_test(single_samples_of_two_closed_curves_are_one),
+        cmocka_unit_test(a_cube_has_curve_samples_along_its_edges),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(close_parallel_patches_do_not_interact),
+        cmocka_unit_test(three_patches_share_the_samples_of_their_edge),
+        cmocka_unit_test(curve_samples_follow_the_count),
+        cmocka_unit_test(curve_samples_are_graded),
+        cmocka_unit_test(curve_samples_of_a_low_step_are_merged),
+        cmocka_unit_test(points_are_held_at_given_positions),
+        cmocka_unit_test(merging_curve_samples_cuts_off_less_than_a_third),
+        cmocka_unit_test(curves_with_a_small_angle_share_their_first_samples),
+        cmocka_unit_test(corners_connected_through_a_merged_corner_are_merged),
+        cmocka_unit_test(a_curve_that_folds_back_has_no_close_samples),
+        cmocka_unit_test(ends_of_creases_keep_their_distance),
+        cmocka_unit_test(bends_of_rough_curves_are_no_corners),
+        cmocka_unit_test(curve_samples_on_opposite_sides_are_not_merged),
+        cmocka_unit_test(curve_samples_of_one_patch_merge_on_one_side_only),
+        cmocka_unit_test(curve_samples_at_a_wedge_between_opposite_walls_are_merged),
+        cmocka_unit_test(single_samples_of_two_closed_curves_are_merged),
         cmocka_unit_test(too_many_corners_have_no_samples),
-        cmocka_unit_test(row_of_a_curve_that_folds_back_is_one),
-        cmocka_unit_test(loops_and_short_curves_have_places),
-        cmocka_unit_test(a_loop_without_a_place_takes_no_room),
-        cmocka_unit_test(a_loop_has_never_two_places),
+        cmocka_unit_test(samples_of_a_curve_that_folds_back_are_merged),
+        cmocka_unit_test(loops_and_short_curves_have_samples),
+        cmocka_unit_test(a_loop_without_samples_uses_no_points),
+        cmocka_unit_test(a_loop_never_has_two_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -30,11 +30,11 @@ static void test_whole_components_and_the_longest(void **state)
     expect(m, "/Volumes//show/b/####.vdb", "/mnt/show/b/####.vdb");
     expect(m, "/Volumes/show/fast/c.vdb", "/ssd/show/c.vdb");
     expect(m, "/Volumes/show/faster/c.vdb", "/mnt/show/faster/c.vdb");
-    expect(m, "/Volumes/show/../etc", "/mnt/show/../etc"); /* refused by whoever opens it */
+    expect(m, "/Volumes/show/../etc", "/mnt/show/../etc"); /* refused by the code that opens the path */
     expect(m, "/mnt/old/old/x", "/mnt/new/old/x");
     expect(m, "/Volumes/shows/a.vdb", NULL);
     expect(m, "/volumes/show/a.vdb", NULL);
-    expect(m, "/Volumes/show\\a.vdb", NULL); /* a letter like others here */
+    expect(m, "/Volumes/show\\a.vdb", NULL); /* an ordinary character in such a path */
     expect(m, "/x/Volumes/show/a.vdb", NULL);
     expect(m, "Volumes/show/a.vdb", NULL);
     expect(m, "sha256:00", NULL);
@@ -55,11 +55,11 @@ static void test_paths_of_windows(void **state)
     expect(m, "z:/show/a\\b.vdb", "/mnt/show/a/b.vdb");
     expect(m, "Z:\\Shows\\a", NULL);
     expect(m, "Y:\\x", "/mnt/y/x");
-    expect(m, "Y:x", NULL); /* from wherever a shell of Windows stood */
+    expect(m, "Y:x", NULL); /* relative to the current directory of a drive */
     expect(m, "//NAS/show/x", "/nas/show/x");
     expect(m, "\\\\nas\\show\\\\x", "/nas/show/x");
     expect(m, "/nas/show/x", NULL);
-    expect(m, "sha256:00", NULL); /* no drive s */
+    expect(m, "sha256:00", NULL); /* not the drive s */
     path_map_free(m);
 }
 

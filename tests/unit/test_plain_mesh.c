@@ -1,4 +1,6 @@
-/* OBJ, PLY and STL: exact numbers, polygons, and the places that refusals give. OFF and glTF: what is left to the library. */
+/* OBJ, PLY and STL: exact numbers, polygons, and the positions in refusals. OFF and glTF: features that are left to
+ * the library.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,7 +26,7 @@ static void assert_triangles(const plain_mesh *m, size_t count, const uint32_t (
     assert_memory_equal(m->triangle, triangle, count * sizeof *triangle);
 }
 
-/* Every number is the nearest double, as strtod has it. */
+/* Every number is the nearest double, like that of strtod. */
 static void numbers_are_exact(void **state)
 {
     (void)state;
@@ -59,7 +61,7 @@ static void numbers_are_exact(void **state)
     }
 }
 
-static void places_keep_their_precision(void **state)
+static void positions_keep_their_precision(void **state)
 {
     (void)state;
     static const char *const files[][2] = {
@@ -83,7 +85,7 @@ static void places_keep_their_precision(void **state)
     }
 }
 
-/* Squares, one with a reflex corner, one of five corners; a line and a point are counted. */
+/* Squares, one of them with a reflex corner, and a pentagon; a line and a point are counted. */
 static void polygons_become_triangles(void **state)
 {
     (void)state;
@@ -105,7 +107,7 @@ static size_t put(char *to, const void *from, size_t size, bool turned)
     return size;
 }
 
-/* A binary PLY in this order of bytes, of a machine that is little-endian. */
+/* A binary PLY in this byte order, made on a little-endian machine. */
 static size_t binary_ply(char *to, bool big)
 {
     static const double vertex[3][3] = {{1e6 + 1.0 / 3, 0, 0}, {1, 0, 0}, {0, 1, 0}};
@@ -135,7 +137,7 @@ static void binary_files(void **state)
         assert_true(m.vertex[0][0] == 1e6 + 1.0 / 3);
         plain_mesh_free(&m);
         for (size_t cut = 0; cut < size; cut++) {
-            char *part = malloc(cut + 1); /* the sanitizers see what is read behind it */
+            char *part = malloc(cut + 1); /* so that sanitizers detect reads beyond the end */
             assert_non_null(part);
             memcpy(part, data, cut);
             part[cut] = 0;
@@ -156,8 +158,8 @@ static void binary_files(void **state)
     assert_false(plain_mesh_read("stl", data, 133, &m));
 }
 
-/* Rows as most files have them, in which another kind may stand. */
-static void rows_of_triangles(void **state)
+/* Rows in the usual form, with an exceptional one among them. */
+static void rows_of_triangles_and_polygons_are_read(void **state)
 {
     (void)state;
     static const float vertex[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
@@ -193,8 +195,8 @@ static void rows_of_triangles(void **state)
     }
 }
 
-/* What an OBJ file has beside polygons does not change them. */
-static void lines_of_obj_are_passed_over(void **state)
+/* Other lines of an OBJ file do not change the polygons. */
+static void other_lines_of_obj_are_ignored(void **state)
 {
     (void)state;
     static const char *const files[][2] = {
@@ -213,8 +215,8 @@ static void lines_of_obj_are_passed_over(void **state)
     }
 }
 
-/* Each cut of a file is left or refused, and no byte behind it is read. */
-static void cut_files_are_not_taken(void **state)
+/* Each truncation of a file is left to the library or refused, and no byte beyond the end is read. */
+static void truncated_files_are_refused(void **state)
 {
     (void)state;
     static const char
@@ -235,7 +237,7 @@ static void cut_files_are_not_taken(void **state)
         assert_true(m.vertex[1][0] == 1 && m.vertex[2][1] == 1);
         plain_mesh_free(&m);
         for (size_t cut = 0; cut < size; cut++) {
-            char *part = malloc(cut + 1); /* the sanitizers see what is read behind it */
+            char *part = malloc(cut + 1); /* so that sanitizers detect reads beyond the end */
             assert_non_null(part);
             memcpy(part, files[k].text, cut);
             part[cut] = 0;
@@ -252,7 +254,7 @@ static void cut_files_are_not_taken(void **state)
 #define PLY_ASCII PLY_HEAD("ascii") PLY_FACES
 #define FACET "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
 
-/* The message begins with the place, and no array is left. */
+/* The message begins with the position, and no array is leaked. */
 static void damaged_files_are_refused_with_the_place(void **state)
 {
     (void)state;
@@ -308,10 +310,10 @@ static void damaged_files_are_refused_with_the_place(void **state)
     }
     plain_mesh m;
     assert_false(read_text("off", "OFF\n", &m));
-    assert_int_equal(m.refused, ERROR_NONE); /* the library may know it */
+    assert_int_equal(m.refused, ERROR_NONE); /* the library may support it */
 }
 
-/* Each has the triangle 0 1 2, of other programs' ways to write it. */
+/* Each file has the triangle 0 1 2, as different programs write it. */
 static void ways_to_write_a_triangle_are_read(void **state)
 {
     (void)state;
@@ -344,8 +346,8 @@ static void ways_to_write_a_triangle_are_read(void **state)
     }
 }
 
-/* A byte 0 ends a text only where nothing else follows. */
-static void zeros_behind_a_text_are_passed_over(void **state)
+/* A byte 0 ends a text only if nothing else follows. */
+static void zeros_after_a_text_are_ignored(void **state)
 {
     (void)state;
     static const char padded[] = CORNERS "f 1 2 3\n\0\0", within[] = CORNERS "# \0\nf 1 2 3\n";
@@ -357,7 +359,8 @@ static void zeros_behind_a_text_are_passed_over(void **state)
     assert_non_null(strstr(m.text, "byte 26 of the file is 0"));
 }
 
-/* Each polygon has its corners in the order of the file: one without a triangle, and one that is turned in a mirrored part, too. */
+/* Each polygon has its corners in the order of the file, also a polygon without a triangle, and one in a mirrored
+ * part. */
 static void polygons_are_kept_on_request(void **state)
 {
     (void)state;
@@ -385,15 +388,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(polygons_are_kept_on_request),
         cmocka_unit_test(numbers_are_exact),
-        cmocka_unit_test(places_keep_their_precision),
+        cmocka_unit_test(positions_keep_their_precision),
         cmocka_unit_test(polygons_become_triangles),
         cmocka_unit_test(binary_files),
-        cmocka_unit_test(rows_of_triangles),
+        cmocka_unit_test(rows_of_triangles_and_polygons_are_read),
         cmocka_unit_test(damaged_files_are_refused_with_the_place),
         cmocka_unit_test(ways_to_write_a_triangle_are_read),
-        cmocka_unit_test(zeros_behind_a_text_are_passed_over),
-        cmocka_unit_test(lines_of_obj_are_passed_over),
-        cmocka_unit_test(cut_files_are_not_taken),
+        cmocka_unit_test(zeros_after_a_text_are_ignored),
+        cmocka_unit_test(other_lines_of_obj_are_ignored),
+        cmocka_unit_test(truncated_files_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Files that are read without OpenVDB give what OpenVDB reads; all others are left to it. */
+/* Files that are read without OpenVDB give the same result as OpenVDB. All others are left to OpenVDB. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -48,7 +48,7 @@ static void hold_grids_equal(const vdb_grid *a, const vdb_grid *b)
     }
 }
 
-/* Returns how many grids were read without the library. */
+/* Returns the number of grids that were read without the library. */
 static size_t hold_file_equal(int fd)
 {
     vdb_listing plain, listed;
@@ -80,7 +80,7 @@ static size_t hold_file_equal(int fd)
     return read;
 }
 
-static void what_is_written_is_read(void **state)
+static void written_files_are_read_back(void **state)
 {
     (void)state;
     const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated,
@@ -99,7 +99,7 @@ static void what_is_written_is_read(void **state)
     }
 }
 
-static void other_files_are_left_to_the_library(void **state)
+static void other_files_are_passed_to_the_library(void **state)
 {
     (void)state;
     vdb_listing list;
@@ -120,7 +120,7 @@ static void other_files_are_left_to_the_library(void **state)
     fixture_free(&g);
 }
 
-/* Whatever stands in a file, it does no harm; the library is asked about what is not usual. */
+/* No content of a file causes a failure. Unusual content is left to the library. */
 static void damaged_files_do_no_harm(void **state)
 {
     (void)state;
@@ -140,7 +140,7 @@ static void damaged_files_do_no_harm(void **state)
     for (int trial = 0; trial < 400; trial++) {
         const double where = fixture_random(&seed);
         const size_t at = (size_t)(where * (double)(trial % 2 ? size : 1200));
-        unsigned char before[8], changed[8] = {[7] = 0x80}; /* of a length, the least there is */
+        unsigned char before[8], changed[8] = {[7] = 0x80}; /* of a length: the smallest number */
         const size_t many = trial % 4 == 3 && at + sizeof changed <= size ? sizeof changed : 1;
         if (many == 1) changed[0] = (unsigned char)(256 * fixture_random(&seed));
         memcpy(before, bytes + at, many);
@@ -156,7 +156,7 @@ static void damaged_files_do_no_harm(void **state)
     fixture_free(&g);
 }
 
-/* Compressed by all that there is. */
+/* With every kind of compression. */
 static void real_files_are_read_as_the_library_does(void **state)
 {
     (void)state;
@@ -187,8 +187,8 @@ static void real_files_are_read_as_the_library_does(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_written_is_read),
-        cmocka_unit_test(other_files_are_left_to_the_library),
+        cmocka_unit_test(written_files_are_read_back),
+        cmocka_unit_test(other_files_are_passed_to_the_library),
         cmocka_unit_test(damaged_files_do_no_harm),
         cmocka_unit_test(real_files_are_read_as_the_library_does),
     };

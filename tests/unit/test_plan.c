@@ -1,4 +1,4 @@
-/* plan: how many points a target comes to, and what memory they take. */
+/* plan: the number of points of a target, and their memory. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,7 +32,7 @@ static void targets_come_to_a_count(void **state)
     spec support = {.has_control = true};
     support.control.min_count = 4;
     support.control.max_sigma = 1.0001 * packing_support(packing_spacing(AREA, 1000));
-    assert_int_equal(count_of(&support), 1000); /* the least count that keeps the bound */
+    assert_int_equal(count_of(&support), 1000); /* the smallest count within the bound */
     support.control.min_count = 2000;
     assert_int_equal(count_of(&support), 2000);
 }
@@ -50,7 +50,7 @@ static void a_count_out_of_range_names_its_target(void **state)
     assert_int_equal(count, 7);
 }
 
-/* The number in a message after these words. */
+/* The number in a message that follows these words. */
 static double number_after(const char *message, const char *words)
 {
     const char *at = strstr(message, words);
@@ -58,7 +58,7 @@ static double number_after(const char *message, const char *words)
     return strtod(at + strlen(words), NULL);
 }
 
-/* The value that the message recommends gives a count that is allowed, near the bound. */
+/* The value that the message recommends gives a permitted count near the bound. */
 static void a_count_out_of_range_recommends_a_value_that_is_accepted(void **state)
 {
     (void)state;
@@ -110,7 +110,7 @@ static void the_limit_that_a_message_recommends_is_sufficient(void **state)
     assert_false(plan_check_memory(&plain, false, 1e6, enough - mib - used, enough - mib, &e));
 }
 
-static void mending_is_planned(void **state)
+static void memory_includes_defect_repair(void **state)
 {
     (void)state;
     const spec plain = {.method = SPEC_METHOD_SIZED},
@@ -124,8 +124,8 @@ static void mending_is_planned(void **state)
     assert_true(plan_bytes_per_particle(&other, false) == plan_bytes_per_particle(&plain, false));
 }
 
-/* Where patches are asked for, of one spacing. */
-static void patches_are_mended(void **state)
+/* If patches with a uniform spacing are requested. */
+static void defects_of_patches_are_repaired(void **state)
 {
     (void)state;
     const spec labels = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS},
@@ -140,7 +140,7 @@ static void patches_are_mended(void **state)
                 plan_repairs_defects(&formula));
     assert_false(plan_repairs_defects(&rows) || plan_repairs_defects(&resolved) ||
                  plan_repairs_defects(&in_time) || plan_repairs_defects(&plain));
-    /* for a pass that is never made no memory is set aside */
+    /* no memory is reserved for a pass that is not made */
     assert_true(plan_bytes_per_particle(&many, false) == plan_bytes_per_particle(&plain, false));
 }
 
@@ -152,8 +152,8 @@ int main(void)
         cmocka_unit_test(a_count_out_of_range_recommends_a_value_that_is_accepted),
         cmocka_unit_test(the_limit_that_a_message_recommends_is_sufficient),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
-        cmocka_unit_test(mending_is_planned),
-        cmocka_unit_test(patches_are_mended),
+        cmocka_unit_test(memory_includes_defect_repair),
+        cmocka_unit_test(defects_of_patches_are_repaired),
     };
     return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
 }

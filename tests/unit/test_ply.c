@@ -63,7 +63,7 @@ static bool verify(FILE *file, const points *set, ply_format format, ply_precisi
 
 static bool read_bytes(const char *data, size_t length, ply_file *out, error *e)
 {
-    char *copy = mem_alloc(length); /* exactly so long, so that a sanitizer sees an overrun */
+    char *copy = mem_alloc(length); /* exactly this length, so that a sanitizer detects an overrun */
     memcpy(copy, data, length);
     FILE *file = fmemopen(copy, length ? length : 1, "rb");
     if (!length) fgetc(file);
@@ -169,7 +169,7 @@ static void test_every_truncation_is_refused(void **state)
     point_set_free(&s);
 }
 
-/* The header with one piece replaced. */
+/* Checks that the header with one part replaced is refused. */
 static void refuse_with(const bytes *b, const char *from, const char *to, const char *words)
 {
     char *where = memmem(b->data, b->length, from, strlen(from));
@@ -235,7 +235,7 @@ static void test_values_that_cannot_be_written(void **state)
         fclose(file);
         free(data);
     }
-    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
+    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a valid double */
     double bad = NAN;
     memcpy(b.data + b.length - 8, &bad, 8);
     refuse(b.data, b.length, "point 4999 has spacing_local = ");
@@ -243,7 +243,7 @@ static void test_values_that_cannot_be_written(void **state)
     point_set_free(&s);
 }
 
-/* More points than are made at a time, by one thread and by three. */
+/* More points than are written at a time, by one thread and by three. */
 static void test_bytes_do_not_depend_on_threads(void **state)
 {
     (void)state;
@@ -300,13 +300,14 @@ static void test_full_disk(void **state)
     point_set_free(&s);
 }
 
-/* A mesh: three corners of a set of four, and what is wrong with others. */
+/* A mesh: three corners of a set of four, and invalid ones. */
 static void test_ids_and_velocities(void **state)
 {
     (void)state;
-    static const uint32_t id[3] = {7, 16777217, UINT32_MAX - 1}; /* the second is no float */
+    /* a float does not represent the second one */
+    static const uint32_t id[3] = {7, 16777217, UINT32_MAX - 1};
     static const vec3 velocity[3] = {{0, 0.5, -1}, {1e-3, 0, 0}, {-0.25, 2, 3}};
-    static const double kappa_scale[3] = {0, 0.25, 3}; /* which a set may have besides */
+    static const double kappa_scale[3] = {0, 0.25, 3}; /* an optional member of a set */
     for (int format = 0; format <= 1; format++)
         for (int kind = 0; kind <= 3; kind++) {
             int precision = kind % 2;
@@ -352,7 +353,7 @@ static void test_ids_and_velocities(void **state)
         }
 }
 
-/* Attributes of each kind, chosen by name, by application and all. */
+/* Attributes of each kind, selected by name, by application, and all. */
 static void test_columns(void **state)
 {
     (void)state;
@@ -386,13 +387,14 @@ static void test_columns(void **state)
     assert_false(ply_verify(file, &s.points, &what, PLY_ASCII, PLY_FLOAT, NULL, &e));
     fclose(file);
     free(b.data);
-    for (int format = 0; format <= 1; format++) { /* read again, what has no array is passed over */
+    /* columns without an array are ignored when the file is read again */
+    for (int format = 0; format <= 1; format++) {
         ply_file f = {0};
         b = write_set(&s.points, (ply_format)format, PLY_DOUBLE);
         if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
         check_equal(&s.points, &f.points, false);
         assert_memory_equal(f.points.uv, uv, sizeof uv);
-        assert_null(f.points.color); /* no attribute has them: they are written when they are asked for */
+        assert_null(f.points.color); /* computed on request only */
         if (format == PLY_ASCII) {
             refuse_with(&b, " -7\n", " -7.5\n", "numbers");
             refuse_with(&b, " -7\n", " -2147483649\n", "numbers");

@@ -1,4 +1,4 @@
-/* Polygons as triangles: simple planar ones are covered once, whatever their shape; the work is bounded. */
+/* Polygons as triangles: simple planar polygons are covered once, whatever their shape; the work is bounded. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -26,7 +26,7 @@ static void add(outline *o, double x, double y)
     o->at[o->count++][1] = y;
 }
 
-/* ---- shapes, which turn to the left */
+/* ---- shapes, counter-clockwise */
 
 /* Star-shaped about the origin, with spikes. */
 static void make_star(outline *o, size_t count, rng *r)
@@ -69,7 +69,7 @@ static void make_spiral(outline *o, size_t steps, rng *r)
     }
 }
 
-/* A square with square holes, joined to it by bridges that go there and back at the same place. */
+/* A square with square holes, joined to it by bridges of two coinciding sides. */
 static void make_keyhole(outline *o, size_t holes, rng *r)
 {
     const double end = (double)holes;
@@ -119,7 +119,8 @@ static void triangle_across(const double a[3], const double b[3], const double c
     }
 }
 
-/* Each side of the polygon is that of one triangle, in its direction, and each other side that of two, in both. */
+/* Each side of the polygon belongs to one triangle, in its direction. Each other side belongs to two triangles, in
+ * both directions. */
 static void assert_sides(size_t count, const uint32_t (*out)[3])
 {
     signed char *sides = calloc(count * count, 1);
@@ -139,7 +140,7 @@ static void assert_sides(size_t count, const uint32_t (*out)[3])
     free(sides);
 }
 
-/* In a plane of space, and back: the triangles add up to the polygon, and none is turned over. */
+/* Moves the polygon to a plane in space and back: the triangles add up to the polygon, and none is reversed. */
 static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
 {
     double(*place)[3] = malloc(o->count * sizeof *place), axis[3][3];
@@ -190,7 +191,7 @@ static double turn(const double a[2], const double b[2], const double c[2])
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-/* Whether the way from corner `at` to a tip crosses no side, and does not lie on one of the corner's own. */
+/* Whether the segment from corner `at` to a tip crosses no side and does not lie on a side of the corner. */
 static bool is_clear(const outline *o, size_t at, const double tip[2])
 {
     const double *a = o->at[at];
@@ -208,7 +209,7 @@ static bool is_clear(const outline *o, size_t at, const double tip[2])
     return true;
 }
 
-/* A spike without area at a corner: it goes on in the way of the side before it or after it, and comes back to it. */
+/* Adds a spike without area at a corner: it continues the side before or after it, and returns to the corner. */
 static bool put_spike(outline *o, size_t at, rng *r)
 {
     const bool is_before = rng_uniform(r) < 0.5;
@@ -224,7 +225,7 @@ static bool put_spike(outline *o, size_t at, rng *r)
     return true;
 }
 
-/* As where triangles without area were joined with their neighbours; within the polygon, and outside of it. */
+/* Such spikes occur where triangles without area were joined with their neighbours, inside the polygon or outside. */
 static void spikes_have_no_area(void **state)
 {
     (void)state;
@@ -250,7 +251,7 @@ static void spikes_have_no_area(void **state)
     assert_true(spikes > 2000);
 }
 
-/* Corners on straight sides are used, so that no triangle is flat: the coordinates are exact. */
+/* Corners on straight sides are used such that no triangle is flat: the coordinates are exact. */
 static void straight_corners_give_no_flat_triangles(void **state)
 {
     (void)state;
@@ -290,7 +291,7 @@ static void quadrangles_are_cut_along_the_shorter_diagonal_within(void **state)
 {
     (void)state;
     static const double square[4][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}},
-                        kite[4][3] = {{0, 0, 0}, {2, 1, 0}, {4, 0, 0}, {2, -1, 0}}, /* turns to the right */
+                        kite[4][3] = {{0, 0, 0}, {2, 1, 0}, {4, 0, 0}, {2, -1, 0}}, /* clockwise */
         bent[4][3] = {{0, 0, 0}, {2, 1, 0.3}, {4, 0, 0}, {2, -1, 0.3}},
                         long_way[4][3] = {{0, 0, 0.3}, {1, 1, 0}, {0, 6, 0.3}, {-1, 1, 0}},
                         dart[4][3] = {{0, 0, 0}, {1, -2, 0}, {0, 6, 0}, {-1, -2, 0}},
@@ -318,7 +319,7 @@ static int by_numbers(const void *left, const void *right)
     return 0;
 }
 
-/* The triangles of a polygon in an order that depends on their corners alone. */
+/* The triangles of a polygon in an order that depends on their corners only. */
 static void cut_and_sort(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
 {
     assert_int_equal(polygon_cut(place, corner, count, out), POLYGON_CUT);
@@ -326,7 +327,7 @@ static void cut_and_sort(const double (*place)[3], const uint32_t *corner, size_
     qsort(out, count - 2, sizeof *out, by_numbers);
 }
 
-static void copies_of_a_polygon_are_cut_alike(void **state)
+static void copies_of_a_polygon_are_cut_in_the_same_way(void **state)
 {
     (void)state;
     static const double square[][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}},
@@ -350,7 +351,7 @@ static void copies_of_a_polygon_are_cut_alike(void **state)
     }
 }
 
-static void crossed_polygons_are_told(void **state)
+static void crossed_polygons_are_reported(void **state)
 {
     (void)state;
     static const double bow[4][3] = {{0, 0, 0}, {2, 2, 0}, {2, 0, 0}, {0, 1, 0}},
@@ -363,7 +364,7 @@ static void crossed_polygons_are_told(void **state)
     assert_int_equal(polygon_cut(line, corner, 5, out), POLYGON_CUT);
 }
 
-/* A hundred thousand corners, on a wave and on a comb, take no quadratic work. */
+/* 100 000 corners on a wave and on a comb do not take quadratic time. */
 static void large_polygons_are_cut(void **state)
 {
     (void)state;
@@ -404,8 +405,8 @@ int main(void)
         cmocka_unit_test(spikes_have_no_area),
         cmocka_unit_test(straight_corners_give_no_flat_triangles),
         cmocka_unit_test(quadrangles_are_cut_along_the_shorter_diagonal_within),
-        cmocka_unit_test(copies_of_a_polygon_are_cut_alike),
-        cmocka_unit_test(crossed_polygons_are_told),
+        cmocka_unit_test(copies_of_a_polygon_are_cut_in_the_same_way),
+        cmocka_unit_test(crossed_polygons_are_reported),
         cmocka_unit_test(large_polygons_are_cut),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* Population: who is chosen, where twins go, and who is left. */
+/* Population: choice of particles, positions of twins, and removal. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -24,7 +24,7 @@ static particles *energies(void)
     return p;
 }
 
-/* How often each particle is chosen, in so many rounds. */
+/* Number of times that each particle is chosen, in ROUNDS rounds. */
 static void count_choices(population_bias bias, int times[COUNT])
 {
     particles *p = energies();
@@ -35,7 +35,7 @@ static void count_choices(population_bias bias, int times[COUNT])
         assert_true(population_choose(p, CHOSEN, bias, &r, chosen, &e));
         for (int k = 0; k < CHOSEN; k++) {
             assert_true(chosen[k] < COUNT);
-            if (k > 0) assert_true(chosen[k - 1] < chosen[k]); /* ascending, and each once */
+            if (k > 0) assert_true(chosen[k - 1] < chosen[k]); /* ascending, without duplicates */
             times[chosen[k]]++;
         }
     }
@@ -49,7 +49,7 @@ static int sum(const int *times, int begin, int end)
     return all;
 }
 
-static void test_the_bias_is_towards_the_energy_asked_for(void **state)
+static void test_the_bias_selects_the_requested_energies(void **state)
 {
     (void)state;
     int high[COUNT] = {0}, low[COUNT] = {0}, random[COUNT] = {0};
@@ -59,13 +59,13 @@ static void test_the_bias_is_towards_the_energy_asked_for(void **state)
     int half = COUNT / 2, all = CHOSEN * ROUNDS;
     assert_true(sum(high, half, COUNT) > 3 * sum(high, 0, half));
     assert_true(sum(low, 0, half) > 3 * sum(low, half, COUNT));
-    /* ten standard deviations of a fair draw */
+    /* ten standard deviations of a fair choice */
     assert_close(sum(random, 0, half), all / 2.0, 10 * sqrt(all / 4.0));
-    for (int i = 0; i < COUNT; i++) assert_true(random[i] > 0); /* nobody is left out */
+    for (int i = 0; i < COUNT; i++) assert_true(random[i] > 0); /* each particle is chosen */
 }
 
-/* With amplitudes that vary an energy is large where they are: what counts is what is around a particle. */
-static void test_amplitudes_do_not_count(void **state)
+/* With varying amplitudes the energy is large where they are large; the energy relative to the surroundings decides. */
+static void test_amplitudes_do_not_affect_the_choice(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -84,7 +84,7 @@ static void test_amplitudes_do_not_count(void **state)
     particles_free(p);
 }
 
-static void test_all_may_be_chosen(void **state)
+static void test_all_particles_can_be_chosen(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -123,7 +123,7 @@ static void test_twins_are_on_the_surface_on_either_side(void **state)
     analytic_free(sphere);
 }
 
-static void test_those_that_stay_keep_their_order(void **state)
+static void test_remaining_particles_keep_their_order(void **state)
 {
     (void)state;
     particles *p = energies();
@@ -141,11 +141,11 @@ static void test_those_that_stay_keep_their_order(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_bias_is_towards_the_energy_asked_for),
-        cmocka_unit_test(test_amplitudes_do_not_count),
-        cmocka_unit_test(test_all_may_be_chosen),
+        cmocka_unit_test(test_the_bias_selects_the_requested_energies),
+        cmocka_unit_test(test_amplitudes_do_not_affect_the_choice),
+        cmocka_unit_test(test_all_particles_can_be_chosen),
         cmocka_unit_test(test_twins_are_on_the_surface_on_either_side),
-        cmocka_unit_test(test_those_that_stay_keep_their_order),
+        cmocka_unit_test(test_remaining_particles_keep_their_order),
     };
     return cmocka_run_group_tests_name("population", tests, NULL, NULL);
 }

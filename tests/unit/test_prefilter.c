@@ -1,5 +1,6 @@
-/* The prefilter of known voxels: it has their values, goes on as a parabola where they end, and leaves others alone. And the
- * continuation of a band, by any number of threads. */
+/* The prefilter of known voxels: the spline has their values, is extrapolated as a parabola, and leaves other voxels
+ * unchanged. Extrapolation of a band by any number of threads.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,7 +25,7 @@ enum {
     MOST = 9
 };
 
-/* Voxels by place, of all blocks; those of blocks that are missing stay what they are. */
+/* Voxels by position, of all blocks. Voxels of missing blocks must not change. */
 typedef struct cube {
     float f[VOXELS];
     bool known[VOXELS];
@@ -35,7 +36,7 @@ static int place(int x, int y, int z)
     return (x * ALL + y) * ALL + z;
 }
 
-/* Of voxel k of a block. */
+/* The index of voxel k of a block in the cube. */
 static int place_in(const int32_t block[3], int k)
 {
     return place(block[0] * SIDE + k / 64, block[1] * SIDE + k / 8 % 8, block[2] * SIDE + k % 8);
@@ -46,7 +47,7 @@ static int draw_below(rng *r, int most)
     return (int)(rng_uniform(r) * most);
 }
 
-/* Boxes of at least three voxels along each axis, so that each run has as many. */
+/* Boxes of at least three voxels along each axis, so that each run has three. */
 static void draw_known(cube *c, rng *r)
 {
     memset(c->known, 0, sizeof c->known);
@@ -107,7 +108,7 @@ static void filter(cube *c, int workers)
     threads_free(pool);
 }
 
-/* The value of the spline at a voxel all of whose neighbours are known; else false. */
+/* The value of the spline at a voxel whose neighbours are all known; otherwise false. */
 static bool spline_at(const cube *c, int x, int y, int z, double *value)
 {
     static const double weight[3] = {1 / 6., 4 / 6., 1 / 6.};
@@ -147,8 +148,8 @@ static void the_spline_has_the_known_values(void **state)
     assert_true(seen > 500 && left > 500);
 }
 
-/* Its coefficients are its values less a sixth of its second differences, at the ends of runs too. */
-static void a_parabola_goes_on(void **state)
+/* Its coefficients are its values less a sixth of its second differences, also at the ends of runs. */
+static void a_parabola_is_extrapolated(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -177,7 +178,7 @@ static void a_parabola_goes_on(void **state)
     assert_true(seen > 500);
 }
 
-static void threads_do_not_matter(void **state)
+static void filter_does_not_depend_on_threads(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
@@ -190,8 +191,8 @@ static void threads_do_not_matter(void **state)
     assert_memory_equal(after.f, other.f, sizeof after.f);
 }
 
-/* All voxels of a band's blocks get a value, on their side of the surface. */
-static void threads_continue_alike(void **state)
+/* All voxels of the blocks of a band get a value with the sign of their side. */
+static void extrapolation_does_not_depend_on_threads(void **state)
 {
     (void)state;
     static const int workers[] = {1, 2, 3, 8};
@@ -229,9 +230,9 @@ static void threads_continue_alike(void **state)
     assert_true(filled > 1000);
 }
 
-/* A plane's band, three voxels on either side, in any direction: layers and lines are exact for it, so that voxels of every block
- * beside it come to have its values, wherever these are within what is allowed. */
-static void a_plane_goes_on(void **state)
+/* The band of a plane of any direction, three voxels on either side: extrapolation is exact for it. Voxels of every
+ * adjacent block get its values, within the permitted range. */
+static void a_plane_is_extrapolated(void **state)
 {
     (void)state;
     enum { BAND = 3, PLANES = 24 };
@@ -259,8 +260,8 @@ static void a_plane_goes_on(void **state)
         samples_free(&s);
         for (int k = 0; k < VOXELS; k++) {
             const double f = (double)other.f[k];
-            bool within = fabs(f) <= BAND + SIDE / 2; /* so far coefficient blocks reach */
-            /* slivers at the cube's end have no lines */
+            bool within = fabs(f) <= BAND + SIDE / 2; /* the reach of coefficient blocks */
+            /* slivers at the boundary of the cube cannot be extrapolated */
             for (int at = k, axis = 0; axis < 3; at /= ALL, axis++)
                 within = within && at % ALL >= SIDE && at % ALL < ALL - SIDE;
             if (!within) continue;
@@ -276,10 +277,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spline_has_the_known_values),
-        cmocka_unit_test(a_parabola_goes_on),
-        cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(threads_continue_alike),
-        cmocka_unit_test(a_plane_goes_on),
+        cmocka_unit_test(a_parabola_is_extrapolated),
+        cmocka_unit_test(filter_does_not_depend_on_threads),
+        cmocka_unit_test(extrapolation_does_not_depend_on_threads),
+        cmocka_unit_test(a_plane_is_extrapolated),
     };
     return cmocka_run_group_tests_name("prefilter", tests, NULL, NULL);
 }

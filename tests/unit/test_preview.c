@@ -19,12 +19,13 @@
 #include "formats/picture_png.h"
 #include "point_set.h"
 
-/* What stands at the centre of a pixel. */
+/* The contents at the centre of a pixel. */
 typedef struct preview_sample {
-    uint32_t id;   /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
-    float depth;   /* along the camera's axis, world units */
-    vec3 position; /* on the disc, world space */
-    vec3 normal;   /* of the disc */
+    /* index of the point plus one; 0: background, then the rest is 0 and depth is PREVIEW_FAR */
+    uint32_t id;
+    float depth;           /* along the camera's axis, world units */
+    vec3 position;         /* on the disc, world space */
+    vec3 normal;           /* of the disc */
     double kappa, spacing; /* kappa and achieved spacing of the point */
 } preview_sample;
 
@@ -82,7 +83,7 @@ static size_t count_covered(const image *m)
     return n;
 }
 
-/* Where the middles of discs are in the picture, they are seen; places, depths and all. Returns how many. */
+/* Checks the centres of visible discs: their positions, depths and all members. Returns their number. */
 static int check_discs(const point_set *s, const image *m)
 {
     vec3 eye = eye_of(&m->camera);
@@ -121,7 +122,7 @@ static void test_pixels_are_the_discs(void **state)
     };
     point_set s = point_set_sphere(400, vec3_make(10, -20, 30), 2);
     for (int k = -1; k < 4; k++) {
-        if (k == 2) /* the inside of the sphere is its outside */
+        if (k == 2) /* the view is from inside the sphere */
             for (size_t i = 0; i < s.points.count; i++) s.normal[i] = vec3_scale(s.normal[i], -1);
         const preview_options options = {.width = 640,
                                          .height = 480,
@@ -141,8 +142,8 @@ static void test_pixels_are_the_discs(void **state)
     point_set_free(&s);
 }
 
-/* A camera that looks away sees nothing. */
-static void test_what_is_behind_is_not_seen(void **state)
+/* A camera that looks away has an empty picture. */
+static void test_points_behind_the_camera_are_not_drawn(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
@@ -157,8 +158,8 @@ static void test_what_is_behind_is_not_seen(void **state)
     point_set_free(&s);
 }
 
-/* A set that lies on its back, seen with y up, is the set that stands, seen with z up. */
-static void test_what_stands_along_y(void **state)
+/* A rotated set with up = y gives the same picture as the original set with up = z. */
+static void test_up_axis_y_equals_a_rotated_set(void **state)
 {
     (void)state;
     point_set stands = point_set_sphere(800, vec3_make(0, 0, 0), 1),
@@ -176,7 +177,7 @@ static void test_what_stands_along_y(void **state)
     image *other = render_options(&lies.points, &options, 1);
     int differ = 0;
     for (size_t k = 0; k < 3 * 200 * 200; k++) differ += abs(one->rgb[k] - other->rgb[k]) > 2;
-    assert_in_range(differ, 0, 200); /* rounding at rims */
+    assert_in_range(differ, 0, 200); /* rounding at outlines */
     preview_free(one);
     preview_free(other);
     point_set_free(&stands);
@@ -198,7 +199,7 @@ static void test_unresolved_discs_are_smaller(void **state)
     point_set_free(&s);
 }
 
-/* Of the pixels that show a sphere from the front, the share that shows the bodies below the discs. */
+/* The fraction of the pixels of a sphere, seen from the front, that show the bodies below the discs. */
 static double share_of_gaps(size_t count)
 {
     point_set s = point_set_sphere(count, vec3_make(0, 0, 0), 1);
@@ -226,9 +227,8 @@ static void test_large_discs_show_the_packing_and_small_ones_grow_together(void 
     if (!(large > 0.12 && large < 0.35 && small < 0.03)) fail_msg("gaps: %g and %g", large, small);
 }
 
-/* A turn around a set that is long and off the origin: all of it stays in the frame, the eye at one
- * distance from the middle, the first where the still camera looks from; with a camera that is given,
- * around its target. */
+/* A turntable around a long set that is not centred at the origin: the whole set stays in the frame at a constant
+ * distance. The first picture is that of the still camera. A given camera rotates around its target. */
 static void test_turntables(void **state)
 {
     (void)state;
@@ -264,15 +264,16 @@ static void test_turntables(void **state)
     point_set_free(&s);
 }
 
-/* A pipe that points at the eye is shown from its side, whichever axis is up and wherever it lies; what is as deep as wide is not turned. */
-static void test_no_pipe_is_seen_from_its_end(void **state)
+/* A pipe along the line of sight is shown from its side, whatever the up axis and its direction. A set as deep as
+ * wide is not rotated. */
+static void test_pipes_are_shown_from_the_side(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
     for (int y_up = 0; y_up < 2; y_up++) {
         const camera_frame frame = {0, 0, 300, 200, y_up};
         const camera round = camera_fit(s.position, s.points.count, 0.1, frame);
-        for (int level = 0; level < 2; level++) { /* along the line of sight, and level below it */
+        for (int level = 0; level < 2; level++) { /* along the line of sight, and horizontal below it */
             vec3 along = round.forward, *pipe = calloc(s.points.count, sizeof *pipe);
             if (level)
                 along = vec3_unit(y_up ? vec3_make(along.x, 0, along.z) : vec3_make(along.x, along.y, 0));
@@ -293,7 +294,7 @@ static void test_no_pipe_is_seen_from_its_end(void **state)
     point_set_free(&s);
 }
 
-/* The colours of points are those of what is asked for: from the first of the scale to the last. */
+/* The colours of points are those of the requested quantity, from the first to the last of the scale. */
 static void test_every_quantity_is_shown(void **state)
 {
     (void)state;
@@ -492,7 +493,7 @@ static void test_exr(void **state)
         spit(t.path, data, n);
         if (verify_exr(t.path, m, NULL)) fail_msg("accepted %zu of %zu bytes", n, length);
     }
-    for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* lines and no header */
+    for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* within lines, not in the header */
         data[n] ^= 1;
         spit(t.path, data, length);
         if (verify_exr(t.path, m, NULL)) fail_msg("byte %zu is not that of the picture", n);
@@ -500,7 +501,7 @@ static void test_exr(void **state)
     }
     spit(t.path, data, length);
     assert_true(verify_exr(t.path, m, &e));
-    for (size_t i = 0; i < 300; i++) s.scalar[6][i] *= 1 + 1e-6; /* through the borrowed arrays */
+    for (size_t i = 0; i < 300; i++) s.scalar[6][i] *= 1 + 1e-6; /* changes the borrowed arrays */
     assert_false(verify_exr(t.path, m, &e));
     assert_non_null(strstr(e.message, "differ from the written data"));
     image *other = render(&s.points, 128, 67, QUANTITY_ALPHA);
@@ -545,7 +546,7 @@ static void test_exr_compressed(void **state)
     point_set_free(&s);
 }
 
-/* A file of the picture, depth and id alone is one of its own, and much smaller. */
+/* A file with the picture, depth and id only is a valid file, and much smaller. */
 static void test_exr_basic(void **state)
 {
     (void)state;
@@ -615,7 +616,7 @@ static void test_viridis(void **state)
         for (int k = 0; k < 3; k++)
             if (fabs(c[k] - table[i][k + 1]) > 0.02) fail_msg("%g: %g", table[i][0], c[k]);
     }
-    double previous = -1; /* brighter all the way */
+    double previous = -1; /* brightness increases monotonically */
     for (int i = 0; i <= 100; i++) {
         double c[3];
         colormap_color(COLORMAP_VIRIDIS, i / 100.0, c);
@@ -649,7 +650,7 @@ static void test_scale(void **state)
     assert_true(fabs(s.low - 3.9) < 1e-6 && fabs(s.high - 4.1) < 1e-6);
 }
 
-/* Curvatures have a scale of square roots from 0 on, also where the bounds are given. */
+/* Curvatures have a square root scale from 0, also with given bounds. */
 static void test_given_bounds_of_curvature(void **state)
 {
     (void)state;
@@ -691,14 +692,15 @@ static void test_legend(void **state)
         for (int k = 0; k < 3; k++)
             bar = bar && a[k] == lround(255 * first[k]) && b[k] == lround(255 * last[k]);
         rows += bar;
-        for (int x = 0; x < 512; x++) assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
+        /* the set is not drawn here */
+        for (int x = 0; x < 512; x++) assert_int_equal(preview_at(m, x, y).id, 0);
     }
     assert_int_equal(rows, 6);
     preview_free(m);
     point_set_free(&s);
 }
 
-/* Bytes of a legend's picture that are not black. */
+/* Number of bytes of the legend's picture that are not black. */
 static size_t ink(int side, const char *title, const char *note)
 {
     unsigned char *rgb = calloc(3 * (size_t)side, (size_t)side);
@@ -732,7 +734,7 @@ static void test_halves(void **state)
         else
             assert_int_equal(half_from_float(value), h);
     }
-    for (uint32_t h = 0; h < 0x7BFF; h++) { /* half way between neighbours: to the even one */
+    for (uint32_t h = 0; h < 0x7BFF; h++) { /* midpoints are rounded to the even one */
         double a = half_to_float((uint16_t)h), b = half_to_float((uint16_t)(h + 1));
         float middle = (float)(0.5 * (a + b));
         assert_int_equal(half_from_float(middle), h + (h & 1));
@@ -785,13 +787,13 @@ static void test_degenerate_sets(void **state)
     }
 }
 
-/* One point that faces the camera is in the middle of the picture, and its disc has its radius. */
+/* One point that faces the camera is in the centre of the picture, and its disc has its radius. */
 static void test_one_point(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
     s.normal[0] = vec3_unit(vec3_make(0.52, -0.74, 0.43));
-    s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] = 0; /* flat: the body lies just a little below */
+    s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] = 0; /* flat: the body is slightly below the disc */
     image *m = render(&s.points, 100, 100, QUANTITY_ALPHA);
     preview_sample p = preview_at(m, 50, 50);
     assert_int_equal(p.id, 1);
@@ -807,8 +809,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pixels_are_the_discs),
-        cmocka_unit_test(test_what_is_behind_is_not_seen),
-        cmocka_unit_test(test_what_stands_along_y),
+        cmocka_unit_test(test_points_behind_the_camera_are_not_drawn),
+        cmocka_unit_test(test_up_axis_y_equals_a_rotated_set),
         cmocka_unit_test(test_unresolved_discs_are_smaller),
         cmocka_unit_test(test_large_discs_show_the_packing_and_small_ones_grow_together),
         cmocka_unit_test(test_turntables),
@@ -817,7 +819,7 @@ int main(void)
         cmocka_unit_test(test_exr_basic),
         cmocka_unit_test(test_far_side_does_not_show_through),
         cmocka_unit_test(test_camera_fits_tightly),
-        cmocka_unit_test(test_no_pipe_is_seen_from_its_end),
+        cmocka_unit_test(test_pipes_are_shown_from_the_side),
         cmocka_unit_test(test_png),
         cmocka_unit_test(test_exr),
         cmocka_unit_test(test_determinism),

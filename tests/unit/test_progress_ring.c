@@ -35,14 +35,14 @@ static void test_lines_of_one_job(void **state)
     assert_int_equal(progress_ring_list(r, NULL, "bob", 0, 9, &lines, &newest), 1);
     assert_string_equal(lines[0].id, "two");
     progress_ring_lines_free(lines, 1);
-    assert_int_equal(progress_ring_list(r, NULL, NULL, 1000, 9, &lines, &newest),
-                     0); /* a number from before a restart */
+    /* a number from before a restart */
+    assert_int_equal(progress_ring_list(r, NULL, NULL, 1000, 9, &lines, &newest), 0);
     assert_int_equal(newest, 3);
     progress_ring_lines_free(lines, 0);
     progress_ring_free(r);
 }
 
-static void test_the_oldest_go(void **state)
+static void test_the_oldest_lines_are_replaced(void **state)
 {
     (void)state;
     progress_ring *r = progress_ring_new();
@@ -66,7 +66,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines_of_one_job),
-        cmocka_unit_test(test_the_oldest_go),
+        cmocka_unit_test(test_the_oldest_lines_are_replaced),
     };
     return cmocka_run_group_tests_name("progress_ring", tests, NULL, NULL);
 }

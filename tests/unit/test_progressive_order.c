@@ -39,7 +39,7 @@ static void add(cloud *c, vec3 x, vec3 n, double h, uint32_t piece)
     c->side[i][c->sides[i]++] = n;
 }
 
-/* The further copies follow all points. */
+/* Further copies follow all points. */
 static void add_copy(cloud *c, size_t point, vec3 normal)
 {
     if (c->copies < c->count) {
@@ -65,9 +65,9 @@ static void find(const cloud *c, uint32_t *order)
     if (!progressive_order(&in, NULL, order, &e)) fail_msg("%s", e.message);
 }
 
-/* ---- truth */
+/* ---- computation over all pairs */
 
-/* Of one piece, and a normal of each do not face apart. */
+/* Whether the points belong to one component and have normals that are not opposite. */
 static bool are_near(const cloud *c, size_t i, size_t j)
 {
     bool alike = false;
@@ -138,8 +138,8 @@ static void graded_spacings_count_by_their_mean(void **state)
     check(&c);
 }
 
-/* Two walls, two pieces, points on creases, coincident points, and a one-sided piece. */
-static void walls_and_pieces_and_creases_count_as_the_measures_have_them(void **state)
+/* Two walls, two components, points on creases, coincident points, and a one-sided surface. */
+static void walls_pieces_and_creases_are_treated_as_by_the_measures(void **state)
 {
     (void)state;
     static cloud c;
@@ -178,7 +178,8 @@ static void few_points_are_ordered_too(void **state)
     }
 }
 
-/* The walls of a plate much thinner than the spacing have nearly as many points each in every prefix, and neither wall has a hole. */
+/* In every prefix the walls of a plate much thinner than the spacing have nearly equal numbers of points, and
+ * neither wall has a hole. */
 static void a_prefix_covers_both_walls_of_a_thin_plate(void **state)
 {
     (void)state;
@@ -233,7 +234,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_point_of_a_sphere_is_the_farthest),
         cmocka_unit_test(graded_spacings_count_by_their_mean),
-        cmocka_unit_test(walls_and_pieces_and_creases_count_as_the_measures_have_them),
+        cmocka_unit_test(walls_pieces_and_creases_are_treated_as_by_the_measures),
         cmocka_unit_test(few_points_are_ordered_too),
         cmocka_unit_test(a_prefix_covers_both_walls_of_a_thin_plate),
         cmocka_unit_test(the_pool_stops_it),

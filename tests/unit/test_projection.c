@@ -1,4 +1,4 @@
-/* Projection: onto the surface to rounding, along boundaries, and refusals. */
+/* Projection: onto the surface to rounding, along boundaries, and failures. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,7 +23,8 @@ static void ends_on_the_surface(void **state)
             field_sample s;
             if (!field_sample_at(&a->base, x, FIELD_GRADIENT, &s) ||
                 fabs(s.value) > 0.02 * a->base.extent * vec3_norm(s.gradient) ||
-                /* the quartic's centre is a zero without a gradient: no surface, and Newton's method creeps */
+                /* the centre of the quartic is a zero without a gradient: it is not on a surface, and Newton's
+                 * method converges slowly */
                 (shapes[k].shape == ANALYTIC_QUARTIC && vec3_norm(vec3_sub(x, shapes[k].center)) < 0.2))
                 continue;
             done++;
@@ -37,7 +38,7 @@ static void ends_on_the_surface(void **state)
     }
 }
 
-/* On an open surface a point beyond a face ends on the boundary: on the face and on the surface. */
+/* On an open surface, a point beyond a face is projected to the boundary: onto the face and the surface. */
 static void slides_along_the_rim(void **state)
 {
     (void)state;

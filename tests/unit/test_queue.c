@@ -65,21 +65,21 @@ static void test_claims_go_by_priority_then_age(void **state)
     queue_claimed_free(left, count);
 }
 
-static void test_only_the_current_attempt_settles(void **state)
+static void test_only_the_current_attempt_ends_a_task(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "fenced", 0, id);
-    assert_false(finish(p, id, 0, 0, &success)); /* not running at all */
+    assert_false(finish(p, id, 0, 0, &success)); /* no attempt runs */
     int old = claim(p, id);
     assert_true(requeue(p, id, old, true, 0, &crash));
     int current = claim(p, id);
     assert_true(current > old);
     assert_false(finish(p, id, 0, old, &success));
-    assert_false(finish(p, id, 1, current, &success)); /* there is no such task */
+    assert_false(finish(p, id, 1, current, &success)); /* the task does not exist */
     expect_state(p, id, QUEUE_RUNNING);
     assert_true(finish(p, id, 0, current, &success));
-    assert_false(finish(p, id, 0, current, &crash)); /* once is enough */
+    assert_false(finish(p, id, 0, current, &crash)); /* the attempt has already ended */
     queue_job job = get(p, id);
     assert_int_equal(job.state, QUEUE_SUCCEEDED);
     assert_int_equal(job.outcome, QUEUE_CONVERGED);
@@ -111,11 +111,11 @@ static void test_an_attempt_given_back_does_not_count(void **state)
     assert_true(requeue(p, id, attempt, false, 0, &crash));
     queue_task task = get_task(p, id, 0);
     assert_int_equal(task.spent, 0);
-    assert_int_equal(task.attempt, attempt); /* the fence never goes back */
+    assert_int_equal(task.attempt, attempt); /* the attempt number never decreases */
     assert_int_equal(claim(p, id), attempt + 1);
 }
 
-/* A disk that was full is counted apart, until somebody asks for the job to be retried. */
+/* Attempts that failed because of a full disk are counted separately, until the job is retried. */
 static void test_faults_of_storage_are_counted_apart(void **state)
 {
     place *p = *state;
@@ -129,7 +129,7 @@ static void test_faults_of_storage_are_counted_apart(void **state)
     assert_int_equal(task.spent, 1);
     assert_int_equal(task.storage_faults, 1);
     assert_true(finish(p, id, 0, claim(p, id), &crash));
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     assert_int_equal(get_task(p, id, 0).storage_faults, 0);
 }
 
@@ -144,7 +144,7 @@ static size_t count_copies(place *p, const char *directory, const char *name)
     return count;
 }
 
-/* What is written down of a copy goes with the end of its attempt, and of no other. */
+/* The end of an attempt deletes the record of its copy, and no other record. */
 static void test_copies_are_noted(void **state)
 {
     place *p = *state;
@@ -165,8 +165,8 @@ static void test_copies_are_noted(void **state)
     assert_int_equal(count_copies(p, NULL, NULL), 0);
 }
 
-/* Years away, and long past. */
-static void test_who_crashed_waits_and_holds_nobody_up(void **state)
+/* With a wait of years, and with a wait that is over. */
+static void test_a_crashed_job_waits_and_does_not_block_others(void **state)
 {
     place *p = *state;
     char crashed[ULID_SIZE], other[ULID_SIZE];
@@ -182,14 +182,14 @@ static void test_who_crashed_waits_and_holds_nobody_up(void **state)
     assert_true(due == later);
     claim(p, other);
     claim(p, NULL);
-    reopen(p); /* it is no matter of memory */
+    reopen(p); /* the wait is stored */
     claim(p, NULL);
-    assert_int_equal(tell(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
     assert_true(queue_next_due(p->q, &due, NULL));
     assert_true(due == INT64_MAX);
     char soon[ULID_SIZE];
     put(p, "soon", 0, soon);
-    assert_true(requeue(p, soon, claim(p, soon), true, 1, &crash)); /* that time is over */
+    assert_true(requeue(p, soon, claim(p, soon), true, 1, &crash)); /* the wait is over */
     claim(p, soon);
 }
 
@@ -200,20 +200,20 @@ static void test_cancel(void **state)
     put(p, "running", 1, running);
     put(p, "waiting", 0, waiting);
     int attempt = claim(p, running);
-    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, true), QUEUE_CANCELLED);
-    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, false), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, waiting, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, waiting, QUEUE_CANCEL, false), QUEUE_CANCELLED);
     queue_job job = get(p, waiting);
     assert_true(job.finished_ms > 0);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, running, QUEUE_CANCEL, true), QUEUE_CANCELLING);
-    assert_int_equal(tell(p, running, QUEUE_CANCEL, false), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, running, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, running, QUEUE_CANCEL, false), QUEUE_CANCELLING);
     assert_false(requeue(p, running, attempt, true, 0, &crash)); /* would undo the cancellation */
     queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
     assert_true(finish(p, running, 0, attempt, &ending));
     expect_state(p, running, QUEUE_CANCELLED);
     bool found = true, changed = true;
     queue_state now;
-    assert_true(queue_apply_command(p->q, "nobody", QUEUE_CANCEL, &found, &changed, &now, NULL));
+    assert_true(queue_apply_command(p->q, "missing", QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_false(found || changed);
 }
 
@@ -222,17 +222,18 @@ static void test_pause_and_resume(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "paused", 0, id);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_PAUSED);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_PAUSED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true), QUEUE_PAUSED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, false), QUEUE_PAUSED);
     claim(p, NULL);
-    assert_int_equal(tell(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
     int attempt = claim(p, id);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING); /* what runs goes on */
+    /* the running attempt continues */
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING);
     assert_true(requeue(p, id, attempt, true, 0, &crash));
     expect_state(p, id, QUEUE_PAUSED);
     claim(p, NULL);
-    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLED);
-    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(apply_command(p, id, QUEUE_PAUSE, false), QUEUE_CANCELLED);
 }
 
 static void test_the_same_key_is_the_same_job(void **state)
@@ -242,20 +243,20 @@ static void test_the_same_key_is_the_same_job(void **state)
     s.key = "k";
     s.body_hash = "abc";
     queue_receipt first = submit(p, &s), again = submit(p, &s);
-    assert_int_equal(first.verdict, QUEUE_CREATED);
-    assert_int_equal(again.verdict, QUEUE_REPLAYED);
+    assert_int_equal(first.admission, QUEUE_CREATED);
+    assert_int_equal(again.admission, QUEUE_REPLAYED);
     assert_string_equal(again.id, first.id);
     reopen(p);
     s.body_hash = "def";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_MISMATCH);
+    assert_int_equal(submit(p, &s).admission, QUEUE_MISMATCH);
     s.owner = "somebody else";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
     s.key = NULL;
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
-static void test_a_user_has_so_many_jobs(void **state)
+static void test_unfinished_jobs_of_a_user_are_limited(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -264,17 +265,17 @@ static void test_a_user_has_so_many_jobs(void **state)
     char first[ULID_SIZE], second[ULID_SIZE];
     submit_for(p, &s, first);
     submit_for(p, &s, second);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     int attempt = claim(p, first);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     assert_true(finish(p, first, 0, attempt, &success));
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
     s.owner = "bob";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
 }
 
-static void test_a_user_runs_so_many(void **state)
+static void test_running_tasks_of_a_user_are_limited(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -283,35 +284,35 @@ static void test_a_user_runs_so_many(void **state)
     for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
     s.owner = "bob";
     submit_for(p, &s, bob);
-    queue_resources room = wide;
-    room.most_of_owner = 1;
-    queue_task task = claim_in(p, &room, ann[0]);
-    claim_in(p, &room, bob);
-    claim_in(p, &room, NULL);
+    queue_resources resources = wide;
+    resources.most_of_owner = 1;
+    queue_task task = claim_in(p, &resources, ann[0]);
+    claim_in(p, &resources, bob);
+    claim_in(p, &resources, NULL);
     assert_true(finish(p, ann[0], 0, task.attempt, &success));
-    claim_in(p, &room, ann[1]);
-    claim_in(p, &room, NULL);
+    claim_in(p, &resources, ann[1]);
+    claim_in(p, &resources, NULL);
 }
 
-static void test_what_fits_passes_by_but_not_for_ever(void **state)
+static void test_fitting_jobs_overtake_a_limited_number_of_times(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
     char large[ULID_SIZE], hungry[ULID_SIZE], small[QUEUE_OVERTAKE_MOST + 1][ULID_SIZE];
-    s.threads = 99; /* more than there are: those */
+    s.threads = 99; /* more than the host has: it gets all of them */
     submit_for(p, &s, large);
     s.threads = 1;
     for (int i = 0; i <= QUEUE_OVERTAKE_MOST; i++) submit_for(p, &s, small[i]);
-    queue_resources room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
-    for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &room, small[i]);
-    claim_in(p, &room, NULL); /* from here on all wait for the large one */
-    room.threads = 4;
-    claim_in(p, &room, large);
-    room.memory_mb = 99;
-    claim_in(p, &room, NULL);
+    queue_resources resources = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
+    for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &resources, small[i]);
+    claim_in(p, &resources, NULL); /* from here on all others wait for the large job */
+    resources.threads = 4;
+    claim_in(p, &resources, large);
+    resources.memory_mb = 99;
+    claim_in(p, &resources, NULL);
     s.memory_mb = 1001;
     submit_for(p, &s, hungry);
-    claim_in(p, &room, hungry); /* which will never fit, and is to be told */
+    claim_in(p, &resources, hungry); /* it never fits, so that the executor can fail it */
 }
 
 static void test_jobs_wait_for_others(void **state)
@@ -338,13 +339,13 @@ static void test_jobs_wait_for_others(void **state)
     claim(p, third);
     needs[2] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
     receipt = submit(p, &s);
-    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.admission, QUEUE_UNKNOWN_DEPENDENCY);
     assert_int_equal(receipt.dependency, 2);
     s.depends_on_count = 2; /* both have succeeded */
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED);
 }
 
-static void test_who_depends_on_a_failure_fails(void **state)
+static void test_dependents_of_a_failed_job_fail(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -366,10 +367,10 @@ static void test_who_depends_on_a_failure_fails(void **state)
     }
     const char *needs[] = {id[2]};
     s.depends_on = needs;
-    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* at once */
-    assert_int_equal(tell(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
-    assert_int_equal(tell(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
-    assert_int_equal(tell(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* without waiting */
+    assert_int_equal(apply_command(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
+    assert_int_equal(apply_command(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
     assert_true(finish(p, id[0], 0, claim(p, id[0]), &success));
     claim(p, id[1]);
 }
@@ -401,11 +402,11 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     assert_non_null(strstr(job.error_message, "queue.accept"));
     queue_job_clear(&job);
     assert_int_equal(submit(p, &after).state, QUEUE_FAILED);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
     after.depends_on_count = 0;
     after.after = (const char *[]){first};
     after.after_count = 1;
-    submit_for(p, &after, third); /* which needs the end only */
+    submit_for(p, &after, third); /* waits for the end only */
     claim(p, third);
 
     const unsigned all = QUEUE_ANY_OUTCOME;
@@ -414,12 +415,13 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     job = get(p, first);
     assert_true(job.accepted);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, true), QUEUE_QUEUED);
     claim(p, second);
 }
 
-/* first <- second <- third; bob's is behind the first, and the last one behind it and one that is not retried. */
-static void test_a_retry_takes_what_failed_behind_it(void **state)
+/* first <- second <- third. A job of bob depends on the first; the last one depends on it and on a job that is not
+ * retried. */
+static void test_a_retry_includes_failed_dependents(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -439,7 +441,7 @@ static void test_a_retry_takes_what_failed_behind_it(void **state)
     submit_for(p, &s, third);
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     assert_true(finish(p, broken, 0, claim(p, broken), &crash));
-    tell(p, first, QUEUE_RETRY, true);
+    apply_command(p, first, QUEUE_RETRY, true);
     queue_retried retried = {0};
     const char *own = plain.owner ? plain.owner : "";
     assert_true(queue_retry_dependents(p->q, first, own, &retried, NULL));
@@ -452,8 +454,8 @@ static void test_a_retry_takes_what_failed_behind_it(void **state)
     expect_state(p, third, QUEUE_BLOCKED);
     expect_state(p, bobs, QUEUE_FAILED);
     expect_state(p, last, QUEUE_FAILED);
-    /* an administrator retries those of all users */
-    tell(p, broken, QUEUE_RETRY, true);
+    /* an administrator retries the jobs of all users */
+    apply_command(p, broken, QUEUE_RETRY, true);
     assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
     assert_int_equal(retried.count, 2);
     assert_int_equal(retried.other_count, 0);
@@ -472,33 +474,34 @@ static void test_jobs_wait_for_any_end(void **state)
     char first[ULID_SIZE], second[ULID_SIZE], last[ULID_SIZE];
     put(p, "first", 0, first);
     put(p, "second", 0, second);
-    const char *ends[] = {first, second}, *nobody[] = {"01aaaaaaaaaaaaaaaaaaaaaaaa"};
+    const char *ends[] = {first, second}, *missing[] = {"01aaaaaaaaaaaaaaaaaaaaaaaa"};
     s.after = ends;
     s.after_count = 2;
     submit_for(p, &s, last);
     expect_state(p, last, QUEUE_BLOCKED);
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     expect_state(p, last, QUEUE_BLOCKED);
-    tell(p, first, QUEUE_RETRY, true); /* and it ends once more */
+    apply_command(p, first, QUEUE_RETRY, true); /* it ends a second time */
     assert_true(finish(p, first, 0, claim(p, first), &crash));
     reopen(p);
     expect_state(p, last, QUEUE_BLOCKED);
-    tell(p, second, QUEUE_CANCEL, true);
+    apply_command(p, second, QUEUE_CANCEL, true);
     expect_state(p, last, QUEUE_QUEUED);
     assert_int_equal(submit(p, &s).state, QUEUE_QUEUED); /* both have ended */
     s.depends_on = &ends[0];
     s.depends_on_count = 1;
-    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* both demands of the same job: the stricter one */
-    s.after = nobody;
+    /* two dependencies on the same job: the stricter one counts */
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED);
+    s.after = missing;
     s.after_count = 1;
     queue_receipt receipt = submit(p, &s);
-    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.admission, QUEUE_UNKNOWN_DEPENDENCY);
     assert_int_equal(receipt.dependency, 1);
 }
 
 static const int frames[] = {1, 3, 5};
 
-/* Attempts of the job from the one behind `after` of the task on: "task.number ...". */
+/* Checks the attempts of the job after attempt `after` of the task: "task.number ...". */
 static void expect_attempts(place *p, const char *id, int task, int after, int limit, const char *expected)
 {
     queue_attempt *attempts;
@@ -565,8 +568,8 @@ static void test_an_array_has_one_state(void **state)
     queue_task_clear(&task);
     assert_true(queue_get_frame(p->q, id, 2, &task, &found, NULL));
     assert_false(found);
-    /* only what failed is tried again, with all its attempts, under a new number */
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    /* only the failed tasks are retried, with all their attempts and new numbers */
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     second = claim_in(p, &wide, id);
     assert_int_equal(second.frame, 3);
     assert_int_equal(second.attempt, 2);
@@ -579,10 +582,10 @@ static void test_an_array_has_one_state(void **state)
     assert_null(job.error_message);
     assert_int_equal(job.attempts, 4);
     queue_job_clear(&job);
-    assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
 }
 
-/* Submits a job with the frames 1 to 3, each behind those of `need` (NULL: none). */
+/* Submits a job with the frames 1 to 3, each after the same frame of `need` (NULL: none). */
 static void submit_frames(place *p, const char *need, int priority, bool ordered, char id[ULID_SIZE])
 {
     static const int numbers[] = {1, 2, 3};
@@ -629,11 +632,11 @@ static void test_frames_start_after_the_same_frames_of_another_job(void **state)
     expect_state(p, second, QUEUE_RUNNING); /* between two frames */
     assert_int_equal(claim_in(p, &wide, third).frame, 2);
 
-    assert_true(finish(p, first, 0, 1, &crash)); /* and all frames behind it */
+    assert_true(finish(p, first, 0, 1, &crash)); /* and all later frames */
     expect_frame(p, second, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 1, QUEUE_FAILED, 0);
     expect_frame(p, third, 3, QUEUE_QUEUED, 1);
-    tell(p, first, QUEUE_CANCEL, true);
+    apply_command(p, first, QUEUE_CANCEL, true);
     assert_true(finish(p, first, 2, 1, &crash));
     expect_frame(p, third, 3, QUEUE_FAILED, 0);
     expect_state(p, second, QUEUE_FAILED);
@@ -655,8 +658,8 @@ static void test_a_retried_frame_waits_again(void **state)
     for (int i = 0; i < 3; i++) claim(p, first);
     for (int i = 0; i < 3; i++) assert_true(finish(p, first, i, 1, &crash));
     expect_state(p, second, QUEUE_FAILED);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
-    tell(p, first, QUEUE_RETRY, true);
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, false), QUEUE_FAILED);
+    apply_command(p, first, QUEUE_RETRY, true);
     queue_retried retried = {0};
     assert_true(queue_retry_dependents(p->q, first, NULL, &retried, NULL));
     assert_true(retried.count == 1 && retried.other_count == 0);
@@ -671,7 +674,8 @@ static void test_a_retried_frame_waits_again(void **state)
     assert_int_equal(claim_in(p, &wide, second).frame, 3);
     assert_true(finish(p, second, 2, 1, &crash));
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
-    assert_int_equal(tell(p, second, QUEUE_RETRY, true), QUEUE_RUNNING); /* frame 3 can run, 2 fails again */
+    /* frame 3 can run, frame 2 fails again */
+    assert_int_equal(apply_command(p, second, QUEUE_RETRY, true), QUEUE_RUNNING);
     expect_frame(p, second, 2, QUEUE_FAILED, 0);
     assert_int_equal(claim_in(p, &wide, second).frame, 3);
     claim(p, NULL);
@@ -712,7 +716,7 @@ static void test_frames_start_after_accepted_outcomes_only(void **state)
         ending.outcome = (queue_outcome)(QUEUE_CONVERGED + i);
         assert_true(finish(p, first, i, claim(p, first), &ending));
     }
-    submit_frames(p, first, 0, false, second); /* all have ended before */
+    submit_frames(p, first, 0, false, second); /* all frames have ended before */
     expect_frame(p, second, 1, QUEUE_QUEUED, 0);
     expect_frame(p, second, 2, QUEUE_QUEUED, 0);
     expect_frame(p, second, 3, QUEUE_FAILED, 0);
@@ -734,24 +738,24 @@ static void test_dependencies_on_frames_are_checked(void **state)
     s.after_frames = needs;
     s.after_frames_count = 1;
     queue_receipt receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == QUEUE_NO_FRAME);
+    assert_true(receipt.admission == QUEUE_UNKNOWN_FRAME && receipt.frame == QUEUE_NO_FRAME);
     needs[0] = array;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_UNKNOWN_FRAME && receipt.frame == 4 && receipt.dependency == 0);
+    assert_true(receipt.admission == QUEUE_UNKNOWN_FRAME && receipt.frame == 4 && receipt.dependency == 0);
     s.frame_count = 2;
     s.after = needs;
     s.after_count = 1;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_REPEATED_DEPENDENCY && receipt.dependency == 1);
+    assert_true(receipt.admission == QUEUE_REPEATED_DEPENDENCY && receipt.dependency == 1);
     needs[0] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
     s.after_count = 0;
-    assert_int_equal(submit(p, &s).verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(submit(p, &s).admission, QUEUE_UNKNOWN_DEPENDENCY);
     needs[0] = array;
     receipt = submit(p, &s);
-    assert_true(receipt.verdict == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
+    assert_true(receipt.admission == QUEUE_CREATED && receipt.state == QUEUE_BLOCKED);
     bool accepted = false; /* the database is older than the result of a held frame */
     assert_true(queue_end_found(p->q, receipt.id, 1, QUEUE_CONVERGED, &accepted, NULL) && accepted);
-    tell(p, receipt.id, QUEUE_CANCEL, true);
+    apply_command(p, receipt.id, QUEUE_CANCEL, true);
 }
 
 static void test_a_job_runs_at_most_max_running_tasks(void **state)
@@ -766,7 +770,7 @@ static void test_a_job_runs_at_most_max_running_tasks(void **state)
     put(p, "other", -1, other);
     int attempt = claim(p, id);
     claim(p, id);
-    claim(p, other); /* which the array does not hold up */
+    claim(p, other); /* the array does not block it */
     claim(p, NULL);
     reopen(p);
     claim(p, NULL);
@@ -792,15 +796,15 @@ static void test_cancel_of_an_array(void **state)
     s.frame_count = 3;
     submit_for(p, &s, id);
     int attempt = claim(p, id);
-    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    assert_int_equal(apply_command(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
     claim(p, NULL);
     assert_true(finish(p, id, 0, attempt, &crash));
     expect_state(p, id, QUEUE_CANCELLED);
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_QUEUED);
     claim(p, id);
 }
 
-/* Claims the next task of a job in order, which has to begin with the points of `previous`. */
+/* Claims the next task of an ordered job, which must start from the points of `previous`. */
 static queue_task claim_after(place *p, const char *id, int previous)
 {
     queue_claimed claimed = {0};
@@ -830,20 +834,20 @@ static void test_tasks_in_order_begin_with_the_one_before(void **state)
     put_in_order(p, id);
     put(p, "other", 0, other);
     queue_task first = claim_after(p, id, QUEUE_NO_FRAME);
-    claim(p, other); /* no other frame meanwhile */
+    claim(p, other); /* no other frame in the meantime */
     claim(p, NULL);
     reopen(p);
     assert_true(finish(p, id, 0, first.attempt, &success));
     queue_task second = claim_after(p, id, 1);
     assert_int_equal(second.frame, 3);
-    /* it crashes: those behind it wait until it is tried again */
+    /* it crashes: later tasks wait until it is retried */
     assert_true(queue_requeue(p->q, &(queue_fence){id, 1, second.attempt}, true, INT64_MAX, &crash,
                               &(bool){0}, NULL));
     claim(p, NULL);
     expect_state(p, id, QUEUE_RUNNING);
 }
 
-static void test_what_follows_a_failure_fails_with_it(void **state)
+static void test_tasks_after_a_failed_one_fail(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -863,14 +867,14 @@ static void test_what_follows_a_failure_fails_with_it(void **state)
     assert_non_null(
         strstr(last.error_message, "this frame starts with the points of frame 3, which is failed"));
     queue_task_clear(&last);
-    /* both are tried again, in order */
-    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    /* both are retried, in order */
+    assert_int_equal(apply_command(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
     assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &success));
     assert_true(finish(p, id, 2, claim_after(p, id, 3).attempt, &success));
     expect_state(p, id, QUEUE_SUCCEEDED);
 }
 
-static void test_a_frame_without_a_surface_is_passed_over(void **state)
+static void test_a_frame_without_a_surface_is_skipped(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
@@ -899,14 +903,14 @@ static void test_edits_have_revisions(void **state)
     assert_int_equal(edited, QUEUE_EDITED);
     assert_true(queue_change(p->q, id, revision, &edit, &edited, NULL));
     assert_int_equal(edited, QUEUE_STALE);
-    assert_true(queue_change(p->q, "nobody", -1, &edit, &edited, NULL));
+    assert_true(queue_change(p->q, "missing", -1, &edit, &edited, NULL));
     assert_int_equal(edited, QUEUE_NOT_THERE);
     job = get(p, id);
     assert_int_equal(job.revision, revision + 1);
     assert_int_equal(job.priority, 2);
     assert_string_equal(job.labels, "[\"b\",\"c\"]");
     queue_job_clear(&job);
-    int attempt = claim(p, id); /* before the other now */
+    int attempt = claim(p, id); /* it now precedes the other */
     job = get(p, id);
     assert_int_equal(job.revision, revision + 2);
     queue_job_clear(&job);
@@ -923,7 +927,7 @@ static void test_edits_have_revisions(void **state)
     queue_job_clear(&job);
 }
 
-static void test_what_is_over_is_forgotten(void **state)
+static void test_expired_jobs_are_deleted(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
@@ -971,11 +975,11 @@ static void test_what_is_over_is_forgotten(void **state)
     queue_event_page page = list_events(p, &filter);
     assert_int_equal(page.count, 0);
     free(page.events);
-    claim(p, dependent); /* what it waited for had come */
+    claim(p, dependent); /* its dependency had ended */
     s = plain;
     s.key = "k";
     s.body_hash = "def";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED); /* the key is free again */
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* the key can be used again */
 }
 
 static void test_list_pages_newest_first(void **state)
@@ -1011,7 +1015,7 @@ static void test_list_by_name_and_time(void **state)
         created_ms[i] = job.created_ms;
         queue_job_clear(&job);
     }
-    /* a day between each, and the clock was set back before the last */
+    /* a day between the jobs; the clock was set back before the last */
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
@@ -1041,7 +1045,7 @@ static void test_list_by_name_and_time(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
-/* The pages of each order, one job each, and backwards. */
+/* The pages of each order, with one job per page, ascending and descending. */
 static void test_lists_are_sorted(void **state)
 {
     place *p = *state;
@@ -1062,7 +1066,7 @@ static void test_lists_are_sorted(void **state)
         s.priority = given[i].priority;
         submit_for(p, &s, id[i]);
     }
-    claim(p, id[0]); /* "running" is behind "queued" */
+    claim(p, id[0]); /* "running" follows "queued" */
     for (int k = 0; k < 2 * QUEUE_ORDER_COUNT; k++) {
         queue_filter f = {.state = -1, .limit = 1, .order = (queue_order)(k / 2), .rising = k % 2};
         char text[QUEUE_SORT_KEY_SIZE], *key = NULL;
@@ -1092,7 +1096,7 @@ static void test_lists_are_sorted(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
-/* Pages that visit `visits` jobs each, one after the other, are the list. */
+/* Checks that consecutive pages that visit `visits` jobs each give the whole list. */
 static void expect_pages_are_the_list(place *p, queue_filter f, int visits)
 {
     queue_job *all;
@@ -1178,7 +1182,7 @@ static void test_pages_visit_a_bounded_number_of_jobs(void **state)
     assert_true(queue_list_page(p->q, &none, 3, &page, NULL));
     assert_int_equal(page.count, 0);
     queue_job fifth = get(p, id[4]);
-    assert_int_equal(page.stop.seq, fifth.seq); /* the third of seven from the newest on */
+    assert_int_equal(page.stop.seq, fifth.seq); /* the third newest of seven */
     queue_job_clear(&fifth);
     queue_page_clear(&page);
 }
@@ -1231,12 +1235,12 @@ static void test_attempts_that_count_add_their_time(void **state)
     ran.ran_ms = 700;
     assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
     assert_int_equal(get_task(p, id, 0).ran_ms, 700);
-    assert_true(requeue(p, id, claim(p, id), false, 0, &ran)); /* given back */
+    assert_true(requeue(p, id, claim(p, id), false, 0, &ran)); /* does not count */
     assert_int_equal(get_task(p, id, 0).ran_ms, 700);
     assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
     assert_int_equal(claim_in(p, &wide, id).ran_ms, 1400);
     assert_true(finish(p, id, 0, 4, &ran));
-    tell(p, id, QUEUE_RETRY, true);
+    apply_command(p, id, QUEUE_RETRY, true);
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
 }
 
@@ -1250,7 +1254,7 @@ static queue_delivery next_delivery(place *p, const char *id)
     return delivery;
 }
 
-static void test_deliveries_to_busy_hosts_are_passed_by(void **state)
+static void test_deliveries_to_busy_hosts_are_skipped(void **state)
 {
     static const char *const urls[] = {"https://farm:443/a", "https://farm:443/b", "https://farm2:443/",
                                        "https://farm:81/"};
@@ -1279,20 +1283,20 @@ static void test_deliveries_to_busy_hosts_are_passed_by(void **state)
     }
 }
 
-static void test_ends_are_told(void **state)
+static void test_ends_are_notified(void **state)
 {
     place *p = *state;
     queue_submission s = plain;
-    char told[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
+    char notified[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
     s.webhook = "https://farm/done";
-    submit_for(p, &s, told);
+    submit_for(p, &s, notified);
     put(p, "quiet", 0, quiet);
     submit_for(p, &s, failed);
     next_delivery(p, NULL);
-    assert_true(finish(p, told, 0, claim(p, told), &success));
+    assert_true(finish(p, notified, 0, claim(p, notified), &success));
     assert_true(finish(p, quiet, 0, claim(p, quiet), &success));
     reopen(p);
-    queue_delivery delivery = next_delivery(p, told);
+    queue_delivery delivery = next_delivery(p, notified);
     assert_string_equal(delivery.url, "https://farm/done");
     assert_int_equal(delivery.state, QUEUE_SUCCEEDED);
     assert_int_equal(delivery.outcome, QUEUE_CONVERGED);
@@ -1303,21 +1307,21 @@ static void test_ends_are_told(void **state)
     assert_true(ulid_is_valid(event) && ulid_time_ms(event) == delivery.ended_ms);
     assert_true(queue_end_delivery(p->q, delivery.number, INT64_C(1) << 42, NULL));
     queue_delivery_clear(&delivery);
-    delivery = next_delivery(p, told);
+    delivery = next_delivery(p, notified);
     assert_string_equal(delivery.event, event);
     assert_true(delivery.due_ms == INT64_C(1) << 42);
     assert_int_equal(delivery.tries, 1);
     queue_delivery_clear(&delivery);
     assert_true(finish(p, failed, 0, claim(p, failed), &crash));
-    delivery = next_delivery(p, failed); /* which is due before */
+    delivery = next_delivery(p, failed); /* it is due earlier */
     assert_string_not_equal(delivery.event, event);
     assert_int_equal(delivery.state, QUEUE_FAILED);
     assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
     queue_delivery_clear(&delivery);
-    delivery = next_delivery(p, told);
+    delivery = next_delivery(p, notified);
     queue_delivery_clear(&delivery);
     bool found, deleted;
-    assert_true(queue_delete(p->q, told, &found, &deleted, NULL));
+    assert_true(queue_delete(p->q, notified, &found, &deleted, NULL));
     next_delivery(p, NULL);
 }
 
@@ -1329,7 +1333,7 @@ static queue_figures get_figures(place *p)
     return figures;
 }
 
-/* When the newest event of the job's own was. */
+/* Time of the newest event of the job itself. */
 static int64_t last_event_ms(place *p, const char *id)
 {
     queue_event_page page = {0};
@@ -1360,12 +1364,12 @@ static void test_figures(void **state)
     assert_int_equal(both.deliveries, 2);
     assert_true(both.delivery_since_ms == ended.finished_ms && !both.waiting_since_ms);
     queue_job_clear(&ended);
-    tell(p, first, QUEUE_RETRY, true); /* which waits since then, and not since it was submitted */
+    apply_command(p, first, QUEUE_RETRY, true); /* it waits since the retry, not since the submission */
     assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, first));
 }
 
-/* What a job's directories are, is noted with its end as a job; and whose a directory is, is known. */
-static void test_forgetting_notes_what_is_to_be_removed(void **state)
+/* The deletion of a job records its directories. The queue returns the task of a directory. */
+static void test_deletion_records_the_directories(void **state)
 {
     place *p = *state;
     static const int two[] = {7, 3};
@@ -1408,7 +1412,7 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
     assert_string_equal(removals[0].id, single);
     assert_int_equal(removals[0].frame, QUEUE_NO_FRAME);
     assert_int_equal(removals[0].attempts, 2);
-    reopen(p); /* it is durable */
+    reopen(p); /* the record is durable */
     static const bool goes[] = {true, true, false, false, true, false};
     assert_true(queue_find_directories(p->q, d, 6, NULL));
     for (int i = 0; i < 6; i++) assert_true(!d[i].known && d[i].to_be_removed == goes[i]);
@@ -1419,8 +1423,8 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
     free(removals);
 }
 
-/* Of a job that waits in whichever way. */
-static void test_a_result_that_is_found_ends_what_waits(void **state)
+/* For jobs in each waiting state. */
+static void test_a_found_result_ends_a_waiting_task(void **state)
 {
     place *p = *state;
     static const int two[] = {7, 3};
@@ -1428,7 +1432,7 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     bool accepted = false;
     queue_submission s = plain;
     put(p, "paused", 1, paused);
-    tell(p, paused, QUEUE_PAUSE, true);
+    apply_command(p, paused, QUEUE_PAUSE, true);
     const char *needs[] = {paused};
     s.depends_on = needs;
     s.depends_on_count = 1;
@@ -1439,11 +1443,11 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     s.frames = two;
     s.frame_count = 2;
     submit_for(p, &s, array);
-    assert_true(requeue(p, array, claim(p, array), true, INT64_MAX / 2, &crash)); /* one waits for its time */
+    assert_true(requeue(p, array, claim(p, array), true, INT64_MAX / 2, &crash)); /* one task is delayed */
     expect_state(p, blocked, QUEUE_BLOCKED);
     assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && accepted);
     expect_state(p, blocked, QUEUE_SUCCEEDED);
-    expect_state(p, last, QUEUE_QUEUED); /* whom it kept waiting */
+    expect_state(p, last, QUEUE_QUEUED); /* it had waited for that job */
     assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
                 !accepted);
     assert_true(queue_end_found(p->q, paused, QUEUE_NO_FRAME, QUEUE_NOT_CONVERGED, &accepted, NULL) &&
@@ -1462,7 +1466,7 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
                 !accepted);
     assert_int_equal(claim(p, last), 1);
     assert_true(queue_end_found(p->q, last, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
-                !accepted); /* runs */
+                !accepted); /* it runs */
 }
 
 static void test_adopted_jobs(void **state)
@@ -1503,7 +1507,7 @@ static void test_adopted_jobs(void **state)
     queue_job_clear(&job);
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){jobs[0].id}, 1);
     error e = {0};
-    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* they are there */
+    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* they exist */
     bool found, deleted;
     assert_true(queue_delete(p->q, jobs[0].id, &found, &deleted, NULL) && deleted);
     assert_false(queue_adopt(p->q, jobs, 2, &e)); /* all or none */
@@ -1516,23 +1520,23 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_a_job_survives_a_reopening),
         CASE(test_claims_go_by_priority_then_age),
-        CASE(test_only_the_current_attempt_settles),
+        CASE(test_only_the_current_attempt_ends_a_task),
         CASE(test_an_attempt_given_back_does_not_count),
-        CASE(test_who_crashed_waits_and_holds_nobody_up),
+        CASE(test_a_crashed_job_waits_and_does_not_block_others),
         CASE(test_cancel),
         CASE(test_pause_and_resume),
         CASE(test_the_same_key_is_the_same_job),
-        CASE(test_a_user_has_so_many_jobs),
-        CASE(test_a_user_runs_so_many),
-        CASE(test_what_fits_passes_by_but_not_for_ever),
+        CASE(test_unfinished_jobs_of_a_user_are_limited),
+        CASE(test_running_tasks_of_a_user_are_limited),
+        CASE(test_fitting_jobs_overtake_a_limited_number_of_times),
         CASE(test_jobs_wait_for_others),
         CASE(test_jobs_wait_for_any_end),
         CASE(test_attempts_come_in_pages),
         CASE(test_list_by_name_and_time),
         CASE(test_lists_are_sorted),
-        CASE(test_who_depends_on_a_failure_fails),
+        CASE(test_dependents_of_a_failed_job_fail),
         CASE(test_dependents_start_with_accepted_outcomes_only),
-        CASE(test_a_retry_takes_what_failed_behind_it),
+        CASE(test_a_retry_includes_failed_dependents),
         CASE(test_an_array_has_one_state),
         CASE(test_a_job_runs_at_most_max_running_tasks),
         CASE(test_frames_start_after_the_same_frames_of_another_job),
@@ -1542,21 +1546,21 @@ int main(void)
         CASE(test_dependencies_on_frames_are_checked),
         CASE(test_cancel_of_an_array),
         CASE(test_tasks_in_order_begin_with_the_one_before),
-        CASE(test_what_follows_a_failure_fails_with_it),
-        CASE(test_a_frame_without_a_surface_is_passed_over),
+        CASE(test_tasks_after_a_failed_one_fail),
+        CASE(test_a_frame_without_a_surface_is_skipped),
         CASE(test_edits_have_revisions),
-        CASE(test_what_is_over_is_forgotten),
+        CASE(test_expired_jobs_are_deleted),
         CASE(test_list_pages_newest_first),
         CASE(test_pages_visit_a_bounded_number_of_jobs),
         CASE(test_list_by_owner_and_label),
         CASE(test_attempts_that_count_add_their_time),
-        CASE(test_deliveries_to_busy_hosts_are_passed_by),
-        CASE(test_ends_are_told),
+        CASE(test_deliveries_to_busy_hosts_are_skipped),
+        CASE(test_ends_are_notified),
         CASE(test_figures),
         CASE(test_faults_of_storage_are_counted_apart),
         CASE(test_copies_are_noted),
-        CASE(test_forgetting_notes_what_is_to_be_removed),
-        CASE(test_a_result_that_is_found_ends_what_waits),
+        CASE(test_deletion_records_the_directories),
+        CASE(test_a_found_result_ends_a_waiting_task),
         CASE(test_adopted_jobs),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

@@ -1,4 +1,6 @@
-/* Unit tests of base/reader: what is left when it does not start, and findings of sanitizers in its process. */
+/* Unit tests of base/reader: no process remains after a failed start; findings of sanitizers in the process of the
+ * reader.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,7 +19,7 @@
 
 static bool fdopen_fails;
 
-/* Takes the place of the C library's function. */
+/* Replaces the function of the C library. */
 FILE *fdopen(int fd, const char *mode)
 {
     FILE *(*of_library)(int, const char *);
@@ -27,7 +29,7 @@ FILE *fdopen(int fd, const char *mode)
     return NULL;
 }
 
-/* What the process of the reader does: this program with the command "read". */
+/* The process of the reader is this program with the command "read". */
 static int read_as(const char *fault)
 {
     volatile int number = INT_MAX;
@@ -67,7 +69,7 @@ static void test_a_finding_of_a_sanitizer_is_an_internal_error(void **state)
     assert_int_equal(error_of("none", false, true), ERROR_NONE);
 #ifdef __SANITIZE_ADDRESS__
     assert_int_equal(error_of("address", false, false), ERROR_INTERNAL);
-    assert_int_equal(error_of("address", true, false), ERROR_INTERNAL); /* the answer ends early */
+    assert_int_equal(error_of("address", true, false), ERROR_INTERNAL); /* the answer is incomplete */
     assert_int_equal(error_of("undefined", false, false), ERROR_INTERNAL);
 #endif
 }

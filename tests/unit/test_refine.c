@@ -1,4 +1,4 @@
-/* Refining spheres: who gets a particle, from edges that are found here pair by pair. */
+/* Refinement of spheres: the edges that get a particle, found here pair by pair. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -27,7 +27,7 @@ static double sphere_spacing(size_t count)
     return sqrt(8 * M_PI / (sqrt(3) * (double)count)) * shapes[0].radius;
 }
 
-/* Fibonacci's lattice on the first shape, a little shaken, less a belt of three times `gap` of the radius. */
+/* A perturbed Fibonacci lattice on the first shape, without a belt of three times `gap` of the radius. */
 static void make_ball(ball *b, double gap, int workers, const volatile sig_atomic_t *stop)
 {
     error e = {0};
@@ -101,7 +101,7 @@ static size_t find_spans(const ball *b, span *out)
     return found;
 }
 
-/* How many particles from the first new one on lie over the point at a share of a span. */
+/* Number of new particles, beginning at `first`, above the point at a share of a span. */
 static int count_over(const ball *b, size_t first, const span *s, double share)
 {
     vec3 from = b->p->position[s->a], along = vec3_sub(b->p->position[s->b], from);
@@ -114,7 +114,7 @@ static int count_over(const ball *b, size_t first, const span *s, double share)
     return found;
 }
 
-/* A field that ends so far from its surface, nearer than the edges' middles lie, as a level set's band does. */
+/* A field that ends closer to its surface than the midpoints of edges, like the band of a level set. */
 static const double BAND = 1e-4; /* of the radius */
 static const field_ops *whole;
 
@@ -124,7 +124,8 @@ static bool sample_in_band(const field *f, vec3 x, field_order order, field_samp
     return fabs(away) < BAND && whole->sample(f, x, order, out);
 }
 
-/* Refines with `more` particles than there are edges: the spans that are to have none, one or two do. */
+/* Refines with `more` particles than there are edges, and checks that each span gets the expected number: none, one
+ * or two. */
 static void try_refining(int more, bool narrow)
 {
     ball b;
@@ -147,7 +148,7 @@ static void try_refining(int more, bool narrow)
     free_ball(&b);
 }
 
-static void shortest_get_none_and_longest_two(void **state)
+static void shortest_edges_get_no_particle_and_longest_two(void **state)
 {
     (void)state;
     try_refining(0, false);
@@ -159,7 +160,7 @@ static void shortest_get_none_and_longest_two(void **state)
     try_refining(EDGES, false);
 }
 
-static void middles_are_found_from_afar(void **state)
+static void midpoints_outside_the_band_are_projected(void **state)
 {
     (void)state;
     try_refining(0, true);
@@ -180,7 +181,7 @@ static void edges_are_counted(void **state)
     free_ball(&b);
 }
 
-/* Two caps of different size, with a belt between that no edge crosses. */
+/* Two caps of different size, separated by a belt that no edge crosses. */
 static void parts_keep_their_shares(void **state)
 {
     (void)state;
@@ -198,7 +199,7 @@ static void parts_keep_their_shares(void **state)
     }
 }
 
-static void threads_do_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     const int workers[] = {2, 3, 8};
@@ -238,11 +239,11 @@ static void a_stop_ends_it(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(shortest_get_none_and_longest_two),
-        cmocka_unit_test(middles_are_found_from_afar),
+        cmocka_unit_test(shortest_edges_get_no_particle_and_longest_two),
+        cmocka_unit_test(midpoints_outside_the_band_are_projected),
         cmocka_unit_test(edges_are_counted),
         cmocka_unit_test(parts_keep_their_shares),
-        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(a_stop_ends_it),
     };
     return cmocka_run_group_tests_name("refine", tests, NULL, NULL);

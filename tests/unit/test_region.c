@@ -1,4 +1,4 @@
-/* Regions: which faces cut, what is kept, areas of what is left against closed forms, points in it. */
+/* Regions: cutting faces, kept parts, areas against closed forms, and points. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -63,9 +63,9 @@ static void areas_of_zones(void **state)
         double low, high, within;
     } cases[] = {
         {0.5, 2, 1e-4},      /* a cap */
-        {-2, 0.5, 1e-4},     /* what is left without it */
+        {-2, 0.5, 1e-4},     /* the rest without the cap */
         {-0.1, 0.1, 1e-4},   /* a belt */
-        {0.95, 2, 5e-4},     /* a cap of seven cells across */
+        {0.95, 2, 5e-4},     /* a cap with a diameter of seven cells */
         {0.9999, 2, 5e-3},   /* a cap of half a cell */
         {0.3, 0.3001, 1e-3}, /* a belt of a five-hundredth of a cell */
         {1 / 3.0, 2 / 3.0, 1e-4},
@@ -89,7 +89,7 @@ static void areas_of_corners(void **state)
     assert_close(area_of(&ring, (bbox){{-2, -2, 0}, {0, 0, 2}}), M_PI * M_PI * 0.4 / 2, 1e-4);
 }
 
-/* The gyroid is its own image under a shift by half a period along all three axes. */
+/* A shift by half a period along all three axes maps the gyroid to itself. */
 static void areas_of_half_a_gyroid(void **state)
 {
     (void)state;
@@ -98,7 +98,7 @@ static void areas_of_half_a_gyroid(void **state)
         assert_close(area_of(&maze, (bbox){{low, 0, 0}, {low + 0.5, 1, 1}}) / whole, 0.5, 2e-5);
 }
 
-static void what_cuts_nothing_off_is_the_whole(void **state)
+static void a_region_that_cuts_nothing_is_the_whole_surface(void **state)
 {
     (void)state;
     const struct {
@@ -118,7 +118,7 @@ static void what_cuts_nothing_off_is_the_whole(void **state)
     }
 }
 
-/* All cells have a part in the box, and the surface may pass its faces. */
+/* All cells have a part in the box, and the surface may cross its faces. */
 static void a_box_that_cuts_the_outer_cells_is_a_region(void **state)
 {
     (void)state;
@@ -138,7 +138,7 @@ static void a_box_that_cuts_the_outer_cells_is_a_region(void **state)
     analytic_free(whole);
 }
 
-static void rims_are_where_the_surface_is_cut(void **state)
+static void boundaries_are_where_the_surface_is_cut(void **state)
 {
     (void)state;
     part p;
@@ -155,7 +155,7 @@ static void rims_are_where_the_surface_is_cut(void **state)
     assert_close(p.scan->box.max.x, sqrt(0.75), 1e-3);
     assert_close(p.scan->box.max.z, 1, 1e-3);
     release(&p);
-    /* what the domain of the whole cuts stays a boundary where the region reaches it */
+    /* a boundary at the domain of the whole surface stays a boundary where the region reaches it */
     cut(&maze, (bbox){{0.25, -1, -1}, {0.5, 0.75, 9}}, &p);
     const bbox *boundary = &p.field->boundary_box;
     assert_true(boundary->min.x == 0.25 && boundary->max.x == 0.5 && boundary->min.y == 0 &&
@@ -171,9 +171,8 @@ static void points_lie_in_the_region_and_follow_area(void **state)
     rng r = rng_seed(test_seed(), 0);
     part p;
     int slab[SLABS] = {0};
-    cut(&ball, (bbox){{-2, -2, 0.3}, {2, 2, 0.47}}, &p); /* a few cells: most are cut */
-    double sagitta =
-        3 * p.field->cell_size * p.field->cell_size / 8; /* of a chord as long as a cell is wide */
+    cut(&ball, (bbox){{-2, -2, 0.3}, {2, 2, 0.47}}, &p);              /* few cells, most of which are cut */
+    double sagitta = 3 * p.field->cell_size * p.field->cell_size / 8; /* of a chord of one cell */
     for (int k = 0; k < POINTS; k++) {
         vec3 x = surface_point(p.scan, p.scan->area_before, rng_uniform(&r) * p.scan->area, &r, NULL);
         assert_close(vec3_norm(x), 1, sagitta);
@@ -191,8 +190,8 @@ static void an_empty_region_is_named(void **state)
 {
     (void)state;
     const bbox boxes[] = {
-        {{3, 3, 3}, {4, 4, 4}},                /* beside the data */
-        {{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.25}} /* inside of the ball */
+        {{3, 3, 3}, {4, 4, 4}},                /* outside of the data */
+        {{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.25}} /* inside the ball */
     };
     for (size_t k = 0; k < sizeof boxes / sizeof boxes[0]; k++) {
         error e = {0};
@@ -230,9 +229,9 @@ int main(void)
         cmocka_unit_test(areas_of_zones),
         cmocka_unit_test(areas_of_corners),
         cmocka_unit_test(areas_of_half_a_gyroid),
-        cmocka_unit_test(what_cuts_nothing_off_is_the_whole),
+        cmocka_unit_test(a_region_that_cuts_nothing_is_the_whole_surface),
         cmocka_unit_test(a_box_that_cuts_the_outer_cells_is_a_region),
-        cmocka_unit_test(rims_are_where_the_surface_is_cut),
+        cmocka_unit_test(boundaries_are_where_the_surface_is_cut),
         cmocka_unit_test(points_lie_in_the_region_and_follow_area),
         cmocka_unit_test(an_empty_region_is_named),
     };

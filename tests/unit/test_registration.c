@@ -1,4 +1,4 @@
-/* The motion of surfaces whose motion is known, and its derivatives against finite differences. */
+/* Registration of surfaces with known motions, and its derivatives against finite differences. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +19,7 @@ static const analytic_params ellipsoid = {
     .shape = ANALYTIC_ELLIPSOID, .center = {1, 2, 3}, .radii = {1, 0.7, 0.5}};
 static const analytic_params ball = {.shape = ANALYTIC_SPHERE, .center = {1, 2, 3}, .radius = 0.8};
 
-/* Points all over a surface. */
+/* Random points on a surface. */
 static void scatter(const analytic_params *shape, vec3 out[POINTS])
 {
     error e = {0};
@@ -39,7 +39,7 @@ static void scatter(const analytic_params *shape, vec3 out[POINTS])
     analytic_free(a);
 }
 
-/* The motion that brings points onto the shape. */
+/* The motion that maps the points onto the shape. */
 static registration find(const vec3 *x, const analytic_params *shape, int workers)
 {
     error e = {0};
@@ -68,7 +68,7 @@ static void test_derivatives_are_those_of_the_motion(void **state)
         const vec3 low = {-1, -1, -1}, high = {1, 1, 1};
         registration m = {random_between(&r, low, high), random_between(&r, low, high),
                           random_between(&r, low, high), rng_uniform(&r) - 0.5};
-        /* also where the rotation is too small for anything but a series */
+        /* also with rotations so small that a series is used */
         m.rotation = vec3_scale(m.rotation, k % 3 == 0 ? 2 : k % 3 == 1 ? 1e-5 : 0);
         vec3 x = random_between(&r, low, high), along = vec3_unit(random_between(&r, low, high));
         double derived[REGISTRATION_UNKNOWNS];
@@ -96,7 +96,7 @@ static void test_an_ellipsoid_that_moves_turns_and_grows_is_followed(void **stat
     (void)state;
     vec3 x[POINTS], moved[POINTS];
     scatter(&ellipsoid, x);
-    /* the points are moved away, so that what brings them back is known */
+    /* the points are displaced by a known motion, whose inverse is expected */
     const registration away = {.centre = {1, 2, 3},
                                .translation = {0.1, -0.05, 0.08},
                                .rotation = {0.1, 0.15, -0.1},
@@ -106,8 +106,8 @@ static void test_an_ellipsoid_that_moves_turns_and_grows_is_followed(void **stat
     double worst = 0;
     for (int k = 0; k < POINTS; k++)
         worst = fmax(worst, vec3_norm(vec3_sub(registration_apply(&back, moved[k]), x[k])));
-    assert_close(worst, 0,
-                 0.01); /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
+    /* a fifth of the spacing of 0.05, because the smallest motion is preferred */
+    assert_close(worst, 0, 0.01);
     assert_close(back.growth, 0.1, 1e-3);
     assert_close(vec3_norm(back.rotation), vec3_norm(away.rotation), 0.01);
     registration same = find(moved, &ellipsoid, 3);
@@ -128,21 +128,21 @@ static void test_a_sphere_does_not_spin(void **state)
     assert_close(exp(m.growth), 0.9 / 0.8, 1e-3);
 }
 
-static void test_what_vanishes_has_no_say(void **state)
+static void test_vanished_parts_do_not_affect_the_motion(void **state)
 {
     (void)state;
     vec3 x[POINTS];
     analytic_params moved = ellipsoid;
     scatter(&ellipsoid, x);
     for (int k = 0; k < POINTS / 10; k++)
-        x[k] = (vec3){1 + 0.001 * k, 2, 3.9}; /* a bar that is there no more */
+        x[k] = (vec3){1 + 0.001 * k, 2, 3.9}; /* a bar that no longer exists */
     moved.center = (vec3){1.05, 2, 3};
     registration m = find(x, &moved, 1);
-    vec3 pole = {1, 2, 3.5}; /* that was */
+    vec3 pole = {1, 2, 3.5}; /* on the earlier surface */
     expect_near(registration_apply(&m, pole), vec3_add(pole, (vec3){0.05, 0, 0}), 0.01);
 }
 
-static void test_what_stands_still_is_left_alone(void **state)
+static void test_a_surface_at_rest_has_no_motion(void **state)
 {
     (void)state;
     vec3 x[POINTS];
@@ -162,8 +162,8 @@ int main(void)
         cmocka_unit_test(test_derivatives_are_those_of_the_motion),
         cmocka_unit_test(test_an_ellipsoid_that_moves_turns_and_grows_is_followed),
         cmocka_unit_test(test_a_sphere_does_not_spin),
-        cmocka_unit_test(test_what_vanishes_has_no_say),
-        cmocka_unit_test(test_what_stands_still_is_left_alone),
+        cmocka_unit_test(test_vanished_parts_do_not_affect_the_motion),
+        cmocka_unit_test(test_a_surface_at_rest_has_no_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

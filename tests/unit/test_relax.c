@@ -1,4 +1,4 @@
-/* Sweeps: what they promise of the energy, of the surface and of the lists. */
+/* Sweeps: guarantees about the energy, the surface and the neighbour lists. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -59,8 +59,8 @@ static void tear_down(bench *b)
     analytic_free(b->a);
 }
 
-/* Pairs are symmetric and a step is taken only when it lowers the particle's own energy, so the energy of the
- * system cannot rise: not with unequal amplitudes, not across creases, not while lists grow old. */
+/* Pairs are symmetric, and a step is accepted only if it lowers the particle's own energy. The energy of the system
+ * therefore cannot rise: not with unequal amplitudes, not across creases, not while lists age. */
 static void energy_never_rises(void **state)
 {
     (void)state;
@@ -73,7 +73,7 @@ static void energy_never_rises(void **state)
             if (sweep % 3 == 0)
                 assert_true(relax_build(b.r, b.p, b.params.sigma, 0.4 * b.params.spacing, &e));
             double energy = relax_mean_energy(b.r, b.p, b.params.sigma);
-            /* a step from a normal that is off by a Newton step may cost what `gain` cannot see */
+            /* a step along a normal that is wrong by a Newton step may cost energy that `gain` does not include */
             if (energy > before * (1 + 1e-7))
                 fail_msg("%s, sweep %d: %.12g after %.12g", shape_names[shape], sweep, energy, before);
             before = energy;
@@ -85,8 +85,8 @@ static void energy_never_rises(void **state)
     }
 }
 
-/* Two of the particles in one place have an energy without bound; that of the packing hardly changes. */
-static void points_in_one_place_do_not_set_the_support(void **state)
+/* Two coincident particles have an unbounded energy; the energy of the packing hardly changes. */
+static void coincident_points_do_not_set_the_support(void **state)
 {
     (void)state;
     error e = {0};
@@ -107,8 +107,8 @@ static void points_in_one_place_do_not_set_the_support(void **state)
     tear_down(&b);
 }
 
-/* No particle moves farther from where the lists were built than they allow, nor off the surface; also where they were built for a
- * smaller support. */
+/* No particle moves farther from its position at the build of the lists than they permit, nor off the surface; also
+ * if they were built for a smaller support. */
 static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
 {
     error e = {0};
@@ -131,7 +131,7 @@ static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
             assert_true(fabs(s.value) <= 0.01 * b.params.spacing * vec3_norm(s.gradient));
         }
     }
-    assert_true(limited > 0); /* random starts want to go farther than that */
+    assert_true(limited > 0); /* random starts require larger steps */
     tear_down(&b);
 }
 
@@ -144,8 +144,8 @@ static void lists_stay_valid(void **state)
     }
 }
 
-/* From the same start, sweeps that nothing watches come to rest at the energy of those that are watched. */
-static void unwatched_sweeps_end_as_low(void **state)
+/* From the same start, sweeps without checks converge to the energy of sweeps with checks. */
+static void sweeps_without_checks_converge_to_the_same_energy(void **state)
 {
     (void)state;
     error e = {0};
@@ -169,8 +169,8 @@ static void unwatched_sweeps_end_as_low(void **state)
     assert_close(energy[1] / energy[0], 1, 3e-3);
 }
 
-/* Two sheets closer than the support: particles see their own side only. */
-static void sheets_do_not_push_each_other(void **state)
+/* Two surfaces closer than the support: particles interact only on their own side. */
+static void opposite_surfaces_do_not_interact(void **state)
 {
     (void)state;
     error e = {0};
@@ -194,8 +194,8 @@ static void sheets_do_not_push_each_other(void **state)
     analytic_free(a);
 }
 
-/* Lists that are refreshed say of the energies what new ones say. */
-static void refreshed_lists_serve_as_new_ones(void **state)
+/* Refreshed lists give the same energies as new ones. */
+static void refreshed_lists_give_the_energies_of_new_ones(void **state)
 {
     (void)state;
     bench b;
@@ -233,8 +233,8 @@ static void lists_that_do_not_cover_are_not_refreshed(void **state)
     }
 }
 
-/* Who looks at the steps that are left sees the energies as well, and they hold until a particle moves. */
-static void energies_are_known_with_the_steps_left(void **state)
+/* The measurement of remaining steps also returns the energies, which are valid until a particle moves. */
+static void energies_are_returned_with_the_remaining_steps(void **state)
 {
     (void)state;
     bench b;
@@ -269,9 +269,9 @@ static void energies_are_known_with_the_steps_left(void **state)
     tear_down(&b);
 }
 
-/* Whom fewer than three hold may drift for ever, at next to no energy, as on a droplet: its step says nothing of rest, however many are
- * in its list beyond the support. */
-static void who_is_free_to_drift_has_no_step_left(void **state)
+/* A particle that fewer than three neighbours hold may drift without end at almost no energy, for example on a
+ * droplet. Its step does not count for convergence, however many particles beyond the support are in its list. */
+static void particles_free_to_drift_have_no_remaining_step(void **state)
 {
     (void)state;
     const double side[][2] = {{0, 0}, {1.5, 0}, {-1.9, 0}, {0, 1.9}}; /* in spacings */
@@ -298,7 +298,7 @@ static void who_is_free_to_drift_has_no_step_left(void **state)
     }
 }
 
-/* Compared with a look at all pairs. */
+/* Compared with a computation over all pairs. */
 static void divergent_share_is_that_of_all_pairs_within_the_lists(void **state)
 {
     (void)state;
@@ -330,7 +330,7 @@ static void steps_of_displaced_particles_are_reported_separately(void **state)
     relax_sums sums;
     set_up(&b, 1, fast_kernel_for(isa_best()), 8);
     const double h = b.params.spacing, sigma = b.params.sigma;
-    relax_mark_displaced(b.r, b.p, 5); /* there are no lists yet */
+    relax_mark_displaced(b.r, b.p, 5); /* without lists */
     for (int sweep = 0; sweep < 80; sweep++) {
         if (sweep % 4 == 0) assert_true(relax_build(b.r, b.p, sigma, 0.4 * h, &e));
         relax_sweep(b.r, b.p, &b.params, &sums);
@@ -348,9 +348,9 @@ static void steps_of_displaced_particles_are_reported_separately(void **state)
     tear_down(&b);
 }
 
-/* Particles near their rest are left out of sweeps that may do so, until one of those around has gone far; they count with the
- * energy that they had. */
-static void who_hardly_moves_is_left_out(void **state)
+/* Particles near convergence are skipped by sweeps that permit it, until a neighbour has moved far. They are counted
+ * with their last energies. */
+static void converged_particles_are_skipped(void **state)
 {
     (void)state;
     error e = {0};
@@ -366,7 +366,7 @@ static void who_hardly_moves_is_left_out(void **state)
     }
     assert_true(before.max_step > 0 && before.max_step < 0.01);
     b.params.may_skip = true;
-    relax_sweep(b.r, b.p, &b.params, &before); /* nobody may yet */
+    relax_sweep(b.r, b.p, &b.params, &before); /* no particle may be skipped yet */
     assert_true(before.rms_step > 0);
     assert_true(relax_allow_skipping(b.r, &e));
     relax_sweep(b.r, b.p, &b.params, &before);
@@ -376,7 +376,7 @@ static void who_hardly_moves_is_left_out(void **state)
     assert_memory_equal(b.p->position, rests, sizeof rests);
     assert_true(sums.rms_step == 0 && fabs(sums.energy / before.energy - 1) < 1e-6);
     assert_true(relax_build(b.r, b.p, b.params.sigma, 0.6 * h, &e));
-    relax_sweep(b.r, b.p, &b.params, &sums); /* with new lists all do */
+    relax_sweep(b.r, b.p, &b.params, &sums); /* with new lists all particles move */
     assert_true(sums.rms_step > 0);
     b.params.may_skip = false;
     relax_sweep(b.r, b.p, &b.params, &sums);
@@ -387,18 +387,18 @@ static void who_hardly_moves_is_left_out(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(energies_are_known_with_the_steps_left),
+        cmocka_unit_test(energies_are_returned_with_the_remaining_steps),
         cmocka_unit_test(divergent_share_is_that_of_all_pairs_within_the_lists),
-        cmocka_unit_test(who_is_free_to_drift_has_no_step_left),
+        cmocka_unit_test(particles_free_to_drift_have_no_remaining_step),
         cmocka_unit_test(steps_of_displaced_particles_are_reported_separately),
-        cmocka_unit_test(refreshed_lists_serve_as_new_ones),
+        cmocka_unit_test(refreshed_lists_give_the_energies_of_new_ones),
         cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
-        cmocka_unit_test(who_hardly_moves_is_left_out),
+        cmocka_unit_test(converged_particles_are_skipped),
         cmocka_unit_test(energy_never_rises),
-        cmocka_unit_test(points_in_one_place_do_not_set_the_support),
+        cmocka_unit_test(coincident_points_do_not_set_the_support),
         cmocka_unit_test(lists_stay_valid),
-        cmocka_unit_test(unwatched_sweeps_end_as_low),
-        cmocka_unit_test(sheets_do_not_push_each_other),
+        cmocka_unit_test(sweeps_without_checks_converge_to_the_same_energy),
+        cmocka_unit_test(opposite_surfaces_do_not_interact),
     };
     return cmocka_run_group_tests_name("relax", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Over-dense points and gaps in a plane: which points move to which places, and what must not change. */
+/* Over-dense points and gaps in a plane: which points are relocated to which places, and what must not change. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +21,7 @@ static double least_distance(const vec3 *x)
     return least;
 }
 
-/* The largest distance of a place from its nearest point. */
+/* The largest distance of a place from the nearest point. */
 static double farthest(const vec3 *x, const vec3 *place)
 {
     double most = 0;
@@ -38,7 +38,7 @@ static void move_but(const bool *held, double gap, vec3 *x, const double *size, 
 {
     error e = {0};
     relocation *chosen;
-    static uint32_t near[PLACES]; /* of earlier points, and of none: that does not show */
+    static uint32_t near[PLACES]; /* of earlier points, or of none; the result does not depend on it */
     relocation_input in = {x, size, COUNT, 1, place, PLACES, near, gap, held, 0};
     relocation *other;
     size_t others;
@@ -77,14 +77,15 @@ static void displaced_points_of_a_lattice_return_to_its_holes(void **state)
     bool *held = malloc(COUNT * sizeof *held);
     for (size_t i = 0; i < COUNT; i++) held[i] = true;
     move_but(held, 0, x, size, place, &moves);
-    assert_int_equal(moves, 0); /* all are held */
+    assert_int_equal(moves, 0); /* all points are held */
     free(held);
     move_but(NULL, 1.01, x, size, place, &moves);
-    assert_int_equal(moves, 0); /* no gap is that wide */
+    assert_int_equal(moves, 0); /* no gap has this width */
     move(x, size, place, &moves);
     assert_int_equal(moves, (COUNT - 6 * SIDE - 3 + 96) / 97);
     assert_true(least_distance(x) > RELOCATION_GAP);
-    move(x, size, place, &again); /* all is well now: a square's middle is .71 from its corners */
+    /* the lattice is restored: the centre of a square is .71 from its corners */
+    move(x, size, place, &again);
     assert_int_equal(again, 0);
     free(x);
     free(size);
@@ -117,7 +118,8 @@ static void relocation_separates_random_points(void **state)
     free(place);
 }
 
-/* Relocations do not depend on how near points are found: many points far away make cells over-dense, and a tree is used. */
+/* Relocations do not depend on the search method: many points far away make cells over-dense, so that a tree is
+ * used. */
 static void points_far_away_change_nothing(void **state)
 {
     (void)state;
@@ -179,13 +181,13 @@ static void a_second_limit_fills_a_strip_beside_a_lattice(void **state)
     in.dense = 0.95;
     assert_true(relocation_choose(&in, NULL, &chosen, &moves, &e));
     assert_int_equal(moves, ROWS);
-    for (size_t k = 0; k < moves; k++) /* no two leave one hole */
+    for (size_t k = 0; k < moves; k++) /* no two points leave the same hole */
         for (size_t j = 0; j < k; j++)
             assert_true(vec3_norm(vec3_sub(x[chosen[j].point], x[chosen[k].point])) > 0.95);
     free(chosen);
 }
 
-/* Pairs of gaps would be as many as the square of the gaps. */
+/* The number of pairs of gaps would be the square of the number of gaps. */
 static void many_gaps_beside_few_points_give_one_relocation(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Disorder that descent leaves: on a ball with bumps that the spacing does not resolve. */
+/* Defects that remain after descent, on a ball with bumps that the spacing does not resolve. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,7 +12,7 @@
 #include "measure_result.h"
 #include "solver/solver.h"
 
-/* |x| - 1 - HEIGHT sin(WAVE x) sin(WAVE y) sin(WAVE z), in cubes of an edge of CELL. */
+/* x| - 1 - HEIGHT sin(WAVE x) sin(WAVE y) sin(WAVE z), in cubes with edges of CELL. */
 #define HEIGHT 0.008
 #define WAVE 50.0
 #define CELL 0.035
@@ -99,7 +99,7 @@ static void make_ball(ball *b)
     field_set_boundary(&b->base, 0);
 }
 
-/* Twice as wide at one pole as at the other. */
+/* The spacing at one pole is twice that at the other. */
 static double wider_above(const void *context, vec3 x)
 {
     (void)context;
@@ -110,7 +110,7 @@ typedef struct solved {
     solver_outcome outcome;
     measures q;
     size_t count;
-    uint64_t sum; /* of all bits of all positions */
+    uint64_t sum; /* checksum of the bits of all positions */
 } solved;
 
 static solved solve(const ball *b, bool mend, int workers)
@@ -154,8 +154,9 @@ static solved solve(const ball *b, bool mend, int workers)
     return out;
 }
 
-/* In as many points, at rest, and nearer to the requested spacing; by one thread as by several. */
-static void disorder_is_mended(void **state)
+/* The number of points is unchanged, they have converged, and they are nearer to the requested spacing. The result
+ * does not depend on the number of threads. */
+static void defects_are_repaired(void **state)
 {
     (void)state;
     ball b;
@@ -175,7 +176,7 @@ static void disorder_is_mended(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(disorder_is_mended),
+        cmocka_unit_test(defects_are_repaired),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

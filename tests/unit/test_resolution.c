@@ -1,4 +1,4 @@
-/* Whether points resolve their surface: hexagonal lattices, one above another or bent, with known answers. */
+/* Whether points resolve their surface: hexagonal lattices, opposite or bent, with known results. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,7 @@
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE, MOST = 2 * LATTICE + 1 };
 
-/* A lattice of spacing 1 that is open at its outline, and points below it that face downwards. */
+/* A lattice of spacing 1 that is open at its outline, and points below it with opposite normals. */
 typedef struct scene {
     vec3 position[MOST], normal[MOST];
     double spacing[MOST];
@@ -37,7 +37,7 @@ static scene *make_scene(void)
     return s;
 }
 
-/* The first `rows` rows of the opposite wall, `gap` below. */
+/* Adds the first `rows` rows of the opposite wall, `gap` below. */
 static void add_wall(scene *s, double gap, int rows)
 {
     for (int k = 0; k < rows * SIDE; k++) {
@@ -81,15 +81,15 @@ static void walls_closer_than_the_limit_are_ordered_but_unresolved(void **state)
     assert_true(far.resolved == 1 && far.hex == 1);
 }
 
-/* Half of the lattice has an opposite wall. Points with an unresolved neighbour are not resolved either. */
+/* Half of the lattice has an opposite wall. Points with an unresolved neighbour are unresolved, too. */
 static void a_wall_below_a_half_leaves_the_other_half_resolved(void **state)
 {
     (void)state;
     const int rows = SIDE / 2;
     const resolution whole = measure_plate(10, rows), half = measure_plate(1, rows);
     assert_true(whole.resolved == 1);
-    /* Two spacings from a boundary are three rows: three on each side of the lattice, three of the wall. Two to six rows beyond the
-     * wall are unresolved. */
+    /* Two spacings from a boundary are three rows: three on each side of the lattice, three of the wall. Two to six
+     * rows beyond the wall are unresolved. */
     const double measured = (SIDE - 6) + (rows - 3), beyond = SIDE - rows - 3;
     assert_true(half.resolved <= (beyond - 2) / measured && half.resolved >= (beyond - 6) / measured);
 }
@@ -149,7 +149,7 @@ static void a_sample_has_the_fractions_of_all(void **state)
     free(s);
 }
 
-static void the_number_of_threads_does_not_matter(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     scene *s = make_scene();
@@ -179,7 +179,7 @@ int main(void)
         cmocka_unit_test(a_point_far_from_all_others_is_unresolved),
         cmocka_unit_test(creases_are_resolved),
         cmocka_unit_test(a_sample_has_the_fractions_of_all),
-        cmocka_unit_test(the_number_of_threads_does_not_matter),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(points_near_a_boundary_have_no_fraction),
     };
     return cmocka_run_group_tests_name("resolution", tests, NULL, NULL);

@@ -23,7 +23,7 @@
 #include "store/file.h"
 
 #define PATIENCE_MS 30000
-/* Of files that were sent; those of the tests were used long before, or will be. */
+/* Retention of uploaded files. In the tests the last use is long ago or in the future. */
 #define KEEP_S 1
 #define HOUR INT64_C(3600000)
 
@@ -99,7 +99,7 @@ static void put_directory(char *path)
     free(path);
 }
 
-/* The first task of the job ends in its second attempt, with the directories that this leaves. */
+/* Ends the first task of the job in its second attempt, with the directories of both attempts. */
 static void run(place *p, const char *id, int frame)
 {
     for (int number = 1; number <= 2; number++) {
@@ -141,7 +141,7 @@ static bool is_known(place *p, const char *id)
     return found;
 }
 
-/* A file that was sent, last used so long ago. */
+/* An uploaded file that was last used this long ago. */
 static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
 {
     memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
@@ -167,7 +167,7 @@ static void wait_forgotten(place *p, const char *id)
         if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the job is kept");
 }
 
-static void test_what_is_over_goes(void **state)
+static void test_expired_jobs_are_deleted(void **state)
 {
     place *p = *state;
     char over[ULID_SIZE], kept[ULID_SIZE];
@@ -179,7 +179,7 @@ static void test_what_is_over_goes(void **state)
     run(p, kept, QUEUE_NO_FRAME);
     retention_wake(p->r);
     assert_true(is_known(p, over));
-    int64_t soon = 1; /* as its finish may be a millisecond ago, what follows waits for up to a second */
+    int64_t soon = 1; /* the end may be a millisecond ago, so the following waits take up to a second */
     queue_edit edit = {.retention_s = &soon};
     queue_edited edited;
     assert_true(queue_change(p->q, over, -1, &edit, &edited, NULL));
@@ -191,8 +191,7 @@ static void test_what_is_over_goes(void **state)
     assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
 }
 
-/* A job that ended is kept for ten hours of the daemon, and a file that was sent for KEEP_S, whatever becomes of the wall
- * clock. */
+/* Whatever the wall clock, an ended job is kept for ten hours of running time, and an uploaded file for KEEP_S. */
 static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
 {
     place *p = *state;
@@ -210,7 +209,7 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
         run(p, mark, QUEUE_NO_FRAME);
         pass(2000);
         retention_wake(p->r);
-        wait_forgotten(p, mark); /* after a look at the others */
+        wait_forgotten(p, mark); /* after the other jobs were examined */
         assert_true(is_known(p, id));
         assert_int_equal(access(sent, F_OK), 0);
         retention_stop(p->r);
@@ -268,8 +267,8 @@ static void wait_done(place *p)
         if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the notes are kept");
 }
 
-/* The queue has forgotten and noted, and then the daemon died. */
-static void test_a_start_removes_what_was_noted(void **state)
+/* The daemon crashed after the queue had deleted the job and recorded its directories. */
+static void test_a_start_removes_noted_directories(void **state)
 {
     place *p = *state;
     char gone[ULID_SIZE], kept[ULID_SIZE];
@@ -280,10 +279,11 @@ static void test_a_start_removes_what_was_noted(void **state)
     run(p, gone, 1);
     run(p, gone, 2);
     run(p, kept, QUEUE_NO_FRAME);
-    put_directory(result_directory(p->base, unknown, QUEUE_NO_FRAME)); /* not ours to remove */
+    put_directory(result_directory(p->base, unknown, QUEUE_NO_FRAME)); /* not recorded, so not removed */
     put_directory(result_attempt_directory(p->base, unknown, QUEUE_NO_FRAME, 1));
     put_directory(
-        result_attempt_directory(p->base, gone, 1, 3)); /* nor this: the queue never gave that number */
+        /* not recorded either: the queue never assigned that number */
+        result_attempt_directory(p->base, gone, 1, 3));
     assert_true(queue_delete(p->q, gone, &found, &deleted, NULL));
     assert_true(deleted);
     assert_int_equal(count_removals(p), 2);
@@ -297,8 +297,8 @@ static void test_a_start_removes_what_was_noted(void **state)
     assert_true(is_there(result_attempt_directory(p->base, gone, 1, 3)));
 }
 
-/* A job is deleted whatever becomes of its directories, which are removed once that can be. */
-static void test_what_cannot_be_removed_stays_noted(void **state)
+/* A job is deleted even if its directories cannot be removed. They are removed once that is possible. */
+static void test_directories_that_cannot_be_removed_stay_noted(void **state)
 {
     place *p = *state;
     char stuck[ULID_SIZE], other[ULID_SIZE];
@@ -309,16 +309,17 @@ static void test_what_cannot_be_removed_stays_noted(void **state)
     run(p, other, QUEUE_NO_FRAME);
     begin(p);
     char *results = mem_printf("%s/results", p->base), *away = mem_printf("%s/away", p->base);
-    assert_true(store_file_write(away, "x", 1, NULL)); /* as `results`: nothing can be opened below it */
+    /* in place of `results`: nothing can be opened below it */
+    assert_true(store_file_write(away, "x", 1, NULL));
     assert_int_equal(renameat2(AT_FDCWD, results, AT_FDCWD, away, RENAME_EXCHANGE), 0);
     log_set_level(LOG_LEVEL_ERROR);
     assert_true(retention_delete(p->r, stuck, &found, &deleted, NULL));
     assert_true(found && deleted);
     assert_false(is_known(p, stuck));
     assert_int_equal(count_removals(p), 1);
-    /* In one step: the thread takes a missing directory for one that is removed. */
+    /* in one step, because the thread treats a missing directory as removed */
     assert_int_equal(renameat2(AT_FDCWD, results, AT_FDCWD, away, RENAME_EXCHANGE), 0);
-    assert_true(retention_delete(p->r, other, &found, &deleted, NULL)); /* is not held up */
+    assert_true(retention_delete(p->r, other, &found, &deleted, NULL)); /* is not blocked */
     assert_true(deleted);
     assert_false(any_left(p, other, QUEUE_NO_FRAME));
     retention_stop(p->r);
@@ -329,7 +330,7 @@ static void test_what_cannot_be_removed_stays_noted(void **state)
     free(away);
 }
 
-static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
+static void test_unused_uploads_are_removed(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
@@ -348,19 +349,19 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     begin(p);
     pass(2 * HOUR);
     retention_wake(p->r);
-    wait_gone(unused); /* in one look with the others */
+    wait_gone(unused); /* in the same collection as the others */
     assert_int_equal(access(fresh, F_OK), 0);
     assert_int_equal(access(wanted, F_OK), 0);
     run(p, id, QUEUE_NO_FRAME);
     wait_gone(wanted);
     assert_int_equal(access(fresh, F_OK), 0);
-    /* and gave its room back */
+    /* and its space was released */
     store_upload *upload = NULL;
     assert_int_equal(
         store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload, NULL),
         STORE_UPLOAD_GOOD);
     store_upload_end(upload);
-    /* a use keeps it; the thread must not delete it before */
+    /* a use keeps the file; the thread must not delete it before */
     retention_stop(p->r);
     p->r = NULL;
     free(unused);
@@ -375,8 +376,8 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     free(directory);
 }
 
-/* Without a time to keep them, files that were sent stay. The thread looks at them once before it ends. */
-static void test_what_was_sent_stays_without_a_time(void **state)
+/* Without a retention time uploaded files are kept. The thread examines them once before it ends. */
+static void test_uploads_are_kept_without_a_retention_time(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
@@ -417,8 +418,8 @@ static void send_it(place *p, const char *hex)
     store_upload_end(upload);
 }
 
-/* Whichever comes first, the room that is left is what the files leave. */
-static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void **state)
+/* In either order, the free space corresponds to the stored files. */
+static void test_an_upload_during_a_collection_is_counted_once(void **state)
 {
     place *p = *state;
     char hex[STORE_HASH_SIZE];
@@ -439,7 +440,7 @@ static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void *
         assert_non_null(collected);
         assert_int_equal(access(path, F_OK), 0);
         store_upload *upload = NULL;
-        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_ROOM);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_SPACE);
         assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload, NULL), STORE_UPLOAD_GOOD);
         store_upload_end(upload);
     }
@@ -450,14 +451,15 @@ static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void *
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_expired_jobs_are_deleted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_clock_that_is_set_forward_deletes_nothing, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_start_removes_what_was_noted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_cannot_be_removed_stays_noted, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_was_sent_stays_without_a_time, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_is_sent_again_while_it_is_collected_is_counted_once, set_up,
+        cmocka_unit_test_setup_teardown(test_a_start_removes_noted_directories, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_directories_that_cannot_be_removed_stay_noted, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(test_unused_uploads_are_removed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_uploads_are_kept_without_a_retention_time, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_an_upload_during_a_collection_is_counted_once, set_up,
                                         tear_down),
     };
     log_set_level(LOG_LEVEL_ERROR);

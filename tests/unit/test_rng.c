@@ -1,4 +1,4 @@
-/* Random numbers: the published generator, and streams that have nothing to do with each other. */
+/* Random numbers: the published generator, and independent streams. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,7 +17,7 @@ static void test_the_generator_is_the_published_one(void **state)
     for (int i = 0; i < 4; i++) assert_true(rng_next(&r) == wanted[i]);
 }
 
-static void test_a_seed_and_a_stream_say_all(void **state)
+static void test_seed_and_stream_determine_the_numbers(void **state)
 {
     (void)state;
     for (uint64_t stream = 0; stream < 8; stream++) {
@@ -54,7 +54,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_generator_is_the_published_one),
-        cmocka_unit_test(test_a_seed_and_a_stream_say_all),
+        cmocka_unit_test(test_seed_and_stream_determine_the_numbers),
         cmocka_unit_test(test_numbers_are_uniform_and_streams_independent),
     };
     return cmocka_run_group_tests_name("rng", tests, NULL, NULL);

@@ -108,7 +108,7 @@ static void test_files_inside_open(void **state)
     expect_open(p, "inner/deep", "inner/deep");
     expect_open(p, "./inner//deep", "inner/deep");
     expect_open(p, "inward", "inner/deep");
-    expect_open(p, "other", "other"); /* found under the second root */
+    expect_open(p, "other", "other"); /* it is below the second root */
     char *absolute = mem_printf("%s//inner/deep", p->root);
     expect_open(p, absolute, "inner/deep");
     free(absolute);
@@ -125,7 +125,8 @@ static void test_escapes_are_forbidden(void **state)
     expect_error(p, "loop", ERROR_PATH_FORBIDDEN);
     expect_error(p, "/etc/passwd", ERROR_PATH_FORBIDDEN);
     expect_error(p, "/", ERROR_PATH_FORBIDDEN);
-    char *sibling = mem_printf("%s-not", p->root); /* shares the text of the root, not the directory */
+    /* its text begins with the root, but it is another directory */
+    char *sibling = mem_printf("%s-not", p->root);
     expect_error(p, sibling, ERROR_PATH_FORBIDDEN);
     free(sibling);
     char *absolute = mem_printf("%s/../outside", p->root);
@@ -133,7 +134,7 @@ static void test_escapes_are_forbidden(void **state)
     free(absolute);
 }
 
-static void test_what_is_no_readable_file_says_so(void **state)
+static void test_unreadable_files_are_errors(void **state)
 {
     place *p = *state;
     expect_error(p, "nothing", ERROR_INPUT_MISSING);
@@ -158,7 +159,7 @@ static void test_no_roots(void **state)
     char *path = mem_printf("%s/outside", p->base);
     assert_int_equal(store_open_input(none, path, &e), -1);
     assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
-    int fd = store_open_input(NULL, path, &e); /* a worker that stands alone */
+    int fd = store_open_input(NULL, path, &e); /* a worker without a daemon */
     assert_true(fd >= 0);
     close(fd);
     store_roots_close(none);
@@ -184,7 +185,7 @@ static void test_a_mistyped_root_is_explained(void **state)
     expect_not_opened("nonexistent/a", "write an absolute path");
 }
 
-static void test_a_root_is_no_file(void **state)
+static void test_a_root_cannot_be_opened_as_a_file(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -206,7 +207,7 @@ static void test_roots_that_change_at_a_restart_are_mentioned(void **state)
     }
 }
 
-static void test_a_file_is_a_root_of_itself(void **state)
+static void test_a_root_may_be_a_single_file(void **state)
 {
     place *p = *state;
     error e = {0};
@@ -229,7 +230,8 @@ static void test_a_file_is_a_root_of_itself(void **state)
     free(file);
 }
 
-/* As `latest` on farms: absolute, through another link, out and in again, and from one root to another. */
+/* Links like `latest` on render farms: absolute, through another link, out of the root and back, and to another
+ * root. */
 static void test_links_may_lead_below_a_root(void **state)
 {
     place *p = *state;
@@ -279,7 +281,7 @@ static void test_links_do_not_lead_elsewhere(void **state)
     free(near);
 }
 
-/* Files that clients have sent are reached by their hashes only. */
+/* Uploaded files can be opened by their hashes only. */
 static void test_sent_files_are_named_by_their_hash(void **state)
 {
     place *p = *state;
@@ -338,12 +340,12 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_links_may_lead_below_a_root, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_links_do_not_lead_elsewhere, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_sent_files_are_named_by_their_hash, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_unreadable_files_are_errors, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
         cmocka_unit_test(test_a_mistyped_root_is_explained),
-        cmocka_unit_test_setup_teardown(test_a_root_is_no_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_root_cannot_be_opened_as_a_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_roots_that_change_at_a_restart_are_mentioned, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_file_is_a_root_of_itself, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_root_may_be_a_single_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("root", tests, NULL, NULL);

@@ -14,7 +14,7 @@
 #define HOUR INT64_C(3600000)
 #define DAY (24 * HOUR)
 
-/* The same program after a time without it. */
+/* Starts the program again after a time without it. */
 static running_time *start_again(running_time *t)
 {
     running_period periods[RUNNING_PERIODS_MOST];
@@ -23,7 +23,7 @@ static running_time *start_again(running_time *t)
     return running_time_new(periods, count);
 }
 
-static void test_the_wall_clock_decides_about_what_began_in_this_run(void **state)
+static void test_the_wall_clock_counts_for_objects_of_this_run(void **state)
 {
     (void)state;
     running_time *t = running_time_new(NULL, 0);
@@ -46,8 +46,8 @@ static void test_a_clock_that_is_set_forward_ends_nothing(void **state)
     assert_true(running_time_is_over(t, began, HOUR));
     step_wall(365 * DAY);
     assert_false(running_time_is_over(t, began, DAY));
-    assert_false(
-        running_time_is_over(t, began, HOUR)); /* its time was over, but within the hour after a step */
+    /* its time was over, but within the hour after a step */
+    assert_false(running_time_is_over(t, began, HOUR));
     int64_t later = clock_wall_ms();
     pass(HOUR);
     assert_true(running_time_is_over(t, began, HOUR));
@@ -60,7 +60,7 @@ static void test_a_clock_that_is_set_forward_ends_nothing(void **state)
     step_wall(-365 * DAY);
     pass(HOUR);
     assert_true(running_time_is_over(t, began, DAY));
-    assert_false(running_time_is_over(t, later, DAY)); /* the wall clock does not say so */
+    assert_false(running_time_is_over(t, later, DAY)); /* not over by the wall clock */
     running_time_free(t);
 }
 
@@ -79,7 +79,8 @@ static void test_a_start_counts_the_time_that_the_program_ran(void **state)
     pass(HOUR);
     assert_true(running_time_is_over(t, began, DAY + 3 * HOUR));
     assert_false(running_time_is_over(t, began, DAY + 3 * HOUR + 1000));
-    assert_false(running_time_is_over(t, began - 365 * DAY, 3 * DAY)); /* before the program ran first */
+    /* created before the first start of the program */
+    assert_false(running_time_is_over(t, began - 365 * DAY, 3 * DAY));
     running_time_free(t);
 }
 
@@ -142,12 +143,12 @@ static void test_daily_starts_keep_longer_by_little_more_than_the_stops(void **s
     }
     pass(HOUR);
     assert_true(running_time_is_over(t, began, 110 * DAY));
-    assert_false(
-        running_time_is_over(t, began, 110 * DAY + HOUR + 1000)); /* the daemon did not run for longer */
+    /* the daemon did not run for longer */
+    assert_false(running_time_is_over(t, began, 110 * DAY + HOUR + 1000));
     running_time_free(t);
 }
 
-static void test_a_clock_set_back_is_seen_once(void **state)
+static void test_a_clock_set_back_is_reported_once(void **state)
 {
     (void)state;
     clock_watch w = CLOCK_WATCH;
@@ -166,14 +167,14 @@ int main(void)
 {
     stop_clocks();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_wall_clock_decides_about_what_began_in_this_run),
+        cmocka_unit_test(test_the_wall_clock_counts_for_objects_of_this_run),
         cmocka_unit_test(test_a_clock_that_is_set_forward_ends_nothing),
         cmocka_unit_test(test_a_start_counts_the_time_that_the_program_ran),
         cmocka_unit_test(test_a_clock_that_is_set_back_ends_nothing_early),
         cmocka_unit_test(test_a_small_step_changes_nothing),
         cmocka_unit_test(test_more_starts_than_periods_lose_no_running_time),
         cmocka_unit_test(test_daily_starts_keep_longer_by_little_more_than_the_stops),
-        cmocka_unit_test(test_a_clock_set_back_is_seen_once),
+        cmocka_unit_test(test_a_clock_set_back_is_reported_once),
     };
     return cmocka_run_group_tests_name("running_time", tests, NULL, NULL);
 }

@@ -1,4 +1,6 @@
-/* What a process in the sandbox can and cannot do: each probe is a process of its own that enters and tries. */
+/* The permissions of a process in the sandbox. Each probe is a separate process that enters the sandbox and tries an
+ * operation.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,13 +37,13 @@
 #define SANITIZED 0
 #endif
 
-/* What this program ends with when it is started with the argument below. */
+/* The argument with which this program starts itself; it then exits with STARTED_AGAIN. */
 #define AGAIN "again"
 enum { STARTED_AGAIN = 42, NOT_ENTERED = 126 };
 
 typedef struct place {
     char base[64];
-    /* input/file and the single file are to be read, outside is beside them */
+    /* input/file and the single file are readable places; outside is beside them */
     char *input, *file, *output, *outside, *single;
     pid_t parent;
 } place;
@@ -78,7 +80,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* Runs the probe in a process that has entered; what it returns is an errno, 0 when it could. */
+/* Runs the probe in a process in the sandbox. Returns the errno of the probe; 0: it succeeded. */
 static int run_inside(const place *p, int (*probe)(const place *))
 {
     pid_t child = fork();
@@ -125,7 +127,7 @@ static int make_netlink_socket(const place *p)
     return answer(socket(AF_NETLINK, SOCK_RAW, 0) >= 0);
 }
 
-/* Its ends could send to any socket that has a name. */
+/* Such sockets could send to any named socket. */
 static int make_datagram_pair(const place *p)
 {
     int ends[2];
@@ -135,9 +137,9 @@ static int make_datagram_pair(const place *p)
 
 static int connect_descriptor(const place *p)
 {
-    struct sockaddr nobody = {.sa_family = AF_UNSPEC};
+    struct sockaddr address = {.sa_family = AF_UNSPEC};
     (void)p;
-    return answer(connect(STDIN_FILENO, &nobody, sizeof nobody) == 0);
+    return answer(connect(STDIN_FILENO, &address, sizeof address) == 0);
 }
 
 static int trace_parent(const place *p)
@@ -158,7 +160,7 @@ static int leave_name_space(const place *p)
     return answer(unshare(CLONE_NEWUSER) == 0);
 }
 
-/* As a process of its own would be: without memory in common. */
+/* Creates a separate process without shared memory. */
 static int copy_itself(const place *p)
 {
     (void)p;
@@ -214,7 +216,7 @@ static void *try_socket(void *out)
     return NULL;
 }
 
-/* Threads are made inside, and are inside. */
+/* A thread that is created in the sandbox is in the sandbox. */
 static int make_socket_in_thread(const place *p)
 {
     pthread_t thread;
@@ -248,7 +250,7 @@ static const struct call {
     {"socket in a thread", make_socket_in_thread, false},
 };
 
-static void test_calls_of_no_worker_are_not_there(void **state)
+static void test_other_system_calls_return_enosys(void **state)
 {
     for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
         if (SANITIZED && calls[i].sanitizers_need_it) {
@@ -260,7 +262,7 @@ static void test_calls_of_no_worker_are_not_there(void **state)
     }
 }
 
-/* The number behind a name in /proc/PID/status. */
+/* The number after a name in /proc/PID/status. */
 static int status_of(pid_t pid, const char *name)
 {
     char path[64], line[256];
@@ -273,7 +275,7 @@ static int status_of(pid_t pid, const char *name)
     return value;
 }
 
-/* Asked from outside: inside there is no /proc. */
+/* Checked from outside, because /proc is not readable inside. */
 static void test_no_new_privileges(void **state)
 {
     const place *p = *state;
@@ -378,7 +380,7 @@ static int link_outside(const place *p)
     return answer(symlink(p->outside, to) == 0);
 }
 
-/* A file as results are written: made, read back, renamed, its directory flushed. */
+/* Writes a file like a result: creates it, reads it back, renames it, and flushes its directory. */
 static int write_output(const place *p)
 {
     char *path = mem_printf("%s/result", p->output);
@@ -427,14 +429,14 @@ static int start_own_file(const place *p)
 
 static int signal_parent(const place *p)
 {
-    return answer(kill(p->parent, SIGURG) == 0); /* which it would ignore */
+    return answer(kill(p->parent, SIGURG) == 0); /* a signal that the parent would ignore */
 }
 
 static const struct place_probe {
     const char *name;
     int (*probe)(const place *);
     int expected;
-    int since; /* of Landlock's versions */
+    int since; /* version of Landlock that supports it */
 } place_probes[] = {
     {"read an input", read_input, 0, 1},
     {"read a single file", read_single, 0, 1},
@@ -463,7 +465,7 @@ static int landlock_version(void)
     return at ? atoi(at + strlen("Landlock version ")) : 0;
 }
 
-static void test_files_lie_where_they_were_named(void **state)
+static void test_only_the_given_places_are_accessible(void **state)
 {
     int version = landlock_version();
     assert_int_equal(sandbox_check(SANDBOX_REQUIRED, NULL), version > 0);
@@ -494,9 +496,9 @@ int main(int argc, char **argv)
     if (argc == 2 && strcmp(argv[1], AGAIN) == 0) _exit(STARTED_AGAIN);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_modes_have_names),
-        cmocka_unit_test_setup_teardown(test_calls_of_no_worker_are_not_there, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_other_system_calls_return_enosys, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_new_privileges, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_files_lie_where_they_were_named, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_only_the_given_places_are_accessible, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

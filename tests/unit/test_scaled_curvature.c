@@ -1,4 +1,4 @@
-/* Curvature at a scale: shapes whose curvature is known, with and without noise, and edges. */
+/* Curvature at a scale: shapes of known curvature, with and without noise, and edges. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -85,8 +85,8 @@ static void torus_has_its_curvatures_with_their_signs(void **state)
     analytic_free(a);
 }
 
-/* An edge turns by a right angle however sharp it is: over a scale of 0.1 it bends about as much with a radius of 0.002
- * as with one of 0.01. A face away from it is flat. */
+/* An edge of any sharpness turns by a right angle. At a scale of 0.1 its curvature with a radius of 0.002 is about
+ * that with a radius of 0.01. A distant face is flat. */
 static void edges_bend_over_the_scale(void **state)
 {
     (void)state;
@@ -106,7 +106,8 @@ static void edges_bend_over_the_scale(void **state)
     assert_close(at_edge[1] / at_edge[0], 1, 0.1);
 }
 
-/* A sphere of radius 0.35 in samples that are off by up to a tenth of their distance: the field's own curvature is noise. */
+/* A sphere of radius 0.35 in samples with errors of up to a tenth of their distance: the curvature of the field
+ * itself is noise. */
 static void noise_averages_out(void **state)
 {
     (void)state;
@@ -144,7 +145,7 @@ static void noise_averages_out(void **state)
     free(c);
 }
 
-/* Two sheets that face each other, a hundredth of the scale apart. */
+/* Two opposite surfaces, a hundredth of the scale apart. */
 static void the_other_side_of_a_plate_does_not_count(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* schedule: what the tables say, at the places of a solve where one rule hands over to another. */
+/* schedule: values of the tables at the positions of a solve where one rule replaces another. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,7 +17,7 @@ static schedule_position finest(int sweeps, size_t count)
     return (schedule_position){.level = 2, .levels = 3, .stage = LAST, .sweeps = sweeps, .count = count};
 }
 
-/* Sweeps become fewer as particles become more, within their bounds. */
+/* The number of sweeps decreases with the number of particles, within its bounds. */
 static void levels_have_fewer_sweeps_the_more_particles_they_have(void **state)
 {
     (void)state;
@@ -31,9 +31,8 @@ static void levels_have_fewer_sweeps_the_more_particles_they_have(void **state)
     assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
 }
 
-/* Over-relaxation never grows during the sweeps of a level. It begins above 2, far from a plain
- * step, and ends below 1.3. The paper's method and continued solves have
- * one factor throughout. */
+/* Over-relaxation never increases during the sweeps of a level. It begins above 2, far from a plain step, and ends
+ * below 1.3. The paper's method and continued solves use a constant factor. */
 static void over_relaxation_follows_the_sweeps(void **state)
 {
     (void)state;
@@ -51,7 +50,7 @@ static void over_relaxation_follows_the_sweeps(void **state)
         assert_true(schedule_omega(constant[k], &first) == schedule_omega(constant[k], &last));
 }
 
-/* Each earlier stage asks for more. */
+/* Each earlier stage requires a larger gain. */
 static void the_gain_falls_from_stage_to_stage(void **state)
 {
     (void)state;
@@ -78,7 +77,7 @@ static void levels_with_many_defects_take_more_sweeps(void **state)
                     (int)(s->defects_sweeps[1] * (sweeps + 1)));
 }
 
-/* Curve samples cause few defects, which take many sweeps. */
+/* Curve samples cause few defects, but these take many sweeps. */
 static void surfaces_with_patches_take_more_sweeps_for_fewer_defects(void **state)
 {
     (void)state;
@@ -90,7 +89,7 @@ static void surfaces_with_patches_take_more_sweeps_for_fewer_defects(void **stat
     assert_false(schedule_has_many_defects(s, &at, 0.015));
 }
 
-/* The least sweeps of a level, extra sweeps included, do not raise the gain. */
+/* The minimum number of sweeps of a level, including extra sweeps, does not raise the gain. */
 static void extra_sweeps_do_not_raise_the_gain(void **state)
 {
     (void)state;
@@ -104,7 +103,7 @@ static void extra_sweeps_do_not_raise_the_gain(void **state)
     }
 }
 
-static void steps_are_free_until_a_level_is_shaken(void **state)
+static void steps_are_unlimited_until_a_level_is_shaken(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -126,7 +125,7 @@ static bool ends(const schedule *s, schedule_position at, double rms_step, doubl
     return schedule_round_end(s, &at, &seen);
 }
 
-static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
+static void a_paced_level_has_its_sweeps_before_it_converges(void **state)
 {
     (void)state;
     schedule_position at = finest(0, 10000);
@@ -136,13 +135,13 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_true(ends(&schedule_multilevel, finest(sweeps, 10000), 0.01, 0)); /* over-relaxed */
     assert_false(ends(&schedule_multilevel, finest(sweeps, 10000), 0.011, 16));
     assert_false(ends(&schedule_continued, finest(sweeps, 10000), 0.004, 16));
-    at.levels = 1; /* one that is the coarsest as well */
+    at.levels = 1; /* a level that is also the coarsest */
     at.level = 0;
     at.sweeps = sweeps;
     assert_true(ends(&schedule_multilevel, at, 0.01, 0));
     assert_false(ends(&schedule_multilevel, at, 0.011, 16));
     at.levels = 3;
-    at.level = 1; /* that is refined again needs no small steps */
+    at.level = 1; /* a level that is refined again need not reach small steps */
     at.sweeps = sweeps;
     assert_true(ends(&schedule_multilevel, at, 1, 0));
     assert_true(ends(&schedule_continued, finest(1, 10000), 0.002, 0));
@@ -153,20 +152,20 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     assert_true(ends(&schedule_multilevel, at, 0.04, 0));
 }
 
-static void the_paper_goes_by_lambda(void **state)
+static void the_paper_method_ends_by_lambda(void **state)
 {
     (void)state;
     schedule_position at = {.levels = 1, .sweeps = 50, .count = 1000};
     assert_true(ends(&schedule_paper, at, 1, 14.5));
     assert_false(ends(&schedule_paper, at, 0, 13.5));
-    at.stage = LAST; /* where steps count as well */
+    at.stage = LAST; /* where steps count, too */
     assert_false(ends(&schedule_paper, at, 1, 14.5));
     assert_true(ends(&schedule_paper, at, 0.002, 14.5));
     const schedule_evidence gradient = {0.002, 0, false, 0.003};
     assert_true(schedule_round_end(&schedule_paper, &at, &gradient));
 }
 
-static void patience_ends_once_and_again(void **state)
+static void patience_ends_at_regular_intervals(void **state)
 {
     (void)state;
     int times = 0;
@@ -177,8 +176,8 @@ static void patience_ends_once_and_again(void **state)
     assert_int_equal(times, 3);
 }
 
-/* A gain with which a solve has not converged is the last resort. */
-static void the_coarsest_gain_lasts(void **state)
+/* The gain of a solve that has not converged is not raised further. */
+static void the_coarsest_gain_is_the_limit(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -192,7 +191,7 @@ static void the_coarsest_gain_lasts(void **state)
     assert_int_equal(sweeps - 1, 2 * s->patience);
 }
 
-/* By the paper's criterion what is left shrinks as lambda climbs, and from stage to stage. */
+/* By the paper's criterion the expected remainder decreases as lambda rises, and from stage to stage. */
 static void expected_sweeps_approach_those_spent(void **state)
 {
     (void)state;
@@ -208,7 +207,7 @@ static void expected_sweeps_approach_those_spent(void **state)
     assert_true(before == 100);
 }
 
-/* A level whose defects may call for more sweeps is expected to take longer than its least sweeps. */
+/* A level whose defects may require more sweeps is expected to take longer than its minimum of sweeps. */
 static void a_level_that_may_have_many_defects_is_expected_to_take_longer(void **state)
 {
     (void)state;
@@ -222,7 +221,7 @@ static void a_level_that_may_have_many_defects_is_expected_to_take_longer(void *
     assert_true(schedule_expected_sweeps(s, &at, 0, NULL) == schedule_level_sweeps(s, &at));
 }
 
-static void lists_wait_for_many_or_for_long(void **state)
+static void lists_are_rebuilt_for_many_limited_particles_or_at_an_age(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
@@ -246,14 +245,14 @@ int main(void)
         cmocka_unit_test(levels_with_many_defects_take_more_sweeps),
         cmocka_unit_test(surfaces_with_patches_take_more_sweeps_for_fewer_defects),
         cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
-        cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
-        cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
-        cmocka_unit_test(the_paper_goes_by_lambda),
-        cmocka_unit_test(patience_ends_once_and_again),
-        cmocka_unit_test(the_coarsest_gain_lasts),
+        cmocka_unit_test(steps_are_unlimited_until_a_level_is_shaken),
+        cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_converges),
+        cmocka_unit_test(the_paper_method_ends_by_lambda),
+        cmocka_unit_test(patience_ends_at_regular_intervals),
+        cmocka_unit_test(the_coarsest_gain_is_the_limit),
         cmocka_unit_test(expected_sweeps_approach_those_spent),
         cmocka_unit_test(a_level_that_may_have_many_defects_is_expected_to_take_longer),
-        cmocka_unit_test(lists_wait_for_many_or_for_long),
+        cmocka_unit_test(lists_are_rebuilt_for_many_limited_particles_or_at_an_age),
     };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* Sets that several threads join are those that one joins, whichever comes first. */
+/* Sets that several threads join equal those that one thread joins, in any order. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -31,7 +31,7 @@ static void flatten_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) sets_flatten_shared(j->parent, (uint32_t)k);
 }
 
-/* Run 0 has one long chain, others have random pairs, the more of them far apart the later. */
+/* Run 0 has one long chain. Other runs have random pairs; later runs have more distant pairs. */
 static void make_pairs(joining *j, int run, rng *r)
 {
     for (uint32_t k = 0; k < COUNT; k++) {
@@ -42,7 +42,7 @@ static void make_pairs(joining *j, int run, rng *r)
     }
 }
 
-static void threads_join_as_one_does(void **state)
+static void joins_do_not_depend_on_threads(void **state)
 {
     (void)state;
     error e = {0};
@@ -66,6 +66,6 @@ static void threads_join_as_one_does(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(threads_join_as_one_does)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(joins_do_not_depend_on_threads)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
-/* Allocations that fail while a surface is made and sampled: the caller gets the error limit_memory. The linker replaces mem_array
- * (--wrap). */
+/* Allocations that fail while a surface is made and sampled: the caller gets the error limit_memory. The linker
+ * replaces mem_array (--wrap).
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -18,7 +19,7 @@
 void *__real_mem_array(size_t count, size_t size, const char *text, error *e);
 void *__wrap_mem_array(size_t count, size_t size, const char *text, error *e);
 
-static atomic_long calls, failing = -1; /* of the attempt; the one that fails */
+static atomic_long calls, failing = -1; /* of the attempt; the failing one */
 
 void *__wrap_mem_array(size_t count, size_t size, const char *text, error *e)
 {
@@ -27,7 +28,7 @@ void *__wrap_mem_array(size_t count, size_t size, const char *text, error *e)
     return NULL;
 }
 
-/* Makes something and frees it. Each of its allocations fails once. */
+/* Makes and frees an object repeatedly; each of its allocations fails once. */
 static void check(bool (*make)(error *e))
 {
     long count = 1;
@@ -134,7 +135,7 @@ static void solve_of_a_formula_without_memory_is_an_error(void **state)
 static int make_box(void **state)
 {
     (void)state;
-    mesh_fixture_pool(); /* it is made once */
+    mesh_fixture_pool(); /* made once */
     box = mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3);
     return 0;
 }

@@ -1,4 +1,4 @@
-/* Requested spacings against closed forms: their shape, their sum, their bounds and their growth. */
+/* Requested spacings against closed forms: distribution, sum, bounds and growth. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -59,7 +59,7 @@ static double torus_kappa(double v)
     return sqrt(k1 * k1 + k2 * k2);
 }
 
-/* How many points the field asks for, by quadrature over the torus' parameters. */
+/* The number of points of the field, by quadrature over the parameters of the torus. */
 static double torus_points(const sizing_field *g)
 {
     const int steps = 400;
@@ -74,7 +74,7 @@ static double torus_points(const sizing_field *g)
     return sum * 4 * M_PI * M_PI / ((double)steps * steps);
 }
 
-/* kappa^-p within the ratio, times one constant; the fine end is at a quantile of the curvature. */
+/* The spacing is proportional to kappa^-p within the ratio. The fine end is a quantile of the curvature. */
 static void ratio_follows_the_curvature(void **state)
 {
     (void)state;
@@ -87,12 +87,12 @@ static void ratio_follows_the_curvature(void **state)
         for (int j = 0; j < 64; j++) {
             double v = 2 * M_PI * j / 64, kappa = torus_kappa(v);
             double constant = sizing_field_spacing(g, torus_point(1 + j, v), NULL) * pow(kappa, exponent);
-            if (kappa > 0.99 * torus_kappa(M_PI)) continue; /* about the quantile */
+            if (kappa > 0.99 * torus_kappa(M_PI)) continue; /* near the quantile */
             least = fmin(least, constant);
             most = fmax(most, constant);
         }
         print_message("# exponent %.1f: constant within a factor of %.4f\n", exponent, most / least);
-        /* where it bends too much within the spacing the request is averaged: */
+        /* where the curvature varies within the spacing, the request is averaged: */
         assert_true(most / least < (exponent > 1 ? 1.7 : 1.01));
         sizing_field_facts facts = sizing_field_describe(g);
         double whole = pow(torus_kappa(M_PI) / torus_kappa(M_PI / 2), exponent);
@@ -103,7 +103,7 @@ static void ratio_follows_the_curvature(void **state)
     release(&s);
 }
 
-/* An ellipsoid's equator and pole, by their principal curvatures. */
+/* The equator and the pole of an ellipsoid, by their principal curvatures. */
 static void chord_error_gives_the_spacing_of_the_larger_curvature(void **state)
 {
     (void)state;
@@ -120,14 +120,14 @@ static void chord_error_gives_the_spacing_of_the_larger_curvature(void **state)
     release(&s);
 }
 
-/* |grad h| <= gradation; the blending adds up to half of it where the request jumps within a cell. */
+/* grad h| <= gradation; blending adds up to half of it where the request jumps within a cell. */
 static double jump(const void *context, vec3 x)
 {
     (void)context;
     return x.x > 0 ? 0.01 : 1;
 }
 
-static void growth_is_held(void **state)
+static void growth_is_limited(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -153,7 +153,7 @@ static void growth_is_held(void **state)
     release(&s);
 }
 
-static void bounds_are_kept_and_told(void **state)
+static void bounds_are_kept_and_reported(void **state)
 {
     (void)state;
     scanned s = scan_shape(&torus, 1);
@@ -178,9 +178,10 @@ static void bounds_are_kept_and_told(void **state)
     assert_null(sizing_field_new(&s.a->base, s.scan, &params, (size_t)least - 500, s.pool, &e));
     snprintf(words, sizeof words, "max_spacing 0.08 requires at least %.0f: ", least);
     assert_non_null(strstr(e.message, words));
-    params.min_spacing = params.max_spacing = 0.05; /* one count fits, to half a point */
+    params.min_spacing = params.max_spacing = 0.05; /* a single count is possible, to half a point */
     sizing_field_free(grade(&s, params, (size_t)round(s.scan->area / (sqrt(3) / 2 * 25e-4))));
-    params.min_spacing = params.max_spacing = 0; /* nothing is bounded: a few points are no fault */
+    /* without bounds: small deviations of the count are not an error */
+    params.min_spacing = params.max_spacing = 0;
     for (size_t count = 4; count < 20; count += 5) {
         g = grade(&s, params, count);
         assert_close(torus_points(g) / (double)count, 1, 0.02);
@@ -197,7 +198,7 @@ static double unpainted_above(const void *context, vec3 x)
     return x.z > 0 ? NAN : *(const double *)context;
 }
 
-/* A map that says nothing about a part leaves it to the growth; one that says nothing at all is refused. */
+/* A map that is undefined in a part leaves it to the growth limit. A map that is undefined everywhere is refused. */
 static void maps_with_holes(void **state)
 {
     (void)state;
@@ -217,14 +218,14 @@ static void maps_with_holes(void **state)
     value = 0;
     assert_null(sizing_field_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
     assert_non_null(strstr(e.message, "above 0"));
-    params.kind = SIZING_FIELD_DENSITY; /* where 0 asks for nothing */
+    params.kind = SIZING_FIELD_DENSITY; /* a density of 0 requests no points */
     assert_null(sizing_field_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
     assert_non_null(strstr(e.message, "no points anywhere"));
     release(&s);
 }
 
-/* A pool that was told to stop ends the work with its code. */
-static void stops_when_told(void **state)
+/* If the pool is stopped, the work ends with the pool's code. */
+static void a_stop_ends_the_work(void **state)
 {
     (void)state;
     scanned s = scan_shape(&torus, 1);
@@ -240,7 +241,7 @@ static void stops_when_told(void **state)
     release(&s);
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     scanned one = scan_shape(&torus, 1), many = scan_shape(&torus, 3);
@@ -256,8 +257,8 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
-/* A shape that is thin at one end: the spacing is bounded by the ratio of the feature size, as many points as that
- * takes are one of the counts that can be had, and a copy for another count asks for that many. */
+/* A shape that is thin at one end: a ratio of the feature size bounds the spacing. The resulting number of points is
+ * a possible count, and a copy for another count has that count. */
 static void features_bound_the_spacing(void **state)
 {
     (void)state;
@@ -289,8 +290,9 @@ static void features_bound_the_spacing(void **state)
     release(&s);
 }
 
-/* A cone's tip is small: with the usual share of the area at the fine end growth leaves 5.9 of 10 there. */
-static void a_finer_end_makes_up_for_what_growth_takes(void **state)
+/* The tip of a cone is small: with the usual share of the area at the fine end, the growth limit leaves 5.9 of a
+ * ratio of 10. */
+static void a_finer_end_compensates_the_growth_limit(void **state)
 {
     (void)state;
     const analytic_params cone = {
@@ -306,8 +308,8 @@ static void a_finer_end_makes_up_for_what_growth_takes(void **state)
     release(&s);
 }
 
-/* The ends of a flat ellipsoid: a finer end would leave less of the ratio, and the usual one remains. */
-static void a_finer_end_that_does_not_help_is_given_up(void **state)
+/* The ends of a flat ellipsoid: a finer end would reduce the ratio, so the usual one is kept. */
+static void a_finer_end_without_effect_is_discarded(void **state)
 {
     (void)state;
     const analytic_params shape = {.shape = ANALYTIC_ELLIPSOID, .radii = {1, 1, 0.2}};
@@ -321,8 +323,9 @@ static void a_finer_end_that_does_not_help_is_given_up(void **state)
     release(&s);
 }
 
-/* Of a curve around the tube's outside and one across it: the share there, growth from there with the distance, and the count. */
-static void curves_are_finer_than_the_rest(void **state)
+/* A curve around the outside of the tube and one across it: the share there, growth with the distance, and the
+ * count. */
+static void curves_are_finer_than_the_surface(void **state)
 {
     (void)state;
     enum { SIDES = 256 };
@@ -349,7 +352,7 @@ static void curves_are_finer_than_the_rest(void **state)
     assert_close(torus_points(g) / 2500, 1, 0.01);
     assert_close(sizing_field_describe(g).least, 0.5 * far, 1e-6);
     assert_close(sizing_field_spacing(g, torus_point(M_PI, M_PI), NULL), far, 1e-6);
-    for (int k = 0; k < 64; k++) { /* across the outer curve, far from the other */
+    for (int k = 0; k < 64; k++) { /* across the outer curve, far from the other one */
         double v = 0.8 * k / 64, away = 2 * torus.minor_radius * sin(v / 2);
         vec3 slope;
         double h = sizing_field_spacing(g, torus_point(M_PI, v), &slope);
@@ -360,7 +363,7 @@ static void curves_are_finer_than_the_rest(void **state)
     assert_close(torus_points(half) / 1250, 1, 0.01);
     sizing_field_free(half);
     sizing_field_free(g);
-    params.min_spacing = 0.8 * far; /* which the curves do not go below */
+    params.min_spacing = 0.8 * far; /* a lower bound for the curves */
     g = grade(&s, params, 2500);
     assert_close(sizing_field_describe(g).least, 0.8 * far, 1e-6);
     sizing_field_free(g);
@@ -372,16 +375,16 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ratio_follows_the_curvature),
-        cmocka_unit_test(a_finer_end_makes_up_for_what_growth_takes),
-        cmocka_unit_test(a_finer_end_that_does_not_help_is_given_up),
+        cmocka_unit_test(a_finer_end_compensates_the_growth_limit),
+        cmocka_unit_test(a_finer_end_without_effect_is_discarded),
         cmocka_unit_test(chord_error_gives_the_spacing_of_the_larger_curvature),
-        cmocka_unit_test(growth_is_held),
-        cmocka_unit_test(bounds_are_kept_and_told),
+        cmocka_unit_test(growth_is_limited),
+        cmocka_unit_test(bounds_are_kept_and_reported),
         cmocka_unit_test(maps_with_holes),
-        cmocka_unit_test(stops_when_told),
+        cmocka_unit_test(a_stop_ends_the_work),
         cmocka_unit_test(features_bound_the_spacing),
-        cmocka_unit_test(curves_are_finer_than_the_rest),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(curves_are_finer_than_the_surface),
+        cmocka_unit_test(result_does_not_depend_on_threads),
     };
     return cmocka_run_group_tests_name("grading", tests, NULL, NULL);
 }

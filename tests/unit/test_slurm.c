@@ -1,4 +1,4 @@
-/* Unit tests of the engine slurm: what becomes of attempts whose files are damaged. squeue is a script that knows no job. */
+/* Unit tests of the engine slurm: attempts whose files are damaged. squeue is a script that lists no job. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -54,7 +54,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* An attempt that a node has begun and ended, with this text as its ending. */
+/* An attempt that a node has run, with this text as its ending. */
 static engine_attempt *resume(place *p, double lost_s, const char *text)
 {
     error e = {0};
@@ -94,7 +94,7 @@ static void expect_loss(engine_attempt *a, engine_loss loss, const char *words)
     free(ending.last_words);
 }
 
-static void test_an_ending_that_cannot_be_read_is_given_up(void **state)
+static void test_an_unreadable_ending_is_abandoned(void **state)
 {
     place *p = *state;
     expect_loss(resume(p, 0.1, "{\"exit_status\": "), ENGINE_INTERRUPTED, "ending.json");
@@ -111,7 +111,7 @@ static void test_a_forced_cancellation_waits_for_no_ending(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_an_ending_that_cannot_be_read_is_given_up, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_an_unreadable_ending_is_abandoned, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_forced_cancellation_waits_for_no_ending, set_up, tear_down),
     };
     log_set_level(LOG_LEVEL_ERROR);

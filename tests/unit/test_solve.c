@@ -1,5 +1,6 @@
-/* Complete solves on smooth surfaces: their levels, and what the result states of each point. Every number is computed again by
- * brute force. */
+/* Complete solves on smooth surfaces: their levels, and the values of each point in the result, which are recomputed
+ * by brute force.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -54,7 +55,7 @@ static double finer_to_one_side(const void *context, vec3 x)
 static const sizing_field_params varying = {
     .kind = SIZING_FIELD_SPACING, .map = finer_to_one_side, .gradation = INFINITY};
 
-/* ---- what the result states of each point */
+/* ---- values of each point in the result */
 
 static void check_residuals(const solve *x)
 {
@@ -65,8 +66,8 @@ static void check_residuals(const solve *x)
     assert_close(x->points->max_residual, largest, 1e-6 * largest);
 }
 
-/* E_i = sum of w_ij (s_ij / s_i)^2 phi(r_ij / (s_ij sigma)): s are the sizes, s_ij their mean, and w_ij is the mean amplitude of
- * the two points. Neighbours are the points with r_ij < s_ij sigma. */
+/* E_i = sum of w_ij (s_ij / s_i)^2 phi(r_ij / (s_ij sigma)): s are the sizes, s_ij their mean, and w_ij is the mean
+ * amplitude of the two points. Neighbours are the points with r_ij < s_ij sigma. */
 static void check_energies(const solve *x)
 {
     const solver_points *p = x->points;
@@ -90,8 +91,8 @@ static void check_energies(const solve *x)
     assert_close(p->mean_neighbours, neighbours / (double)p->count, 0.01);
 }
 
-/* Unit normals along the gradient, and the curvatures of a torus. Points are within 1e-9 h of the surface, which changes the curvature
- * by 1e-9 h / MINOR^2 < 2e-9. */
+/* Unit normals along the gradient, and the curvatures of a torus. Points are within 1e-9 h of the surface, which
+ * changes the curvature by 1e-9 h / MINOR^2 < 2e-9. */
 static void check_torus_geometry(const solve *x)
 {
     for (size_t i = 0; i < x->points->count; i++) {
@@ -165,7 +166,7 @@ static void result_of_varying_spacing_agrees_with_brute_force(void **state)
     analytic_free(a);
 }
 
-/* (14) by the curvature of the torus, and a spacing in proportion to alpha^0.18 whose cells fill the area. */
+/* (14) for the curvature of the torus, and a spacing proportional to alpha^0.18 whose cells fill the area. */
 static void amplitudes_follow_curvature(void **state)
 {
     (void)state;
@@ -177,7 +178,7 @@ static void amplitudes_follow_curvature(void **state)
     params.d = 2;
     params.gamma = 0.1;
     params.nu = 0.75;
-    params.kappa_max = 2.55 * a->base.extent; /* some places of the torus are above it */
+    params.kappa_max = 2.55 * a->base.extent; /* parts of the torus have a larger curvature */
     solve x;
     solve_all(&a->base, &params, 1, &x);
     size_t bounded = 0;
@@ -219,7 +220,7 @@ static void sphere_has_curvature_of_its_radius(void **state)
     analytic_free(a);
 }
 
-/* ---- points without a place */
+/* ---- lost points */
 
 /* A surface that is not defined in a ball. */
 typedef struct pitted {
@@ -246,7 +247,8 @@ static void given_start(const solve *x, solver_params *params)
     params->given_place = x->points->patch_points.place;
 }
 
-/* Points that lose their place are put where the distance to the nearest point is large. All others keep their places. */
+/* Lost points are moved to places where the distance to the nearest point is large. All other points keep their
+ * positions. */
 static void lost_points_get_new_places(void **state)
 {
     (void)state;
@@ -288,8 +290,8 @@ static void lost_points_get_new_places(void **state)
     analytic_free(a);
 }
 
-/* Only one side of the torus is left, too small a part for some points to find a place there: those are lost. Each end of the solve
- * looks for places anew. */
+/* Only one side of the torus remains, which is too small for some points: these are lost. Each end of the solve
+ * searches for places again. */
 static void lost_points_are_those_off_the_surface(void **state)
 {
     (void)state;
@@ -346,7 +348,7 @@ static void level_plan_grow_to_the_requested_count(void **state)
     for (size_t k = 0; k < rounds; k++) {
         of_rounds += (size_t)round[k].sweeps;
         const double growth = k > 0 ? (double)round[k].count / (double)round[k - 1].count : 1;
-        if (fabs(growth - 1) < 0.1) continue; /* another round of the same level */
+        if (fabs(growth - 1) < 0.1) continue; /* a further round of the same level */
         levels++;
         /* a finer level has four times as many points, and its support follows its spacing */
         assert_close(growth, 4, 0.2);
@@ -363,7 +365,7 @@ static void level_plan_grow_to_the_requested_count(void **state)
     analytic_free(a);
 }
 
-/* The caller may stop on a coarse level: the result has the requested count, on the surface. */
+/* If the caller stops on a coarse level, the result has the requested count, on the surface. */
 static void result_after_early_stop_has_the_requested_count(void **state)
 {
     (void)state;
@@ -408,7 +410,7 @@ static void stopped_pool_leaves_a_sweep_undone(void **state)
     analytic_free(a);
 }
 
-/* Its loops leave points without curvature and energy, so that the result must not pass for a complete one. */
+/* Stopped loops leave points without curvature and energy, so the result must not be reported as complete. */
 static void stopped_pool_cancels_the_result(void **state)
 {
     (void)state;
@@ -451,7 +453,8 @@ static void threads_do_not_change_a_multilevel_solve(void **state)
 
 /* ---- surfaces that the count does not resolve */
 
-/* Separate spheres: for each its centre, its radius, and the side of its cells, which is a power of two times the least side. */
+/* Separate spheres: for each its centre, its radius, and the edge of its cells, which is a power of two times the
+ * smallest edge. */
 enum { SPHERES_MOST = 64, CELLS_MOST = 20000 };
 
 typedef struct sphere_part {
@@ -535,7 +538,7 @@ static void add_sphere(spheres *f, vec3 centre, double radius, double side)
     }
 }
 
-/* To be called once all spheres are there. */
+/* Call it after all spheres were added. */
 static void finish_spheres(spheres *f)
 {
     double least = INFINITY, largest = 0;
@@ -560,7 +563,7 @@ static void count_on_spheres(const spheres *f, const solver_points *p, size_t *p
     for (size_t i = 0; i < p->count; i++) points[nearest_sphere(f, p->position[i])]++;
 }
 
-/* Spheres of radius 0.3 about the places of a cubic lattice of step 1: `side` along each axis. */
+/* Spheres of radius 0.3 on a cubic lattice of step 1, `side` along each axis. */
 static void make_lattice(int side, spheres *out)
 {
     *out = (spheres){.count = 0};
@@ -569,14 +572,15 @@ static void make_lattice(int side, spheres *out)
     finish_spheres(out);
 }
 
-/* Nearly as many spheres as points, or more: the points are spread evenly in space, over as many spheres as possible. */
+/* The number of spheres is near the number of points or above it: the points are distributed evenly in space, over
+ * as many spheres as possible. */
 static void unresolved_surface_is_covered_evenly(void **state)
 {
     (void)state;
     static spheres all;
     static const struct {
         int side;
-        size_t count, fewest, most; /* points; fewest and most on a sphere */
+        size_t count, fewest, most; /* number of points; fewest and most on a sphere */
         double distance, gap;
     } cases[] = {{4, 36, 0, 1, 0.69, 0.86}, {3, 36, 1, 2, 0.54, 0.65}, {3, 81, 3, 3, 0.7, 0.7}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
@@ -589,8 +593,8 @@ static void unresolved_surface_is_covered_evenly(void **state)
         assert_close(x.scan->area / (all.count * 4 * M_PI * 0.09), 1, 0.01);
         assert_int_equal(x.points->count, params.count);
         assert_int_equal(x.points->lost, 0);
-        assert_true(
-            isnan(x.points->step_left)); /* no such step is known of points that are spread in space */
+        /* no remaining step is defined for points that are distributed in space */
+        assert_true(isnan(x.points->step_left));
         check_residuals(&x);
         count_on_spheres(&all, x.points, points);
         for (size_t i = 0; i < all.count; i++)
@@ -606,7 +610,7 @@ static void unresolved_surface_is_covered_evenly(void **state)
     }
 }
 
-/* A large sphere, and small ones whose area is that of half a point: each has a point, on one level and on two. */
+/* A large sphere, and small ones with the area of half a point: each has a point, on one level and on two. */
 static void every_small_part_has_a_point(void **state)
 {
     (void)state;
@@ -633,8 +637,8 @@ static void every_small_part_has_a_point(void **state)
     }
 }
 
-/* A sphere that gets its first points on the finer level, and is not defined in a ball. */
-static void points_of_a_finer_level_that_are_drawn_again_are_counted(void **state)
+/* A sphere whose first points belong to the finer level, and which is undefined in a ball. */
+static void redrawn_points_of_a_finer_level_are_counted(void **state)
 {
     (void)state;
     static spheres all;
@@ -713,7 +717,7 @@ int main(void)
         cmocka_unit_test(result_after_early_stop_has_the_requested_count),
         cmocka_unit_test(unresolved_surface_is_covered_evenly),
         cmocka_unit_test(every_small_part_has_a_point),
-        cmocka_unit_test(points_of_a_finer_level_that_are_drawn_again_are_counted),
+        cmocka_unit_test(redrawn_points_of_a_finer_level_are_counted),
         cmocka_unit_test(curvature_over_a_distance_is_stated_and_sets_amplitudes),
         cmocka_unit_test(stopped_pool_leaves_a_sweep_undone),
         cmocka_unit_test(stopped_pool_cancels_the_result),

@@ -1,4 +1,4 @@
-/* Complete solves on surfaces of patches: points that are held at given places, and points near curves. */
+/* Complete solves on surfaces of patches: points held at given positions, and points near curves. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -81,7 +81,7 @@ static vec3 place_on_edge(const solve *x)
     return vec3_make(0, 0, 0);
 }
 
-static void nearest_particle_goes_to_a_place_and_stays(void **state)
+static void nearest_particle_is_held_at_a_position(void **state)
 {
     (void)state;
     solve x;
@@ -89,7 +89,7 @@ static void nearest_particle_goes_to_a_place_and_stays(void **state)
     const double h = spacing_of(&x);
     const vec3 places[] = {{0.11, 0.07, 0.5}, {-0.5, 0.2, -0.1}}, later = {-0.12, 0.5, 0.21};
     for (int k = 0; k < 2; k++) assert_int_equal(count_at(&x, places[k]), 0);
-    /* finalized at once, the held particles alone have moved */
+    /* finalized at once: only the held particles have moved */
     vec3 *before = copy_positions(&x);
     size_t nearest[2] = {0}, moved = 0;
     for (size_t i = 0; i < x.points->count; i++)
@@ -216,7 +216,7 @@ static void hold_needs_a_converged_solve_of_patches(void **state)
     solve_free(&x);
 }
 
-/* A strip whose width is less than a spacing, so that a single point lies between its rows. */
+/* A strip narrower than a spacing, so that a single point lies between its curve samples. */
 static void place_far_from_the_points_of_its_patch_is_not_held(void **state)
 {
     (void)state;
@@ -263,7 +263,7 @@ static void hold_refuses_a_given_start(void **state)
 
 /* ---- points near curves */
 
-/* The stand of a free point: `x` is nearest. */
+/* The copy of the free point that is nearest to `at`. */
 static size_t nearest_free(const solve *x, vec3 at)
 {
     const solver_patch_points *all = &x->points->patch_points;
@@ -276,8 +276,7 @@ static size_t nearest_free(const solve *x, vec3 at)
     return best;
 }
 
-/* Takes the free point that is nearest to `from`, puts it to `to` on the face z = 0.5, and delivers. *as_it_is: the points
- * before. */
+/* Moves the free point nearest to `from` to `to` on the face z = 0.5, and finalizes. *as_it_is: the points before. */
 static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, solve *out, size_t *moved)
 {
     solver_params params = solve_defaults;
@@ -303,7 +302,7 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
     free(normal);
     free(patch);
     *moved = SIZE_MAX;
-    /* all others keep their places */
+    /* all other points keep their positions */
     for (size_t k = 0; k < out->points->count; k++) {
         if (vec3_norm(vec3_sub(out->points->position[k], as_it_is->points->position[k])) < 1e-9) continue;
         assert_int_equal(*moved, SIZE_MAX);
@@ -313,8 +312,8 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
     check_faces(out);
 }
 
-/* A free point on the row of a curve goes to a gap of its patch. The patch has few points, so that random draws find a gap. */
-static void point_on_a_row_goes_to_a_gap(void **state)
+/* A free point on a curve moves to a gap of its patch. The patch has few points, so that random draws find a gap. */
+static void point_on_a_curve_moves_to_a_gap(void **state)
 {
     (void)state;
     solve x, out;
@@ -333,9 +332,9 @@ static void point_on_a_row_goes_to_a_gap(void **state)
     solve_free(&out);
 }
 
-/* Without a gap it leaves the row by 0.3 spacings, towards the inside of its patch. A point that is 0.3 spacings from the curve
- * stays. */
-static void point_on_a_row_without_a_gap_goes_inwards(void **state)
+/* Without a gap it moves 0.3 spacings away from the curve, towards the inside of its patch. A point that is 0.3
+ * spacings from the curve keeps its position. */
+static void point_on_a_curve_without_a_gap_moves_inwards(void **state)
 {
     (void)state;
     const double off[] = {0.05, 0.28};
@@ -368,7 +367,8 @@ static void point_on_a_row_without_a_gap_goes_inwards(void **state)
 
 /* ---- points on curves */
 
-/* Corners, curves and faces of a cube: each point has as many copies as patches that meet there, and the mean of their normals. */
+/* Corners, curves and faces of a cube: each point has a copy for each patch that meets there, and the mean of their
+ * normals. */
 static void points_on_curves_have_a_copy_for_each_patch(void **state)
 {
     (void)state;
@@ -393,7 +393,7 @@ static void points_on_curves_have_a_copy_for_each_patch(void **state)
                                                             : SOLVER_ON_PATCH);
         assert_close(vec3_norm(x.points->normal[i]), 1, 1e-9);
         corners += sides == 3;
-        /* the faces are at right angles: the first one's normal is the point's */
+        /* the faces are at right angles: the normal of the first one is that of the point */
         assert_true(fabs(vec3_dot(x.points->normal[i], all->normal[i]) - 1) < 1e-12);
     }
     assert_int_equal(corners, 8);
@@ -432,7 +432,7 @@ static void normals_of_an_edge_are_merged_where_they_agree(void **state)
 
 /* ---- meshes without feature curves */
 
-/* Takes the mesh. */
+/* Takes over the mesh. */
 static mesh_surface *make_surface(mesh *m)
 {
     error e = {0};
@@ -445,7 +445,7 @@ static mesh_surface *make_surface(mesh *m)
     return s;
 }
 
-/* A large ball and small ones, each a patch of a mesh: each has a point, whichever way places without one are looked for. */
+/* A large ball and small ones, each a patch of a mesh: each has a point, with either search for places. */
 static void every_patch_has_a_point(void **state)
 {
     (void)state;
@@ -503,8 +503,8 @@ static void points_of_a_mesh_at_one_place_are_separated(void **state)
     mesh_surface_free(s);
 }
 
-/* Eight squares of about one cell each: no support gives the only two points that interact the ideal energy while they are at one place. The
- * result is completed all the same. */
+/* Eight squares of about one cell each. No support gives the only two interacting points the ideal energy while they
+ * coincide. The result is completed nevertheless. */
 static void points_without_the_ideal_energy_are_separated(void **state)
 {
     (void)state;
@@ -540,7 +540,7 @@ static void points_without_the_ideal_energy_are_separated(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nearest_particle_goes_to_a_place_and_stays),
+        cmocka_unit_test(nearest_particle_is_held_at_a_position),
         cmocka_unit_test(place_near_a_curve_is_not_held),
         cmocka_unit_test(place_off_the_patch_is_not_held),
         cmocka_unit_test(one_of_two_near_places_is_held),
@@ -548,8 +548,8 @@ int main(void)
         cmocka_unit_test(hold_needs_a_converged_solve_of_patches),
         cmocka_unit_test(place_far_from_the_points_of_its_patch_is_not_held),
         cmocka_unit_test(hold_refuses_a_given_start),
-        cmocka_unit_test(point_on_a_row_goes_to_a_gap),
-        cmocka_unit_test(point_on_a_row_without_a_gap_goes_inwards),
+        cmocka_unit_test(point_on_a_curve_moves_to_a_gap),
+        cmocka_unit_test(point_on_a_curve_without_a_gap_moves_inwards),
         cmocka_unit_test(points_on_curves_have_a_copy_for_each_patch),
         cmocka_unit_test(every_patch_has_a_point),
         cmocka_unit_test(points_of_a_mesh_at_one_place_are_separated),

@@ -1,5 +1,6 @@
-/* The solver as a whole, on formulas: exact counts, on the surface, at rest, the same for any number of
- * threads, and packed as well as the paper's method can. */
+/* The complete solver on formulas: exact counts, points on the surface, convergence, equal results for any number of
+ * threads, and a packing as good as that of the paper's method.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -84,7 +85,7 @@ static void quartic_from_random_starts(double d, double least_hex, size_t seeds)
         assert_int_equal(x.points->count, 1000);
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
-        assert_true(solver_removed_offsurface(x.s) > 0); /* the trap at the centre */
+        assert_true(solver_removed_offsurface(x.s) > 0); /* lost near the centre */
         assert_close(x.q.euler, 2, 0.5);                 /* a hole or a handle changes it by 2 */
         assert_true(x.q.min_spacing_ratio > 0.8);
         hex[seed - 1] = x.q.hex_fraction;
@@ -109,7 +110,7 @@ static void quartic_alpha(void **state)
     quartic_from_random_starts(3, 0.80, 3);
 }
 
-/* Under (13) the spacing grows with alpha, that is, falls with curvature. */
+/* Under (13) the spacing increases with alpha, that is, decreases with curvature. */
 static void alpha_draws_particles_to_curvature(void **state)
 {
     (void)state;
@@ -153,8 +154,8 @@ static void every_shape_converges(void **state)
     }
 }
 
-/* Section 4 and Table 1: the Gaussian's characteristic length leaves a worse packing than the cotangent, by
- * descent of either kind. */
+/* Section 4 and Table 1: the characteristic length of the Gaussian leaves a worse packing than the cotangent, with
+ * both descents. */
 static void cotangent_packs_better_than_gaussian(void **state)
 {
     (void)state;
@@ -180,12 +181,12 @@ static void cotangent_packs_better_than_gaussian(void **state)
     assert_true(hex[1][0] < hex[0][0]);
 }
 
-/* Coarse to fine: a few defects of the coarsest level are all that the finest has. */
+/* Coarse to fine: the finest level has only the few defects of the coarsest level. */
 static void coarse_to_fine_leaves_few_defects(void **state)
 {
     (void)state;
     for (int k = 0; k < SHAPE_COUNT; k++) {
-        bool open = shapes[k].shape == ANALYTIC_GYROID; /* saddles and rims force defects */
+        bool open = shapes[k].shape == ANALYTIC_GYROID; /* saddles and boundaries force defects */
         if (shapes[k].shape == ANALYTIC_ELLIPSOID || shapes[k].shape == ANALYTIC_QUARTIC) continue;
         solver_params params = even;
         params.count = 10000;
@@ -206,7 +207,7 @@ static void coarse_to_fine_leaves_few_defects(void **state)
     }
 }
 
-/* Nearly ten to one, by a curvature that hardly changes: the local spacing is the requested one. */
+/* A ratio of nearly 10 for a nearly constant curvature: the local spacing is the requested one. */
 static const sizing_field_params ten_to_one = {
     .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.2};
 
@@ -258,7 +259,7 @@ static double nearest(const solver_points *p, vec3 x)
     return best;
 }
 
-/* Sharp edges: one row of particles along each, none on top of another, nothing that slipped off. */
+/* Sharp edges: particles lie along each edge, none coincide, and none has left the edge. */
 static void creases_are_sampled(void **state)
 {
     (void)state;
@@ -284,17 +285,17 @@ static void creases_are_sampled(void **state)
     assert_int_equal(x.points->lost, 0);
     assert_int_equal(solver_removed_offsurface(x.s), 0);
     assert_true(x.q.min_spacing_ratio >= 0.75 && farthest < h);
-    /* of sixteen seeds each of two builds: 0.917 to 0.932, and -2.33 to 2 */
+    /* for sixteen seeds each of two builds: 0.917 to 0.932, and -2.33 to 2 */
     assert_true(x.q.hex_fraction > 0.9 && fabs(x.q.euler - 2) < 6);
     release(&x);
 }
 
-/* Bytes, not tolerances. */
-static void threads_do_not_show(void **state)
+/* The results are equal bit by bit. */
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = even;
-    enum { COUNT = 9000 }; /* more than one of the blocks that threads share */
+    enum { COUNT = 9000 }; /* more than one block of a thread */
     params.count = COUNT;
     params.max_sweeps = 8;
     params.graded = true;
@@ -342,15 +343,15 @@ static void tiny_counts_work(void **state)
         assert_int_equal(x.points->count, count);
         assert_int_equal(x.points->lost, 0);
         assert_true(x.points->max_residual < 1e-6);
-        if (count >= 10) /* four see none of the others: their normals are too far apart */
+        if (count >= 10) /* four particles do not interact: their normals diverge too much */
             assert_int_equal(solver_result(x.s), SOLVER_CONVERGED);
         release(&x);
     }
 }
 
-/* Rest is said of the points that are delivered: their Newton steps are as short as the last sweep's. Particles whose
- * trials were refused for a normal that was off crept by damped steps, up to 0.01 h from their rest. */
-static void delivered_points_are_at_rest(void **state)
+/* Convergence applies to the delivered points: their Newton steps are as short as those of the last sweep. Particles
+ * whose trial steps were refused because of a wrong normal moved by damped steps, up to 0.01 h from convergence. */
+static void delivered_points_have_converged(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 2; seed++) {
@@ -368,7 +369,7 @@ static void delivered_points_are_at_rest(void **state)
     }
 }
 
-/* A surface that is not defined around one place. */
+/* A surface that is undefined around one place. */
 typedef struct pitted {
     field base;
     const field *whole;
@@ -405,8 +406,8 @@ static double nearest_to(const solver_points *p, size_t i)
     return least;
 }
 
-/* Of so many particles one that goes to a new place makes no rms step that shows. It comes to rest all the same. */
-static void who_goes_to_a_new_place_comes_to_rest(void **state)
+/* A single relocated particle hardly changes the rms step of many. It converges nevertheless. */
+static void relocated_particles_converge(void **state)
 {
     (void)state;
     error e = {0};
@@ -440,7 +441,7 @@ static void who_goes_to_a_new_place_comes_to_rest(void **state)
     release(&x);
 }
 
-/* A surface that is gone from one moment on: F is flat then. */
+/* A surface that vanishes at some time: F is constant then. */
 typedef struct passing {
     field base;
     const field *whole;
@@ -456,7 +457,7 @@ static bool sample_passing(const field *f, vec3 x, field_order order, field_samp
 
 static const field_ops passing_ops = {.sample = sample_passing};
 
-/* They have no place and no gradient there; the normal is that of before. */
+/* Without a surface there is no gradient; the previous normal is kept. */
 static void lost_particles_keep_their_normals(void **state)
 {
     (void)state;
@@ -484,8 +485,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lost_particles_keep_their_normals),
-        cmocka_unit_test(delivered_points_are_at_rest),
-        cmocka_unit_test(who_goes_to_a_new_place_comes_to_rest),
+        cmocka_unit_test(delivered_points_have_converged),
+        cmocka_unit_test(relocated_particles_converge),
         cmocka_unit_test(quartic_even),
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
@@ -494,7 +495,7 @@ int main(void)
         cmocka_unit_test(coarse_to_fine_leaves_few_defects),
         cmocka_unit_test(creases_are_sampled),
         cmocka_unit_test(local_spacing_follows_the_request),
-        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(result_does_not_depend_on_threads),
         cmocka_unit_test(seeds_differ_and_repeat),
         cmocka_unit_test(tiny_counts_work),
     };

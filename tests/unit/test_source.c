@@ -1,5 +1,6 @@
-/* Surfaces opened as a spec names them: what of files, regions, combinations, offsets and transforms comes of it, and points that
- * go from the level set of a mesh onto its triangles. */
+/* Surfaces that are opened from a spec: files, regions, combinations, offsets and transforms, and the projection of
+ * points from the level set of a mesh onto its triangles.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -61,7 +62,7 @@ static void close_surface(opened *x)
     spec_free(x->spec);
 }
 
-/* The surface cannot be opened, for a reason whose message contains `text`. */
+/* Checks that the surface is refused with a message that contains `text`. */
 static void assert_refused(const char *member, const char *more, error_code code, const char *text)
 {
     opened x;
@@ -78,7 +79,7 @@ static double distance_at(const source *s, vec3 x)
     return at.value / vec3_norm(at.gradient);
 }
 
-/* F has its zero at x, and x is inside when it is moved against `out`. */
+/* Checks that F is 0 at x and that x is inside when moved against `out`. */
 static void assert_on_surface(const char *member, vec3 x, vec3 out)
 {
     opened o;
@@ -128,7 +129,7 @@ static void offset_moves_formulas_outwards(void **state)
     assert_on_surface(OFFSET(-0.5, SPHERE(1, 2)), vec3_make(2.5, 0, 0), x);
     assert_on_surface(OFFSET(0.25, TORUS), vec3_make(2.75, 0, 0), x);
     assert_on_surface(OFFSET(0.5, BOX), vec3_make(0, 0, 3.5), z);
-    /* the rounding grows with the offset: the corner's sphere of radius 0.75 is about (0.75, 1.75, 2.75) */
+    /* rounding increases with the offset: the sphere of radius 0.75 at the corner is centred at (0.75, 1.75, 2.75) */
     assert_on_surface(OFFSET(0.5, BOX),
                       vec3_axpy(0.75 / sqrt(3), vec3_make(1, 1, 1), vec3_make(0.75, 1.75, 2.75)),
                       vec3_make(1, 1, 1));
@@ -153,7 +154,7 @@ static void offset_is_refused_where_nothing_is_left_or_there_is_no_distance(void
         "", ERROR_NOT_SUPPORTED, "does not preserve");
 }
 
-/* A solid less another: the offset grows the first and shrinks the second. */
+/* A difference of solids: the offset enlarges the first and shrinks the second. */
 static void offset_of_a_difference_shrinks_what_is_subtracted(void **state)
 {
     (void)state;
@@ -174,7 +175,7 @@ static void offset_of_a_difference_shrinks_what_is_subtracted(void **state)
 static void transform_moves_and_scales_a_surface_and_its_offset(void **state)
 {
     (void)state;
-    /* a turn about z by a right angle, times two, and then 5 along x */
+    /* a rotation about z by a right angle, a scale of two, and a translation of 5 along x */
     assert_on_surface(TWICE SPHERE(1, 0.5) "}}", vec3_make(5, 3, 0), vec3_make(0, 1, 0));
     assert_on_surface(OFFSET(0.5, TWICE SPHERE(1, 0.5) "}}"), vec3_make(5, 3.5, 0), vec3_make(0, 1, 0));
 }
@@ -212,7 +213,7 @@ static void points_belong_to_the_nearest_part(void **state)
     assert_null(source_mesh(&x.source));
     assert_true(source_memory(&x.source) > 0);
     close_surface(&x);
-    /* a transform of a union has its parts, in its space */
+    /* a transform of a union has its components, in its space */
     open_surface(TWICE "{\"union\": [" SPHERE(0, 1) ", " SPHERE(3, 1) "]}}}", "", &x);
     assert_int_equal(source_part_count(&x.source), 2);
     assert_int_equal(source_part_at(&x.source, vec3_make(5, -2, 0)), 0);
@@ -270,7 +271,7 @@ static const char *mesh_json(const char *name, const char *more)
 
 static const char VOXELS[] = ", \"resolution\": 32";
 
-static opened level_set_of_ball; /* shared by tests: a mesh is read in a process of its own */
+static opened level_set_of_ball; /* shared by tests: a mesh is read in a separate process */
 
 static mesh make_ball(void)
 {
@@ -363,7 +364,7 @@ static void places_that_coincide_are_moved_apart(void **state)
     uint64_t seed = 5;
     double largest;
     const double spacing = 0.1;
-    /* pairs on one ray, in places at different distances from the triangles */
+    /* pairs on one ray, at different distances from the triangles */
     vec3 place[12];
     for (int i = 0; i < 12; i += 2) {
         const vec3 out = random_direction(&seed);
@@ -371,13 +372,13 @@ static void places_that_coincide_are_moved_apart(void **state)
         place[i + 1] = i < 6 ? place[i] : vec3_axpy(0.97, out, CENTER);
     }
     move(&x, place, spacing, 12, &largest);
-    assert_true(largest < 0.05); /* of the moves onto the triangles alone */
+    assert_true(largest < 0.05); /* of the projections onto the triangles only */
     for (int i = 0; i < 12; i++) {
         assert_true(distance_from(&ball, place[i]) < 1e-9);
         for (int j = 0; j < i; j++) assert_true(vec3_norm(vec3_sub(place[i], place[j])) > 0.5 * spacing);
     }
     for (int i = 0; i < 12; i += 2) assert_true(vec3_norm(vec3_sub(place[i], place[i + 1])) < 0.7 * spacing);
-    /* places that are farther apart than 0.55 spacings stay where they land; nearer ones do not */
+    /* projected points more than 0.55 spacings apart are not moved further; nearer ones are */
     const vec3 out = random_direction(&seed), side = vec3_unit(vec3_cross(out, vec3_make(0.3, 0.8, -0.2)));
     for (int near = 0; near < 2; near++) {
         vec3 two[2], alone[2];
@@ -389,7 +390,7 @@ static void places_that_coincide_are_moved_apart(void **state)
         move(&x, two, spacing, 2, &largest);
         assert_true(vec3_norm(vec3_sub(two[0], two[1])) > 0.5 * spacing);
         for (int k = 0; k < 2; k++) assert_int_equal(vec3_norm(vec3_sub(two[k], alone[k])) > 1e-12, near);
-        /* nor do places that move by less than a tenth of their spacing */
+        /* points that move by less than a tenth of their spacing are not moved further, either */
         two[1] = two[0];
         move(&x, two, spacing, 2, &largest);
         assert_true(largest < 1e-6);
@@ -450,7 +451,8 @@ static void places_of_a_transformed_mesh_go_onto_its_triangles(void **state)
     close_surface(&x);
 }
 
-/* In a union the places of the mesh go onto its triangles, those of the formula stay, also beside the edge where both meet. */
+/* In a union the points of the mesh are projected onto its triangles, and points of the formula keep their
+ * positions, also beside the edge where both meet. */
 static void places_of_other_parts_stay(void **state)
 {
     (void)state;
@@ -466,7 +468,7 @@ static void places_of_other_parts_stay(void **state)
     assert_true(mesh_projection_find(&x.source, &l));
     vec3 place[20], before[20], out[20];
     for (int i = 0; i < 20; i++) {
-        double clearance; /* from the other part */
+        double clearance; /* from the other component */
         do {
             out[i] = random_direction(&seed);
             place[i] = i % 2 ? vec3_axpy(1.005, out[i], center) : vec3_axpy(1.005, out[i], CENTER);
@@ -492,8 +494,8 @@ static void places_of_other_parts_stay(void **state)
     close_surface(&x);
 }
 
-/* Of two balls that overlap in one mesh the triangles inside are hidden: no place goes there. F of the mesh projection is the distance from
- * all triangles. */
+/* If two balls of one mesh overlap, the triangles inside are hidden and receive no points. F of the mesh projection
+ * is the distance from all triangles. */
 static void hidden_triangles_receive_no_places(void **state)
 {
     (void)state;
@@ -595,7 +597,7 @@ static void each_input_is_listed_once_with_its_hash(void **state)
     assert_refused(mesh_json("missing.obj", ""), "", ERROR_INPUT_MISSING, "missing.obj");
 }
 
-/* The tests run in a directory of their own, whose path is their state. */
+/* The tests run in a separate directory, whose path is their state. */
 static int make_files(void **state)
 {
     char *directory = mem_strdup("/tmp/hexad-test-source-XXXXXX");

@@ -1,4 +1,4 @@
-/* spec: the table itself drives most of these tests: every row's default, bounds and types. */
+/* spec: the table determines most of these tests: default, bounds and types of every row. */
 #include <malloc.h>
 #include <math.h>
 #include <setjmp.h>
@@ -81,7 +81,7 @@ static json *member(json *object, const char *key)
     return (json *)json_member(&at, key).node;
 }
 
-/* Puts a value at a pointer, making groups on the way; a NULL value just makes the groups. */
+/* Puts a value at a pointer and creates the groups on the path. A NULL value only creates the groups. */
 static void put_at(json *root, const char *pointer, json *value)
 {
     char *path = mem_strdup(pointer + 1), *save = NULL, *key = strtok_r(path, "/", &save), *next;
@@ -93,7 +93,7 @@ static void put_at(json *root, const char *pointer, json *value)
     free(path);
 }
 
-/* A good document in which the row may stand. */
+/* A valid document to which the row can be added. */
 static json *document_for(const spec_row *row)
 {
     static const char *const shapes[] = {
@@ -170,7 +170,7 @@ static json *document_for(const spec_row *row)
         if (strncmp(row->pointer, documents[k].begins, strlen(documents[k].begins)) == 0)
             return document(documents[k].text);
     int shape = row->shapes ? __builtin_ctz(row->shapes) : 0;
-    bool target = row->choice == SPEC_CHOICE_TARGET; /* one at a time */
+    bool target = row->choice == SPEC_CHOICE_TARGET; /* only one at a time is permitted */
     char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{%s}}",
                             shapes[shape], target ? "" : "\"count\":100");
     json *root = document(text);
@@ -210,7 +210,7 @@ static json_type normalised_type(const spec *s, const char *pointer, double *val
     return type;
 }
 
-/* Parses a document with the row set to `value` (taken over) and checks what comes of it. */
+/* Parses a document with the row set to `value` (taken over) and checks the result. */
 static void try_value(const spec_row *row, json *value, bool accepted, double expected)
 {
     error e = {0};
@@ -245,7 +245,7 @@ static json *numeric(const spec_row *row, double value)
     return three ? numbers(value, 3) : many ? numbers(value, 64) : number_of(value);
 }
 
-/* Rows whose bounds another member narrows; they have a test of their own. */
+/* Rows whose bounds depend on another member; they have separate tests. */
 static bool is_bound_by_another(const spec_row *row)
 {
     const char *key = spec_row_key(row);
@@ -254,7 +254,7 @@ static bool is_bound_by_another(const spec_row *row)
            strcmp(key, "start_count") == 0 || strcmp(key, "matrix") == 0 || strcmp(key, "range") == 0;
 }
 
-/* Members of the objects of a list, which have a test of their own. */
+/* Members of objects in a list, which have separate tests. */
 static bool is_in_list(const spec_row *row)
 {
     return strncmp(row->pointer, "/attributes/", strlen("/attributes/")) == 0;
@@ -289,7 +289,7 @@ static void test_bounds_of_every_row(void **state)
         }
         try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
         try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
-        const double least = fabs(row->low) < 1e15 ? row->low : 0; /* beyond that doubles have no fractions */
+        const double least = fabs(row->low) < 1e15 ? row->low : 0; /* larger doubles have no fractions */
         if (!has_fractions(row)) try_value(row, numeric(row, least + 0.25), false, NAN);
         if (row->flags & SPEC_OR_ZERO) try_value(row, numeric(row, 0), true, 0);
     }
@@ -348,7 +348,7 @@ static void test_words_of_every_row(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        /* other shapes and modes need other members */
+        /* other shapes and modes require other members */
         bool shape =
             strcmp(spec_row_key(row), "shape") == 0 || strcmp(row->pointer, "/sampling/points/mode") == 0;
         for (size_t k = 0; !shape && !is_in_list(row) && row->words && row->words[k]; k++) {
@@ -392,7 +392,7 @@ static void test_attributes(void **state)
     assert_int_equal(s->attributes[0].interpolation, SPEC_INTERPOLATION_LINEAR);
     assert_int_equal(s->attributes[1].type, SPEC_ATTRIBUTE_VECTOR);
     assert_int_equal(s->attributes[1].interpolation, SPEC_INTERPOLATION_CUBIC);
-    assert_true(spec_input_at(s, 1, &input)); /* after the surface's */
+    assert_true(spec_input_at(s, 1, &input)); /* after the inputs of the surface */
     assert_string_equal(input.pointer, "/attributes/1/from");
     spec_set_frame(s, 7);
     assert_true(spec_input_at(s, 1, &input));
@@ -406,7 +406,7 @@ static void test_attributes(void **state)
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{\"count\":9,\"grid\":{"
         "\"path\":\"a.####.vdb\",\"name\":\"b\"}},\"queue\":{\"frames\":\"1-2\"}}");
     spec_set_frame(s, 2);
-    assert_true(spec_input_at(s, 0, &input)); /* a map is an input, and may differ from frame to frame */
+    assert_true(spec_input_at(s, 0, &input)); /* a map is an input, and may depend on the frame */
     assert_string_equal(input.pointer, "/sampling/grid/path");
     assert_string_equal(input.path, "a.0002.vdb");
     assert_false(spec_input_at(s, 1, &input));
@@ -456,7 +456,7 @@ static void test_unknown_member_in_every_group(void **state)
                  "unknown member 'a/b'");
 }
 
-/* ---- the rest ---- */
+/* ---- other tests */
 
 static void test_fields(void **state)
 {
@@ -534,7 +534,7 @@ static void test_region(void **state)
     expect_fault(SPHERE ",\"region\":[0,1]}", ERROR_SPEC_INVALID, "/region", "must be an object");
 }
 
-/* A document with a B-spline of 4 x 4 x 4 and these members beside dims. */
+/* A document with a B-spline of 4 x 4 x 4 coefficients and these additional members. */
 static char *bspline(const char *dims, const char *members)
 {
     return mem_printf("{\"version\":1,\"surface\":{\"bspline\":{\"dims\":%s%s}},\"sampling\":{"
@@ -550,7 +550,7 @@ static void expect_bspline_fault(const char *dims, const char *members, const ch
     free(text);
 }
 
-/* `count` coefficients of which number `odd` is `value`. */
+/* `count` coefficients; the one with the index `odd` is `value`. */
 static char *coefficients(int count, int odd, const char *value)
 {
     char *list = mem_strdup(",\"coefficients\":[");
@@ -595,7 +595,7 @@ static void test_bspline(void **state)
         list = coefficients(64, 41, bad_values[k]);
         text = bspline("[4,4,4]", list);
         json *root = json_parse(text, strlen(text), NULL);
-        if (root) /* 1e999 is refused as JSON already or here */
+        if (root) /* 1e999 is refused when the JSON is parsed, or here */
             expect_bspline_fault("[4,4,4]", list, "/surface/bspline/coefficients/41", "must be a number");
         json_free(root);
         free(text);
@@ -609,7 +609,7 @@ static void test_bspline(void **state)
                          "max must be above min, 1 (given 1)");
 }
 
-/* An array is read in one walk: element by element, these would take minutes. */
+/* An array is read in one pass: by index, this would take minutes. */
 static void test_many_coefficients(void **state)
 {
     (void)state;
@@ -1050,7 +1050,7 @@ static void test_values_by_frame(void **state)
         assert_int_equal(frame->seed, seed[i]);
         assert_int_equal(frame->frame_count, 1);
         assert_int_equal(frame->frame[0], 10 + 2 * i);
-        /* its text is a spec that gives the same again */
+        /* its text is a spec that parses to the same spec */
         spec *again = spec_of_frame(frame, 0, NULL, NULL);
         char *text = json_print(frame->normalised), *same = json_print(again->normalised);
         assert_string_equal(text, same);
@@ -1059,7 +1059,7 @@ static void test_values_by_frame(void **state)
         spec_free(again);
         spec_free(frame);
     }
-    assert_int_equal(s->seed, 7); /* the whole has the values of the first */
+    assert_int_equal(s->seed, 7); /* the whole spec has the values of the first frame */
     spec_free(s);
     s = parse_by_frame(
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\"}},\"sampling\":{\"count\":100},"
@@ -1115,14 +1115,14 @@ static void test_a_later_frame_is_checked(void **state)
     assert_non_null(strstr(e.message, "frame 14: must be"));
     spec_free(s);
     s = parse_by_frame(BY_FRAME("{\"/surface/analytic/shape\":[\"sphere\",\"sphere\",\"gyroid\"]}"));
-    assert_false(spec_check_frames(s, &faults, &e)); /* a fault elsewhere that a value leads to */
+    assert_false(spec_check_frames(s, &faults, &e)); /* a value by frame causes a fault of another member */
     assert_non_null(strstr(faults.item[0].detail, "frame 14: "));
     assert_null(strstr(faults.item[0].pointer, "/queue"));
     spec_free(s);
 }
 
-/* Members that exclude each other share places of struct spec. The slices of a stack take 57 MB. A sanitized build
- * shows no blocks here, and finds a leak by itself. */
+/* Members that exclude each other share memory of struct spec. The slices of a stack take 57 MB. A build with
+ * sanitizers shows no blocks here, and finds leaks itself. */
 static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
 {
     static const char text[] =
@@ -1135,7 +1135,7 @@ static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
     assert_true(after < before + (1 << 16));
 }
 
-/* What spec_check_frames finds without reading each frame is what reading each frame finds. */
+/* Checks that spec_check_frames, which does not parse each frame, finds the same faults as parsing each frame. */
 static void expect_same_as_each(const char *surface, const char *rest, const char *by_frame)
 {
     char *text = mem_printf("{\"version\":1,\"surface\":%s,%s,\"queue\":{\"frames\":\"1-3\",\"coherent\":%s,"
@@ -1215,7 +1215,7 @@ static void test_frames_are_checked_as_if_each_were_read(void **state)
         expect_same_as_each(cases[i].surface, cases[i].rest, cases[i].by_frame);
 }
 
-/* A stack of 65 536 images and 10 000 frames: reading the whole spec for each frame would take minutes. */
+/* A stack of 65 536 images and 10 000 frames: parsing the whole spec for each frame would take minutes. */
 static void test_the_last_of_many_frames_of_a_long_spec_is_checked(void **state)
 {
     static const char text[] =
@@ -1233,7 +1233,7 @@ static void test_the_last_of_many_frames_of_a_long_spec_is_checked(void **state)
     spec_free(s);
 }
 
-/* To compare each with each, and to walk to each from the first, would take minutes. */
+/* Comparing all pairs, or access by index, would take minutes. */
 static void test_long_lists_of_labels_are_read_in_one_walk(void **state)
 {
     enum { COUNT = 50000 };
@@ -1298,7 +1298,7 @@ static void test_help_names_every_row(void **state)
     free(text);
 }
 
-/* The help of a member as text, to be freed; `rows` counts its paragraphs. */
+/* The help of a member as text, which the caller frees; `rows` is the number of its paragraphs. */
 static char *help_of(const char *member, size_t *rows)
 {
     char *text = NULL;
@@ -1325,7 +1325,7 @@ static void test_help_of_one_member_has_it_and_its_members(void **state)
     text = help_of("count", &rows);
     assert_true(strstr(text, "/sampling/count (") && !strstr(text, "/sampling/curve"));
     free(text);
-    text = help_of("/count", &rows); /* a pointer begins at the spec itself */
+    text = help_of("/count", &rows); /* a pointer is relative to the root of the spec */
     assert_true(rows == 0 && !*text);
     free(text);
 }

@@ -1,4 +1,4 @@
-/* spec: what is written, and where the pictures are taken from. */
+/* spec: outputs, and cameras of the pictures. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -59,7 +59,7 @@ static void cameras_are_read(void **state)
     spec_free(s);
 }
 
-static void cameras_that_see_nothing_are_refused(void **state)
+static void cameras_without_a_view_are_refused(void **state)
 {
     (void)state;
     static const char at[] = "/output/preview/camera";
@@ -68,11 +68,12 @@ static void cameras_that_see_nothing_are_refused(void **state)
            "is equal to position");
     refuse(PLACED(",\"up\":[0,-3,0]"), "/output/preview/camera/up", "parallel to the line of sight");
     refuse(PLACED(",\"up\":[0,0,0]"), "/output/preview/camera/up", "up is zero");
-    refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up is zero"); /* the default */
+    /* of the default up vector */
+    refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up is zero");
     refuse(PLACED(",\"fov\":1,\"orthographic\":1"), at, "at most one of fov, orthographic");
 }
 
-static void outputs_are_asked_for(void **state)
+static void outputs_are_parsed(void **state)
 {
     (void)state;
     spec *s = accept("");
@@ -110,8 +111,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cameras_are_read),
-        cmocka_unit_test(cameras_that_see_nothing_are_refused),
-        cmocka_unit_test(outputs_are_asked_for),
+        cmocka_unit_test(cameras_without_a_view_are_refused),
+        cmocka_unit_test(outputs_are_parsed),
         cmocka_unit_test(the_order_of_the_points_is_a_word),
     };
     return cmocka_run_group_tests_name("spec_output", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* The scan: areas of shapes that have a formula for it, and points in proportion to area. */
+/* The scan: areas of shapes with closed forms, and points proportional to area. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -28,7 +28,7 @@ static double scan_area(int k, int workers)
 static void areas_are_right(void **state)
 {
     (void)state;
-    double a = 0.3, b = 0.2, c = 0.1, r = 0.1; /* the box' core and rounding */
+    double a = 0.3, b = 0.2, c = 0.1, r = 0.1; /* core and rounding of the box */
     double box = 8 * (a * b + b * c + c * a) + 4 * M_PI * r * (a + b + c) + 4 * M_PI * r * r;
     assert_close(scan_area(0, 1) / (36 * M_PI), 1, 1e-6);
     assert_close(scan_area(1, 1) / (4 * M_PI * M_PI * 0.4), 1, 1e-5);
@@ -36,7 +36,7 @@ static void areas_are_right(void **state)
     assert_close(scan_area(4, 1) / 4.563927350656813, 1, 2e-5); /* Gauss-Legendre over the sphere */
 }
 
-/* Needles, discs, wires and sharp edges, against closed forms. */
+/* Needles, discs, wires and sharp edges against closed forms. */
 static void areas_of_awkward_shapes(void **state)
 {
     (void)state;
@@ -67,8 +67,9 @@ static void areas_of_awkward_shapes(void **state)
     }
 }
 
-/* A sphere in cells nearly as large as its radius: what a scan takes for little less than the area of a cell's parts is that. */
-static void half_as_many_parts_tell_nearly_as_much(void **state)
+/* A sphere in cells nearly as large as its radius: the faster estimate of a scan is close to the area of the cell's
+ * parts. */
+static void half_as_many_parts_give_nearly_the_same_area(void **state)
 {
     (void)state;
     enum { SIDE = 5 };
@@ -97,11 +98,12 @@ static void half_as_many_parts_tell_nearly_as_much(void **state)
     analytic_free(a);
 }
 
-/* Balls smaller than a cell on one side, a gyroid of three cells on the other, and nothing between: all cells are bent. */
+/* Balls smaller than a cell on one side, a gyroid of three cells on the other, and nothing between: all cells are
+ * bent. */
 typedef struct two_kinds {
     field base;
     size_t count;
-    uint32_t *cell; /* their numbers in a cube of SIDE_OF_KINDS cells, first those of balls */
+    uint32_t *cell; /* their numbers in a cube of SIDE_OF_KINDS cells; cells of balls come first */
 } two_kinds;
 enum { SIDE_OF_KINDS = 56, BETWEEN_KINDS = SIDE_OF_KINDS / 2 };
 
@@ -154,8 +156,9 @@ static void cell_of_kinds(const field *f, size_t k, field_cell *out)
     fill_cell(((const two_kinds *)f)->cell[k], out);
 }
 
-/* Of so many bent cells only some are measured by their parts. What they say of the others goes by what the surface is like there. */
-static void places_of_two_kinds_have_their_areas(void **state)
+/* Only some of many bent cells are measured by their parts. The estimate for the others depends on the kind of the
+ * surface there. */
+static void mixed_bent_cells_have_their_areas(void **state)
 {
     (void)state;
     enum { EVERY = 16 };
@@ -179,17 +182,17 @@ static void places_of_two_kinds_have_their_areas(void **state)
     rng r = rng_seed(test_seed(), 0);
     threads *pool = threads_new(2, NULL, &e);
     surface *s = surface_scan(&f.base, pool, &e);
-    double known[2] = {0, 0}, told[2] = {0, 0};
+    double known[2] = {0, 0}, scanned[2] = {0, 0};
     assert_non_null(s);
     for (size_t k = 0; k < f.count; k++) {
         field_cell cell;
-        if (rng_uniform(&r) * EVERY > 1) continue; /* by chance: both are lattices */
+        if (rng_uniform(&r) * EVERY > 1) continue; /* random: both are lattices */
         surface_cell(s, k, &cell);
         const bool balls = is_of_balls(cell.corner[0]);
         known[balls] += cell_parts_area(&f.base, &cell, NULL);
-        told[balls] += s->area_before[k + 1] - s->area_before[k];
+        scanned[balls] += s->area_before[k + 1] - s->area_before[k];
     }
-    for (int balls = 0; balls < 2; balls++) assert_close(told[balls] / known[balls], 1, 0.03);
+    for (int balls = 0; balls < 2; balls++) assert_close(scanned[balls] / known[balls], 1, 0.03);
     surface_free(s);
     threads_free(pool);
 }
@@ -200,7 +203,7 @@ static void area_does_not_depend_on_threads(void **state)
     for (int k = 0; k < SHAPE_COUNT; k++) assert_true(scan_area(k, 1) == scan_area(k, 3));
 }
 
-/* The same share of points as of area above a plane of the sphere (Archimedes: uniform in z). */
+/* Above a plane the fraction of the points equals the fraction of the sphere's area (Archimedes: uniform in z). */
 static void points_follow_area(void **state)
 {
     (void)state;
@@ -235,8 +238,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_are_right),
         cmocka_unit_test(areas_of_awkward_shapes),
-        cmocka_unit_test(half_as_many_parts_tell_nearly_as_much),
-        cmocka_unit_test(places_of_two_kinds_have_their_areas),
+        cmocka_unit_test(half_as_many_parts_give_nearly_the_same_area),
+        cmocka_unit_test(mixed_bent_cells_have_their_areas),
         cmocka_unit_test(area_does_not_depend_on_threads),
         cmocka_unit_test(points_follow_area),
     };

@@ -1,5 +1,6 @@
-/* Triangles between points on a mesh: of its topology where its sheets are nearer than the points, and where they meet in an
- * edge that is as sharp as a blade's. */
+/* Triangles between points on a mesh. They have its topology where opposite surfaces are closer than the points, and
+ * where these meet in an edge as sharp as that of a blade.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -25,7 +26,7 @@ typedef struct scattered {
     uint32_t name[MOST];
 } scattered;
 
-/* Points drawn from the mesh by area, none nearer to another on its triangle's side than .7 of the spacing. */
+/* Points drawn from the mesh by area. No point on the same side of the triangle is closer than .7 spacings. */
 static scattered *scatter_with(const mesh *m, double spacing, uint64_t seed, int trials)
 {
     scattered *s = calloc(1, sizeof *s);
@@ -75,7 +76,7 @@ static scattered *scatter(const mesh *m)
     return scatter_with(m, spacing_wanted, 7, 60000);
 }
 
-/* Of these points, with steps of curves between some. */
+/* Checks the triangles between these points, some of which are connected by steps of curves. */
 static void assert_whole(mesh m, scattered *s, const uint32_t (*side)[2], size_t side_count, int64_t euler)
 {
     const surface_mesh_input in = {.m = &m,
@@ -117,7 +118,7 @@ static void plates_thinner_than_the_spacing_are_closed(void **state)
     assert_closed(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 0.002), 0.3), 2);
 }
 
-/* A sheet whose coinciding vertices are one. */
+/* A surface whose coinciding vertices are welded. */
 static mesh welded(int across, int along, vec3 (*place)(double u, double v))
 {
     mesh m = mesh_fixture_sheet(across, along, place);
@@ -134,7 +135,7 @@ static vec3 blade(double u, double v)
     return mesh_fixture_rounded(vec3_make(2 * u, thick, w));
 }
 
-/* Both its edges are nearly 180 degrees sharp, and its ends come to lines. */
+/* Both edges have angles of nearly 180 degrees, and the ends are lines. */
 static void blades_are_closed(void **state)
 {
     (void)state;
@@ -150,7 +151,7 @@ static void add_point(scattered *s, vec3 x)
     s->count++;
 }
 
-/* The last point takes its place. */
+/* Removes a point; the last one gets its index. */
 static void drop_point(scattered *s, size_t k)
 {
     s->count--;
@@ -158,7 +159,8 @@ static void drop_point(scattered *s, size_t k)
     s->normal[k] = s->normal[s->count];
 }
 
-/* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. Its rails stay. */
+/* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. The edges
+ * of its sides are kept. */
 static void fins_are_closed(void **state)
 {
     (void)state;
@@ -183,7 +185,7 @@ static vec3 thorn(double u, double v)
     return mesh_fixture_rounded(vec3_make(r * cos(2 * M_PI * u), r * sin(2 * M_PI * u), z));
 }
 
-/* Points on all of a thorn but its tip. */
+/* Points on a thorn except its tip. */
 static scattered *scatter_below_tip(const mesh *m)
 {
     scattered *s = scatter(m);
@@ -206,7 +208,7 @@ static void tips_are_corners(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* So do those of several points, one beside the other. */
+/* The cells of several points, one above the other, reach around it, too. */
 static void thorns_of_rings_are_closed(void **state)
 {
     (void)state;
@@ -217,7 +219,7 @@ static void thorns_of_rings_are_closed(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* A ring around two points that share the tip: they meet it and each other, and no fourth. */
+/* A ring around two points that share the tip: they have the ring and each other as neighbours, and no fourth. */
 static void tips_of_two_points_are_closed(void **state)
 {
     (void)state;
@@ -229,7 +231,7 @@ static void tips_of_two_points_are_closed(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* A few points anywhere on a thorn: rings, halves of rings, and what they surround. */
+/* A few points at random on a thorn: rings, halves of rings, and the points inside them. */
 static void assert_whole_with_thorn(uint64_t seed, uint64_t stream)
 {
     mesh m = welded(40, 80, thorn);
@@ -246,7 +248,7 @@ static void assert_whole_with_thorn(uint64_t seed, uint64_t stream)
 static void thorns_of_any_points_are_closed(void **state)
 {
     (void)state;
-    assert_whole_with_thorn(11, 174); /* a ring between two pairs, each of two points that it surrounds */
+    assert_whole_with_thorn(11, 174); /* a ring between two pairs of points, which it surrounds */
     const uint64_t seed = test_seed();
     for (uint64_t stream = 0; stream < 3; stream++) assert_whole_with_thorn(seed, stream);
 }
@@ -262,7 +264,7 @@ static vec3 bead(double u, double v)
     return mesh_fixture_rounded(vec3_make(r * cos(2 * M_PI * u), r * sin(2 * M_PI * u), z));
 }
 
-/* Two balls joined by a bar on which one point is: its cell reaches around. */
+/* Two balls joined by a bar with one point: its cell reaches around the bar. */
 static void necks_are_tubes(void **state)
 {
     (void)state;
@@ -277,7 +279,8 @@ static void necks_are_tubes(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* The same bar with points at its ends: their cells meet there and meet no third, or with another whose cell meets these two. */
+/* The same bar with points at its ends: their cells meet there and have no third neighbour, or have a neighbour that
+ * meets both. */
 static void bars_of_few_points_are_tubes(void **state)
 {
     (void)state;
@@ -296,7 +299,7 @@ static void bars_of_few_points_are_tubes(void **state)
     }
 }
 
-/* A torus whose tube is a thin bar for a while. */
+/* A torus whose tube is a thin bar in one part. */
 static const double bar_turns = 0.03, bar_radius = 0.012;
 
 static vec3 handle(double u, double v)
@@ -340,7 +343,7 @@ static void necks_at_handles_have_no_empty_triangle(void **state)
     mesh_free(&m);
 }
 
-/* A flat wedge, in whose corner the cell of the point there touches no other but one and the end of the sheet. */
+/* A flat wedge. The cell of the point in its corner touches only one other cell and the boundary. */
 static vec3 wedge(double u, double v)
 {
     return mesh_fixture_rounded(vec3_make(u, u * (2 * v - 1) * tan(M_PI / 18), 0));
@@ -391,8 +394,8 @@ static void corners_of_open_sheets_do_not_fold(void **state)
     mesh_free(&m);
 }
 
-/* Triangles that cut a corner off a box leave the corner out; those of the whole box nothing. */
-static void what_triangles_leave_out_is_found(void **state)
+/* Triangles that cut a corner off a box miss the corner; the triangles of the whole box miss nothing. */
+static void undersampled_parts_are_found(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box(vec3_make(0.1, 0.2, 0.3), vec3_make(0.5, 0.5, 0.5), 0.7);
@@ -438,7 +441,7 @@ int main(void)
         cmocka_unit_test(thorns_of_any_points_are_closed),
         cmocka_unit_test(necks_at_handles_have_no_empty_triangle),
         cmocka_unit_test(corners_of_open_sheets_do_not_fold),
-        cmocka_unit_test(what_triangles_leave_out_is_found),
+        cmocka_unit_test(undersampled_parts_are_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* thread_pool: whose work is next, and what becomes of work when the pool stops. */
+/* thread_pool: the order of work, and the end of work when the pool stops. */
 #include <pthread.h>
 #include <semaphore.h>
 #include <setjmp.h>
@@ -13,20 +13,20 @@
 #include "base/clock.h"
 #include "http/thread_pool.h"
 
-/* Longer than any test. */
+/* Longer than any test takes. */
 #define PATIENT_MS 1000000
 
 static struct {
     pthread_mutex_t mutex;
-    char order[64]; /* the names of the work that began, and in capitals of the work that was refused */
+    char order[64];          /* names of the work that began; in capitals: of the work that was refused */
     thread_pool_refusal why; /* of the last refusal */
-    sem_t began, ended;      /* refused counts as begun */
+    sem_t began, ended;      /* refused work counts as begun */
 } seen = {.mutex = PTHREAD_MUTEX_INITIALIZER};
 
 typedef struct piece {
-    thread_pool_work work; /* first */
+    thread_pool_work work; /* first member */
     char name;
-    bool blocks; /* until may_end */
+    bool blocks; /* it runs until may_end */
     int priority;
     sem_t may_end;
 } piece;
@@ -99,7 +99,7 @@ static void test_users_are_served_in_turn(void **state)
     assert_string_equal(seen.order, "abdfce");
 }
 
-static void test_a_user_who_runs_less_is_next(void **state)
+static void test_the_user_with_fewer_running_pieces_is_next(void **state)
 {
     piece held[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', true), piece_of("bob", 'c', true)},
           rest[] = {piece_of("ann", 'd', false), piece_of("bob", 'e', false)};
@@ -119,7 +119,7 @@ static void test_a_user_who_runs_less_is_next(void **state)
     assert_string_equal(seen.order, "abced");
 }
 
-static void test_a_thread_is_left_for_others(void **state)
+static void test_a_thread_remains_for_other_users(void **state)
 {
     piece ann[] = {piece_of("ann", 'a', true), piece_of("ann", 'b', false)},
           bob = piece_of("bob", 'c', false);
@@ -143,7 +143,7 @@ static void test_work_runs_together_up_to_a_sum_of_weights(void **state)
           small = piece_of("cat", 'c', false);
     (void)state;
     held.work.weight = 8;
-    large.work.weight = 11; /* more than runs together: it runs alone */
+    large.work.weight = 11; /* above the limit of the sum: it runs alone */
     small.work.weight = 2;
     thread_pool *p = start(3, 3, PATIENT_MS);
     thread_pool_add(p, &held.work);
@@ -194,7 +194,7 @@ static void test_work_that_has_not_begun_is_refused_at_the_stop(void **state)
     thread_pool_stop(p);
 }
 
-/* Adds the piece again until it is not refused but runs. What was seen so far is forgotten. */
+/* Adds the work repeatedly until it runs instead of being refused. Clears the record of earlier work. */
 static void add_until_it_runs(thread_pool *p, piece *held)
 {
     do {
@@ -212,10 +212,10 @@ static void test_work_that_waits_too_long_is_refused_while_other_work_runs(void 
     held.work.weight = heavy.work.weight = 10;
     thread_pool *p = start(2, 1, 1);
     add_until_it_runs(p, &held);
-    thread_pool_add(p, &same.work); /* the other thread is not for ann */
+    thread_pool_add(p, &same.work); /* ann may not use the other thread */
     wait_for(&seen.began, 1);
     assert_int_equal(seen.why, THREAD_POOL_IS_BUSY);
-    thread_pool_add(p, &heavy.work); /* nor for what is too heavy */
+    thread_pool_add(p, &heavy.work); /* the work is too heavy */
     wait_for(&seen.began, 1);
     assert_int_equal(seen.why, THREAD_POOL_IS_BUSY);
     sem_post(&held.may_end);
@@ -242,8 +242,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
-        cmocka_unit_test_setup(test_a_user_who_runs_less_is_next, set_up),
-        cmocka_unit_test_setup(test_a_thread_is_left_for_others, set_up),
+        cmocka_unit_test_setup(test_the_user_with_fewer_running_pieces_is_next, set_up),
+        cmocka_unit_test_setup(test_a_thread_remains_for_other_users, set_up),
         cmocka_unit_test_setup(test_work_runs_together_up_to_a_sum_of_weights, set_up),
         cmocka_unit_test_setup(test_the_threads_have_a_lower_priority, set_up),
         cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),

@@ -1,4 +1,4 @@
-/* The pool does every item once, with any number of workers, many times over. */
+/* The pool processes every item once, with any number of workers, in many repetitions. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -42,7 +42,7 @@ static void count_one(void *context)
     atomic_fetch_add((atomic_int *)context, 1);
 }
 
-static void something_else_beside(void **state)
+static void another_call_runs_beside_a_loop(void **state)
 {
     (void)state;
     for (int workers = 1; workers <= 4; workers++) {
@@ -74,7 +74,7 @@ static void count_and_look(void *context, int worker, size_t begin, size_t end)
     atomic_fetch_add(&l->done, (int)(end - begin));
 }
 
-/* Workers that wake up when a loop is over leave it alone, and begin none twice. */
+/* Workers that wake up after the end of a loop do not process it, and no loop is processed twice. */
 static void short_loops_end_for_all(void **state)
 {
     (void)state;
@@ -91,7 +91,7 @@ static void short_loops_end_for_all(void **state)
     threads_free(pool);
 }
 
-static void there_is_a_processor(void **state)
+static void at_least_one_processor_is_available(void **state)
 {
     (void)state;
     assert_true(threads_available() >= 1);
@@ -100,7 +100,7 @@ static void there_is_a_processor(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_item_once), cmocka_unit_test(something_else_beside),
-        cmocka_unit_test(short_loops_end_for_all), cmocka_unit_test(there_is_a_processor)};
+        cmocka_unit_test(every_item_once), cmocka_unit_test(another_call_runs_beside_a_loop),
+        cmocka_unit_test(short_loops_end_for_all), cmocka_unit_test(at_least_one_processor_is_available)};
     return cmocka_run_group_tests_name("threads", tests, NULL, NULL);
 }

@@ -70,7 +70,7 @@ static void test_a_token_is_found_by_its_secret_alone(void **state)
     assert_int_equal(info.st_mode & 0777, 0600);
     size_t length;
     char *text = store_file_read(path, 1 << 16, &length, &e);
-    assert_null(strstr(text, first + strlen(TOKEN_PREFIX))); /* only the hash is kept */
+    assert_null(strstr(text, first + strlen(TOKEN_PREFIX))); /* only the hash is stored */
     free(text);
     assert_int_equal(read.count, 2);
     const token *found = token_set_find(&read, second);
@@ -101,7 +101,7 @@ static void expect_refusal(const char *words)
     assert_int_equal(set.count, 0);
 }
 
-static void test_files_that_are_refused(void **state)
+static void test_invalid_files_are_refused(void **state)
 {
     (void)state;
 #define HASH "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
@@ -135,20 +135,20 @@ static void test_files_that_are_refused(void **state)
         expect_refusal("chmod 600");
     }
     assert_int_equal(chmod(path, 0640), 0);
-    if (geteuid() != 0) expect_refusal("chmod 600"); /* root may have others read its files */
+    if (geteuid() != 0) expect_refusal("chmod 600"); /* root may let its group read a file */
     assert_int_equal(chmod(path, 0600), 0);
     assert_true(token_set_read(path, &set, &e));
     assert_int_equal(set.count, 1);
-    assert_int_equal(set.item[0].max_priority, TOKEN_ANY_PRIORITY); /* as older versions wrote them */
+    assert_int_equal(set.item[0].max_priority, TOKEN_ANY_PRIORITY); /* as written by older versions */
     token_set_clear(&set);
     char secret[TOKEN_SIZE];
     assert_null(token_set_add(&set, "", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
     assert_null(token_set_add(&set, "a b", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
-    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, TOKEN_ANY_PRIORITY, secret,
-                              &e)); /* that is how users without a name are called */
+    /* reserved for users without names */
+    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
 }
 
-/* As user and group `id`, which is in group `other` as well. */
+/* Whether the user and group `id`, which is also in the group `other`, can read the file. */
 static bool can_read_as(uid_t id, gid_t other)
 {
     int status = 0;
@@ -173,8 +173,8 @@ static void expect_owner(gid_t group, mode_t mode)
     assert_int_equal(info.st_mode & 07777, mode);
 }
 
-/* What root writes can be read by the group of the service, and by no other. */
-static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
+/* A file that root writes can be read by the group of the service, and by no other group. */
+static void test_a_file_of_root_is_readable_for_the_group_of_the_service(void **state)
 {
     (void)state;
     if (geteuid() != 0) return; /* not skip(), which counts as a failure in cmocka's TAP */
@@ -187,16 +187,16 @@ static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
     assert_true(token_set_write(path, &set, 60001, &e));
     expect_owner(60001, 0640);
     assert_true(can_read_as(60001, 60002));
-    assert_false(
-        can_read_as(60002, 60001)); /* it can be opened, and is refused: the group has other members */
+    /* it can be opened, but is refused: the group has other members */
+    assert_false(can_read_as(60002, 60001));
     assert_false(can_read_as(60003, 60003));
-    /* a group that an administrator has given it stays */
+    /* a group that an administrator has set is kept */
     assert_int_equal(chown(path, 0, 60002), 0);
     assert_true(token_set_write(path, &set, 60001, &e));
     expect_owner(60002, 0640);
     assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
     expect_owner(60002, 0640);
-    /* a new one in the directory of a service is for that service */
+    /* a new file in the directory of a service gets its group */
     assert_non_null(mkdtemp(directory));
     assert_int_equal(chown(directory, 60003, 60003), 0);
     sprintf(in_directory, "%s/tokens", directory);
@@ -208,7 +208,7 @@ static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
     assert_int_equal(rmdir(directory), 0);
 }
 
-/* The kernel says who is at the other end; here it is this process. */
+/* The kernel reports the user of the peer, which is this process. */
 static void test_peers_and_tokens(void **state)
 {
     (void)state;
@@ -230,7 +230,7 @@ static void test_peers_and_tokens(void **state)
     assert_int_equal(caller.scopes, SCOPE_ALL);
     assert_int_equal(caller.max_priority, TOKEN_ANY_PRIORITY);
     assert_false(access_identify(a, &stranger, NULL, NULL, &caller));
-    /* a token that is made while the service runs is known, and is what counts */
+    /* a token that is added while the service runs is known, and takes precedence */
     assert_non_null(token_set_add(&set, "alice", SCOPE_READ, 0, secret, &e));
     assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
     strcat(strcpy(header, "Bearer "), secret);
@@ -245,7 +245,7 @@ static void test_peers_and_tokens(void **state)
     assert_false(access_identify(a, &peer, header, NULL, &caller));
     assert_false(access_identify(a, &peer, "Basic YTpi", NULL, &caller));
     assert_false(access_identify(a, &peer, "", NULL, &caller));
-    /* one that others can reach is worth nothing */
+    /* a file that other users can access is ignored */
     header[10]--;
     assert_int_equal(chmod(path, 0644), 0);
     assert_false(access_identify(a, &stranger, header, NULL, &caller));
@@ -255,7 +255,7 @@ static void test_peers_and_tokens(void **state)
     close(pair[1]);
 }
 
-/* The file was changed while no descriptor is left: what was known stays, and the change is read later. */
+/* The file changes while no descriptor is available: the known tokens are kept, and the file is read later. */
 static void test_tokens_stay_while_their_file_cannot_be_read(void **state)
 {
     (void)state;
@@ -306,7 +306,7 @@ static void test_sessions(void **state)
     session_begin(&key, &set.item[1], 5000, text);
     assert_ptr_equal(session_find(&same, &set, text, &ends_ms), &set.item[1]);
     assert_int_equal(ends_ms, 5000);
-    /* each byte counts */
+    /* each byte is significant */
     for (size_t i = 0; text[i]; i++) {
         strcpy(more, text);
         more[i] ^= 1;
@@ -314,7 +314,7 @@ static void test_sessions(void **state)
         more[i] = '\0';
         assert_null(session_find(&key, &set, more, &ends_ms));
     }
-    /* nor does it help to know the hash of the token */
+    /* the hash of the token is not sufficient */
     assert_int_equal(unlink(file), 0);
     assert_true(session_key_open(file, &other, &e));
     assert_string_not_equal(other.cookie, key.cookie);
@@ -327,7 +327,7 @@ static void test_sessions(void **state)
     assert_false(session_key_open(file, &key, &e));
     assert_int_equal(unlink(file), 0);
     free(file);
-    /* in a directory that is not there */
+    /* in a missing directory */
     file = mem_printf("%s-none/key", path);
     assert_false(session_key_open(file, &key, &e));
     assert_non_null(strstr(e.message, file));
@@ -341,8 +341,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_sessions, set_up, tear_down),
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up,
+        cmocka_unit_test_setup_teardown(test_invalid_files_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_readable_for_the_group_of_the_service, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_tokens_stay_while_their_file_cannot_be_read, set_up, tear_down),

@@ -1,4 +1,4 @@
-/* Unit tests of store/tree: files below a directory, and the hash of those that were opened. */
+/* Unit tests of store/tree: files below a directory, and the hash of the opened files. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -47,7 +47,7 @@ static store_tree *open_tree(void)
     return store_tree_new(directory, true);
 }
 
-/* Whether the file can be opened; otherwise the code of the error, ERROR_NONE for a file that is missing. */
+/* Whether the file can be opened; otherwise the code of the error, ERROR_NONE for a missing file. */
 static bool can_open(store_tree *t, const char *path, error_code *code)
 {
     error e = {0};

@@ -1,5 +1,6 @@
-/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods, opposite walls,
- * uniform and varying spacing. */
+/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods,
+ * opposite walls, uniform and varying spacing.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -20,7 +21,7 @@ typedef struct around {
     triangle_filter_input shown;
 } around;
 
-/* Three points and their Voronoi line, clipped by one point after the other (voronoi.h). */
+/* Three points and their Voronoi line, clipped by one point after another (voronoi.h). */
 typedef struct line {
     vec3 corner[3], normal[3], across, centre;
     double low, high;
@@ -85,7 +86,7 @@ static int by_distance(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Points on a wall that is bent or creased along x, in some rounds with an opposite wall above or below it. */
+/* Points on a wall that is bent or creased along x; in some rounds with an opposite wall above or below it. */
 static void scatter(around *s, rng *r)
 {
     const double bend = 1.5 * (rng_uniform(r) - 0.5), roof = rng_uniform(r) < 0.3 ? rng_uniform(r) : 0;

@@ -1,4 +1,4 @@
-/* Distances from groups of triangles are those from each triangle. */
+/* Distances from groups of triangles equal the distances from each triangle. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -50,7 +50,8 @@ static void assert_block(const triangle_groups *g, const int32_t origin[3], doub
     }
 }
 
-/* Few and many triangles, small and large beside the voxels, on planes of voxels and off them, in narrow and wide bands. */
+/* Few and many triangles, small and large compared with the voxels, on planes of voxels and off them, in narrow and
+ * wide bands. */
 static void voxels_are_as_far_as_the_nearest_triangle(void **state)
 {
     (void)state;
@@ -75,8 +76,8 @@ static void voxels_are_as_far_as_the_nearest_triangle(void **state)
     }
 }
 
-/* Triangles of all sizes and shapes, slivers and points among them. */
-static void soups_are_as_near(void **state)
+/* Triangles of all sizes and shapes, including slivers and points. */
+static void distances_from_disconnected_triangles_are_exact(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
@@ -98,8 +99,8 @@ static void soups_are_as_near(void **state)
     }
 }
 
-/* Every triangle is in one group, of its own solid, and what is said of the group holds for it. */
-static void groups_hold_their_triangles(void **state)
+/* Every triangle is in one group of its own solid, and the properties of the group hold for it. */
+static void groups_contain_their_triangles(void **state)
 {
     (void)state;
     error e = {0};
@@ -137,7 +138,7 @@ static void groups_hold_their_triangles(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(voxels_are_as_far_as_the_nearest_triangle),
-                                       cmocka_unit_test(soups_are_as_near),
-                                       cmocka_unit_test(groups_hold_their_triangles)};
+                                       cmocka_unit_test(distances_from_disconnected_triangles_are_exact),
+                                       cmocka_unit_test(groups_contain_their_triangles)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -86,8 +86,8 @@ static void the_closest_triangle_is_found(void **state)
         assert_int_equal(triangle_tree_find_from(f.tree, x, start, weight), found);
         assert_true(triangle_tree_find_nearer(f.tree, x, &bound, &found) &&
                     fabs(bound - least) <= ROUNDING * least);
-        assert_false(
-            triangle_tree_find_nearer(f.tree, x, &bound, &found)); /* none is nearer than the nearest */
+        /* no triangle is closer than the closest one */
+        assert_false(triangle_tree_find_nearer(f.tree, x, &bound, &found));
         size_t tree = triangle_forest_find(f.forest, x, &in_part);
         t = triangle_of(&f.part[tree], in_part);
         assert_true(fabs(triangle_distance2(&t, x) - least) <= ROUNDING * least);
@@ -127,7 +127,7 @@ static void the_closest_accepted_place_is_found(void **state)
     teardown(&f);
 }
 
-/* The crossing of a line with a triangle, by the volumes that the line spans with its sides. False: there is none. */
+/* The crossing of a line with a triangle, by the volumes of the line with its sides. False: there is none. */
 static bool crosses(const triangle *t, vec3 p, vec3 d, double *at, int *sign)
 {
     const vec3 a = vec3_sub(t->a, p), b = vec3_sub(t->b, p), c = vec3_sub(t->c, p),
@@ -146,7 +146,7 @@ static void assert_same_crossings(line_crossings a, line_crossings b)
     assert_true(a.behind == b.behind || fabs(a.behind - b.behind) < 1e-9);
 }
 
-/* Two balls that overlap. */
+/* Two overlapping balls. */
 static void crossings_of_lines_are_found(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* triangulation: closed where the points resolve the surface, open at rims and holes, and the facts true. */
+/* triangulation: closed where the points resolve the surface, open at boundaries and holes, with correct facts. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -28,7 +28,7 @@ static triangulation triangulate(const point_set *s, const bbox *domain, int wor
     return made;
 }
 
-/* Leaves out the points for which `keep` is false. */
+/* Removes the points for which `keep` is false. */
 static void keep_points(point_set *s, bool (*keep)(vec3 x))
 {
     size_t kept = 0;
@@ -50,7 +50,7 @@ static double volume_of(const point_set *s, const triangulation *t)
     return volume;
 }
 
-/* In one partition and in two, by any number of threads. */
+/* In one partition and in two, with any number of threads. */
 static void spheres_are_closed(void **state)
 {
     (void)state;
@@ -63,7 +63,7 @@ static void spheres_are_closed(void **state)
         assert_int_equal(f->triangles, 2 * counts[k] - 4);
         assert_int_equal(f->edges, 3 * counts[k] - 6);
         assert_int_equal(f->euler, 2);
-        assert_close(volume_of(&s, &one), 4 * M_PI / 3, 30.0 / (double)counts[k]); /* and outwards */
+        assert_close(volume_of(&s, &one), 4 * M_PI / 3, 30.0 / (double)counts[k]); /* and outward normals */
         assert_true(f->radius_ratio > 0.8 && f->radius_ratio < 1);
         assert_int_equal(three.facts.triangles, f->triangles);
         assert_memory_equal(three.corner, one.corner, f->triangles * sizeof *one.corner);
@@ -77,8 +77,8 @@ static void spheres_are_closed(void **state)
 
 enum { SIDE = 20 };
 
-/* A sheet of equilateral triangles with an edge of 1, for points that ask for `spacing`, without those
- * closer than `hole` to its middle. */
+/* A plane of equilateral triangles with an edge of 1, for points with the spacing `spacing`, without those closer
+ * than `hole` to its centre. */
 static point_set make_sheet(double spacing, double hole)
 {
     point_set s = point_set_new(SIDE * SIDE);
@@ -110,7 +110,7 @@ static void the_ratio_is_that_of_the_radii(void **state)
     point_set_free(&s);
 }
 
-/* A hole that no star spans, as it is wider than what the points ask for, is closed if it has few edges. */
+/* A hole wider than the spacing, which no one-ring spans, is closed if it has few edges. */
 static void small_holes_are_closed(void **state)
 {
     (void)state;
@@ -149,7 +149,7 @@ static bool is_beside_hole(vec3 x)
     return x.x < 0.97;
 }
 
-static void rims_and_holes_are_told_apart(void **state)
+static void rims_and_holes_are_distinguished(void **state)
 {
     (void)state;
     const bbox above = {{-INFINITY, -INFINITY, 0.1}, {INFINITY, INFINITY, INFINITY}};
@@ -168,8 +168,8 @@ static void rims_and_holes_are_told_apart(void **state)
     point_set_free(&s);
 }
 
-/* Halves of a sphere that are shifted across each other, and a point alone. */
-static void what_is_no_surface_is_told(void **state)
+/* Halves of a sphere that are shifted across each other, and a single point. */
+static void non_manifold_results_are_reported(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(2000, vec3_make(0, 0, 0), 1), alone = point_set_new(1);
@@ -195,9 +195,11 @@ static void what_is_no_surface_is_told(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(spheres_are_closed),         cmocka_unit_test(the_ratio_is_that_of_the_radii),
-        cmocka_unit_test(small_holes_are_closed),     cmocka_unit_test(rims_and_holes_are_told_apart),
-        cmocka_unit_test(what_is_no_surface_is_told),
+        cmocka_unit_test(spheres_are_closed),
+        cmocka_unit_test(the_ratio_is_that_of_the_radii),
+        cmocka_unit_test(small_holes_are_closed),
+        cmocka_unit_test(rims_and_holes_are_distinguished),
+        cmocka_unit_test(non_manifold_results_are_reported),
     };
     return cmocka_run_group_tests_name("triangulation", tests, NULL, NULL);
 }

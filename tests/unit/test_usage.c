@@ -1,4 +1,4 @@
-/* The space that results take: sums, bounds, what goes first, and what is refused when nothing may go. */
+/* The disk space of results: sums, bounds, the order of deletion, and refusals when no job may be deleted. */
 #include "queue_place.h"
 
 #define NONE INT64_MAX
@@ -8,7 +8,7 @@ static void bound(place *p, queue_sum all, queue_sum user, bool undelivered)
     queue_bound(p->q, &(queue_bounds){.all = all, .user = user, .undelivered = undelivered});
 }
 
-/* Submits a job, runs it, and ends it so that it leaves these bytes. */
+/* Submits a job, runs it, and ends it with this disk space. */
 static void run(place *p, const char *owner, const queue_ending *ending, int64_t bytes, char id[ULID_SIZE])
 {
     queue_submission s = plain;
@@ -21,7 +21,7 @@ static void run(place *p, const char *owner, const queue_ending *ending, int64_t
 
 static void deliver(place *p, const char *id, int frame)
 {
-    static int64_t now = 4000000000000; /* each is later than the one before, and than the end of every job */
+    static int64_t now = 4000000000000; /* later than the previous one, and than the end of every job */
     assert_true(queue_note_delivery(p->q, id, frame, now++, NULL));
 }
 
@@ -70,8 +70,8 @@ static void test_sums_follow_jobs(void **state)
     expect_usage(p, "ann", 1500, 2);
     remove_job(p, one);
     expect_usage(p, "ann", 500, 1);
-    tell(p, failed, QUEUE_RETRY, true);
-    expect_usage(p, "bob", 7, 0); /* its log is still there */
+    apply_command(p, failed, QUEUE_RETRY, true);
+    expect_usage(p, "bob", 7, 0); /* its log still exists */
     assert_true(finish(p, failed, 0, claim(p, failed), &success));
     expect_usage(p, "bob", 7, 1);
     remove_job(p, failed);
@@ -80,7 +80,7 @@ static void test_sums_follow_jobs(void **state)
     expect_usage(p, "bob", 0, 0);
 }
 
-static void test_who_was_delivered_first_goes_first(void **state)
+static void test_the_job_delivered_first_is_deleted_first(void **state)
 {
     place *p = *state;
     char job[4][ULID_SIZE];
@@ -94,14 +94,14 @@ static void test_who_was_delivered_first_goes_first(void **state)
     remove_job(p, job[2]);
     expect_leaving(p, job[0]);
     remove_job(p, job[0]);
-    expect_leaving(p, NULL); /* 200 are left, and neither was delivered */
+    expect_leaving(p, NULL); /* 200 remain, and neither was delivered */
     deliver(p, job[1], QUEUE_NO_FRAME);
     expect_leaving(p, job[1]);
     remove_job(p, job[1]);
     expect_leaving(p, NULL); /* below the bound */
 }
 
-static void test_what_was_not_delivered_goes_last_and_only_when_told(void **state)
+static void test_undelivered_jobs_are_deleted_last_and_only_if_permitted(void **state)
 {
     place *p = *state;
     char job[3][ULID_SIZE];
@@ -116,7 +116,7 @@ static void test_what_was_not_delivered_goes_last_and_only_when_told(void **stat
     expect_leaving(p, NULL);
 }
 
-/* A copy in output.directory is a delivery, and a job that failed has nothing to be delivered. */
+/* A copy in output.directory is a delivery. A failed job has no result to deliver. */
 static void test_copies_and_failures_are_delivered_at_the_end(void **state)
 {
     place *p = *state;
@@ -145,7 +145,7 @@ static void expect_copy(place *p, const char *id, const char *state, const char 
     queue_job_clear(&job);
 }
 
-/* A result that could not be copied stays until it was. */
+/* A result that could not be copied is kept until it was copied. */
 static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
 {
     place *p = *state;
@@ -165,8 +165,8 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
     expect_leaving(p, NULL);
     assert_true(queue_next_uncopied(p->q, 0, &job, &found, NULL));
     assert_false(found);
-    tell(p, id, QUEUE_DELIVER, true);
-    tell(p, id, QUEUE_DELIVER, false); /* it is under way */
+    apply_command(p, id, QUEUE_DELIVER, true);
+    apply_command(p, id, QUEUE_DELIVER, false); /* it is in progress */
     expect_copy(p, id, "pending", NULL);
     reopen(p);
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
@@ -181,12 +181,12 @@ static void test_a_result_whose_copy_failed_is_not_delivered(void **state)
         queue_uncopied_clear(&job);
         expect_copy(p, id, i ? "delivered" : "failed", i ? NULL : "output_unwritable");
         expect_leaving(p, i ? id : NULL);
-        if (!i) tell(p, id, QUEUE_DELIVER, true);
+        if (!i) apply_command(p, id, QUEUE_DELIVER, true);
     }
     remove_job(p, id);
 }
 
-static void test_an_array_goes_when_all_frames_are_delivered(void **state)
+static void test_an_array_is_deleted_when_all_frames_are_delivered(void **state)
 {
     place *p = *state;
     static const int frames[] = {5, 6};
@@ -219,15 +219,15 @@ static void test_a_bound_of_users(void **state)
     submit_for(p, &s, waiting);
     bound(p, (queue_sum){NONE, NONE}, (queue_sum){200, NONE}, false);
     expect_leaving(p, NULL);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_USER_RESULTS_FULL);
-    claim(p, NULL); /* her job waits */
+    assert_int_equal(submit(p, &s).admission, QUEUE_USER_RESULTS_FULL);
+    claim(p, NULL); /* ann's job waits */
     s.owner = "bob";
     submit_for(p, &s, other);
-    claim(p, other); /* those of others do not */
+    claim(p, other); /* jobs of other users do not wait */
     deliver(p, ann[1], QUEUE_NO_FRAME);
     expect_leaving(p, ann[1]);
     s.owner = "ann";
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED); /* there will be room */
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED); /* a job can be deleted for it */
     remove_job(p, ann[1]);
     claim(p, waiting);
 }
@@ -241,7 +241,7 @@ static void test_a_bound_of_all(void **state)
     run(p, "ann", &success, 100, done);
     put(p, "waits", 0, waiting);
     bound(p, (queue_sum){NONE, 1}, (queue_sum){NONE, NONE}, false);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_RESULTS_FULL);
+    assert_int_equal(submit(p, &s).admission, QUEUE_RESULTS_FULL);
     assert_true(queue_get_usage(p->q, &usage, NULL) && usage.full);
     free(usage.user);
     claim(p, NULL);
@@ -249,14 +249,14 @@ static void test_a_bound_of_all(void **state)
     deliver(p, done, QUEUE_NO_FRAME);
     assert_true(queue_get_usage(p->q, &usage, NULL) && !usage.full);
     free(usage.user);
-    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).admission, QUEUE_CREATED);
     claim(p, NULL); /* not before it is deleted */
     remove_job(p, done);
     claim(p, waiting);
 }
 
-/* An older version did not measure. */
-static void test_what_is_not_measured_is_asked_for(void **state)
+/* Older versions did not measure disk space. */
+static void test_unmeasured_jobs_are_returned(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], asked[ULID_SIZE];
@@ -278,14 +278,14 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         CASE(test_sums_follow_jobs),
-        CASE(test_who_was_delivered_first_goes_first),
-        CASE(test_what_was_not_delivered_goes_last_and_only_when_told),
+        CASE(test_the_job_delivered_first_is_deleted_first),
+        CASE(test_undelivered_jobs_are_deleted_last_and_only_if_permitted),
         CASE(test_copies_and_failures_are_delivered_at_the_end),
         CASE(test_a_result_whose_copy_failed_is_not_delivered),
-        CASE(test_an_array_goes_when_all_frames_are_delivered),
+        CASE(test_an_array_is_deleted_when_all_frames_are_delivered),
         CASE(test_a_bound_of_users),
         CASE(test_a_bound_of_all),
-        CASE(test_what_is_not_measured_is_asked_for),
+        CASE(test_unmeasured_jobs_are_returned),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("usage", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* vdb: points grids are written, read back, and the same each time. */
+/* vdb: points grids are written and read back; equal points give equal bytes. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -35,7 +35,7 @@ static int write_points(const vdb_points *grid)
     return fd;
 }
 
-/* Near the origin and far off, in one voxel and in many. */
+/* Near the origin and far from it, in one voxel and in many. */
 static void points_are_read_back(void **state)
 {
     (void)state;
@@ -182,7 +182,7 @@ static void the_same_points_give_the_same_bytes(void **state)
     }
     assert_int_equal(length[0], length[1]);
     assert_memory_equal(bytes[0], bytes[1], (size_t)length[0]);
-    assert_memory_not_equal(bytes[0] + 21, bytes[2] + 21, 36); /* the identifier is that of the contents */
+    assert_memory_not_equal(bytes[0] + 21, bytes[2] + 21, 36); /* the identifier depends on the contents */
     point_set_free(&s);
 }
 

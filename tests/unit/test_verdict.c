@@ -1,4 +1,4 @@
-/* The outcome of points in perfect order, and of results that are bad in one known way each. */
+/* The outcome of perfect lattices, and of results with one known fault each. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,7 +14,7 @@
 
 static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
 
-/* A solve that has converged and has met its targets. */
+/* A solve that has converged and met its targets. */
 static verdict_input good_solve(const measures *m)
 {
     return (verdict_input){.measures = m,
@@ -45,7 +45,7 @@ static bool has_reason(const verdict *v, const char *criterion)
     return false;
 }
 
-/* `criteria` are all the reasons, at most three. */
+/* `criteria` are all expected reasons, at most three. */
 static void check_reasons(const verdict *v, verdict_outcome outcome, const char *const criteria[3])
 {
     size_t count = 0;
@@ -91,7 +91,7 @@ static void points_in_perfect_order_are_converged(void **state)
     }
 }
 
-/* ---- what a bad result lacks or has */
+/* ---- scenes of faulty results */
 
 typedef struct ball {
     vec3 centre;
@@ -141,16 +141,17 @@ static scene without_ball(scene s, vec3 centre, double radius)
     return s;
 }
 
-/* Adds `count` points along x from `from` on, one spacing apart. */
+/* Adds `count` points along x, beginning at `from`, one spacing apart. */
 static scene with_row(scene s, vec3 from, int count)
 {
     for (int k = 0; k < count; k++) scene_point_again(&s, vec3_add(from, (vec3){k, 0, 0}));
     return s;
 }
 
-/* ---- one result for each measure that is a criterion, which no other criterion catches */
+/* ---- one result for each criterion, which no other criterion detects */
 
-/* Four points around the middle of an edge are missing: from there the nearest is sqrt(7) / 2 away, and the hole's area is 0.02 of a cell. */
+/* Four points around the midpoint of an edge are missing: the nearest point is at sqrt(7) / 2, and the area of the
+ * hole is 0.02 of a cell. */
 static void a_hole_in_a_lattice_fails_coverage(void **state)
 {
     (void)state;
@@ -158,7 +159,7 @@ static void a_hole_in_a_lattice_fails_coverage(void **state)
                      NULL);
 }
 
-/* The other wall is .3 away, so that distances in space are small. */
+/* The opposite wall is .3 away, so that distances in space are small. */
 static void a_wall_without_points_fails_missing_share(void **state)
 {
     (void)state;
@@ -182,12 +183,12 @@ static void a_point_on_a_point_fails_coincident(void **state)
     check_unresolved(with_row(scene_rectangle(30, 31), (vec3){10, 0, 0}, 1), "coincident", NULL, NULL);
 }
 
-/* The inner shell is .15 below the outer one, whose points are near and of no opposite wall. */
+/* The inner shell is .15 inside the outer one, whose points are near and not on an opposite wall. */
 static void a_shell_without_points_fails_parts_without_points(void **state)
 {
     (void)state;
     scene s = scene_shells(4, 0.95);
-    s.points /= 2; /* the outer one's come first */
+    s.points /= 2; /* the points of the outer shell come first */
     check_unresolved(s, "parts_without_points", NULL, NULL);
 }
 
@@ -200,7 +201,7 @@ static void three_points_on_a_sphere_fail_unmeasured_share(void **state)
     check_unresolved(s, "unmeasured_share", NULL, NULL);
 }
 
-/* ---- the solve's own numbers */
+/* ---- numbers of the solve */
 
 typedef struct solve_fault {
     const char *criterion;
@@ -403,7 +404,7 @@ static void a_half_plane_without_points_leaves_a_gap(void **state)
                      "missing_share", NULL);
 }
 
-/* As fins: the strips between rows 3 and 7 have no points. */
+/* As on fins: the strips between rows 3 and 7 have no points. */
 static void a_sparse_strip_leaves_a_gap(void **state)
 {
     (void)state;
@@ -469,7 +470,7 @@ static void points_in_one_place_fail_all(void **state)
                 has_reason(&v, "coincident") && has_reason(&v, "unmeasured_share"));
 }
 
-/* Points of the lower wall lie in a strip along one rim only. */
+/* The points of the lower wall lie in a strip along one rim only. */
 static void half_a_wall_without_points_is_missing(void **state)
 {
     (void)state;
@@ -491,7 +492,7 @@ static void random_points_have_gaps_and_close_pairs(void **state)
     check_unresolved(s, "coverage", "close_share", NULL);
 }
 
-/* Twice as many points were asked for as there are. */
+/* The requested number of points is twice the existing number. */
 static void points_too_far_apart_leave_gaps(void **state)
 {
     (void)state;

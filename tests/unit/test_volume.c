@@ -1,4 +1,4 @@
-/* What an opened volume is worth: accuracy, derivatives, the edges of bands and tiles. */
+/* Opened volumes: accuracy, derivatives, boundaries of bands and tiles. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -28,7 +28,7 @@ static double ball(vec3 p)
     return vec3_norm(p) - 1.0;
 }
 
-/* Smooth, with structure at five voxels and more in every direction. */
+/* Smooth, with features of five voxels and more in every direction. */
 static double waves(vec3 p)
 {
     return 0.5 + 0.3 * sin(7 * p.x + 2 * p.y) + 0.25 * cos(6 * p.y - 3 * p.z) + 0.2 * sin(8 * p.z + p.x);
@@ -48,7 +48,7 @@ static const double *const transforms[] = {fixture_uniform, fixture_nonuniform, 
 static void the_spline_goes_through_the_samples(void **state)
 {
     (void)state;
-    /* Noise is the hardest case: its coefficients are ten times its values. Floats carry 6e-8 of them. */
+    /* Noise is the hardest case: its coefficients are ten times its values. Floats have a precision of 6e-8 of them. */
     const double tolerance = 3e-6;
     print_message("# seed %u\n", SEED);
     for (size_t t = 0; t < TRANSFORMS; t++) {
@@ -65,7 +65,8 @@ static void the_spline_goes_through_the_samples(void **state)
             bool inside = false, outside = false;
             check_middle(f, k, &cell);
             for (int c = 0; c < 8; c++) {
-                /* A corner that lies on a coefficient block's far face belongs to the next coefficient block: step inwards. */
+                /* A corner on the far face of a coefficient block belongs to the next coefficient block: move
+                 * inwards. */
                 assert_true(field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s));
                 worst = fmax(worst, fabs(s.value - cell.value[c]));
                 *(cell.value[c] < 0 ? &inside : &outside) = true;
@@ -78,7 +79,7 @@ static void the_spline_goes_through_the_samples(void **state)
     }
 }
 
-/* Distances that are off by up to a tenth of a voxel of 0.1, here otherwise than there. */
+/* Distances with errors of up to a tenth of a voxel of 0.1, which vary with the position. */
 static double noisy_ball(vec3 p)
 {
     rng r = rng_seed(SEED,
@@ -86,8 +87,8 @@ static double noisy_ball(vec3 p)
     return vec3_norm(p) - 1 + 0.02 * (rng_uniform(&r) - 0.5);
 }
 
-/* Whatever lies beyond three voxels. */
-static void it_does_in_a_narrow_band_too(void **state)
+/* Whatever the values beyond three voxels. */
+static void the_spline_interpolates_a_narrow_band(void **state)
 {
     (void)state;
     const double voxel = 0.1;
@@ -116,7 +117,8 @@ static double cube(vec3 p)
     return 1e-6 * round(1e6 * (fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 1));
 }
 
-/* The spline swings about such a face by less than counts: no cell beyond it is the surface's but at the edges. */
+/* The spline oscillates about such a face by less than the threshold: except at the edges, no cell beyond it belongs
+ * to the surface. */
 static void a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells(void **state)
 {
     (void)state;
@@ -147,8 +149,8 @@ static double two_balls(vec3 p)
     return fmin(vec3_norm(vec3_sub(p, (vec3){0.6, 0, 0})), vec3_norm(vec3_add(p, (vec3){0.7, 0, 0}))) - 0.5;
 }
 
-/* Over the ends of blocks, too. */
-static void one_part_is_told_from_two(void **state)
+/* Also across the ends of blocks. */
+static void one_part_is_distinguished_from_two(void **state)
 {
     (void)state;
     const fixture_function shape[] = {ball, two_balls};
@@ -166,7 +168,7 @@ static void one_part_is_told_from_two(void **state)
     }
 }
 
-/* Central differences of step d err by d^2/6 times the third derivative and by rounding/d. */
+/* Central differences of step d have errors of d^2/6 times the third derivative, and of rounding/d. */
 static void check_derivatives(const field *f, vec3 x, double *worst_gradient, double *worst_hessian)
 {
     const double d = 1e-4 * f->cell_size;
@@ -195,9 +197,9 @@ static void check_derivatives(const field *f, vec3 x, double *worst_gradient, do
 static void derivatives_are_those_of_the_values(void **state)
 {
     (void)state;
-    /* The second derivative has kinks at cell faces: a difference across one sees the mean of two
-     * third derivatives, of about 1 a voxel, times the step. In the gradient that is a sixth of the step's square,
-     * held against as little as a hundredth where F is flat. */
+    /* The second derivative has kinks at cell faces: a difference across a face is the mean of two third
+     * derivatives, of about 1 per voxel, times the step. In the gradient this is a sixth of the squared step,
+     * compared with as little as a hundredth where F is flat. */
     const double gradient_tolerance = 1e-5, hessian_tolerance = 1e-3;
     uint64_t seed = SEED;
     for (size_t t = 0; t < TRANSFORMS; t++)
@@ -228,7 +230,7 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Radius error of the unit ball in voxels (median and largest), and the median of both curvatures. */
+/* The radius error of the unit ball in voxels (median and largest), and the median of both curvatures. */
 static void measure_ball(const volume *v, double *median, double *largest, double curvature[2])
 {
     const field *f = volume_field(v);
@@ -258,13 +260,13 @@ static void measure_ball(const volume *v, double *median, double *largest, doubl
     free(k2);
 }
 
-static void a_ball_comes_out_round(void **state)
+static void a_ball_has_its_radius_and_curvature(void **state)
 {
     (void)state;
     static const struct {
         const char *type;
         bool half;
-        double median, largest; /* voxels: the interpolation's own error, and of the values' rounding */
+        double median, largest; /* voxels: errors of the interpolation, and of the rounding of the values */
     } cases[] = {{"float", false, 5e-5, 5e-4}, {"float", true, 2e-4, 1e-3}, {"double", false, 5e-5, 5e-4}};
     for (size_t t = 0; t < TRANSFORMS; t++)
         for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
@@ -296,8 +298,8 @@ static double near_zero(vec3 p)
     return -64 * ball(p);
 }
 
-/* Voxels of drafts are floats, which hold values near 1e6 to 1/16: so both volumes have such values, and one isovalue is between two
- * floats. */
+/* Voxels of drafts are floats, which represent values near 1e6 to 1/16. Both volumes have such values, and one
+ * isovalue is between two floats. */
 static void the_isovalue_is_subtracted_before_doubles_become_floats(void **state)
 {
     (void)state;
@@ -326,7 +328,7 @@ static void the_isovalue_is_subtracted_before_doubles_become_floats(void **state
 static void a_clamped_band_does_not_ring(void **state)
 {
     (void)state;
-    /* The same ball with a band of 3 voxels and with one of 9, which holds all that counts. */
+    /* The same ball with a band of 3 voxels and with one of 9, which includes all values that have an effect. */
     const double tolerance_vox = 1e-4, curvature_tolerance = 0.01;
     fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3),
             wide = fixture_make(fixture_uniform, 22, ball, 0.9);
@@ -360,8 +362,8 @@ static double large_ball(vec3 p)
     return vec3_norm(p) - 2.0;
 }
 
-/* A particle that steps off the surface must find back. */
-static void beyond_the_band_the_field_goes_on(void **state)
+/* A particle that leaves the surface must be able to return. */
+static void the_field_is_extrapolated_beyond_the_band(void **state)
 {
     (void)state;
     const double voxel = 0.1, margin = 4 * voxel;
@@ -394,7 +396,7 @@ static void beyond_the_band_the_field_goes_on(void **state)
 static void a_filled_inside_leaves_the_outside_clamped(void **state)
 {
     (void)state;
-    /* All of the inside known, the outside active but clamped: the clamp must still be seen there. */
+    /* The whole inside is known; the outside is active but clamped, which must be detected. */
     fixture filled = fixture_make(fixture_uniform, 22, ball, 1.1),
             all = fixture_make(fixture_uniform, 22, ball, 1.1);
     for (size_t i = 0; i < filled.draft.voxel_count; i++) filled.values[i] = fminf(filled.values[i], 0.3f);
@@ -428,12 +430,12 @@ static double thin_box(vec3 p)
     return sqrt(outside) + fmin(inside, 0);
 }
 
-static void edges_and_thin_walls_stay_tame(void **state)
+static void errors_at_edges_and_thin_walls_are_bounded(void **state)
 {
     (void)state;
-    /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
-     * rounds and overshoots by a part of a voxel, most in cells that it enters between their corners; the kink half way inside arrives at the faces with
-     * 0.268^3.3 of its bend at most; runs of known voxels end beside it. */
+    /* The interior is 6.6 voxels thick, so both bands nearly meet there. At sharp edges a cubic spline rounds and
+     * overshoots by a part of a voxel, most in cells that it enters between their corners. The kink in the middle
+     * contributes at most 0.268^3.3 of its bend at the faces. Runs of known voxels end beside it. */
     fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
     volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(v);
@@ -454,7 +456,7 @@ static void edges_and_thin_walls_stay_tame(void **state)
 static void smoothing_blurs_by_what_theory_says(void **state)
 {
     (void)state;
-    /* Samples as coefficients add the Laplacian / 6: 2/R/6 of a voxel for a ball of R = 10 voxels, inwards. */
+    /* Samples used as coefficients add the Laplacian / 6: 2/R/6 of a voxel for a ball of R = 10 voxels, inwards. */
     fixture g = fixture_make(fixture_uniform, 16, ball, 0.4);
     volume *v = fixture_volume(&g, NAN, VOLUME_SMOOTHING);
     const field *f = volume_field(v);
@@ -494,7 +496,7 @@ static void an_isovalue_moves_a_level_set(void **state)
 static void surfaces_on_the_faces_of_tiles_are_found(void **state)
 {
     (void)state;
-    /* A fog cube of one tile of 128^3 and beside it one of 8^3, with no leaf at all. */
+    /* A fog cube of one tile of 128^3, and a tile of 8^3 beside it, without leaves. */
     const vdb_tile tiles[] = {{{0, 0, 0}, 128, 1, true}, {{256, 8, 16}, 8, 1, true}};
     vdb_draft draft = {.name = "tiles",
                        .type = "float",
@@ -581,7 +583,8 @@ static void outside_the_coefficient_blocks_there_is_no_field(void **state)
     fixture_free(&g);
 }
 
-/* Area of the zero set by the co-area formula: the mean of |grad F| over where |F| is below the band, by chance. */
+/* The area of the zero set by the co-area formula: the mean of |grad F| where |F| is below the band, at random
+ * points. */
 static double area_by_chance(const field *f, double band, int draws)
 {
     uint64_t r = SEED;
@@ -597,7 +600,8 @@ static double area_by_chance(const field *f, double band, int draws)
     return sum / draws * size.x * size.y * size.z / (2 * band);
 }
 
-/* Waves of three voxels on a ball: without the cells that the surface passes between their corners 1 % is missing. */
+/* Waves of three voxels on a ball: without the cells that the surface crosses between their corners, 1 % of the area
+ * is missing. */
 static double ripples(vec3 p)
 {
     return 1.1 - vec3_norm(p) +
@@ -613,24 +617,24 @@ static void area_between_corners_counts(void **state)
     threads *pool = threads_new(1, NULL, &e);
     surface *s = surface_scan(volume_field(v), pool, &e);
     assert_non_null(s);
-    double told = s->area, by_chance = area_by_chance(volume_field(v), 0.02, 3000000);
-    print_message("# area of ripples %g, by chance %g\n", told, by_chance);
-    assert_true(fabs(told / by_chance - 1) < 0.01);
+    double area = s->area, by_chance = area_by_chance(volume_field(v), 0.02, 3000000);
+    print_message("# area of ripples %g, by chance %g\n", area, by_chance);
+    assert_true(fabs(area / by_chance - 1) < 0.01);
     surface_free(s);
     threads_free(pool);
     volume_close(v);
     fixture_free(&g);
 }
 
-/* Radii in voxels of .1; a ball has no larger one. */
+/* Radii in voxels of .1; a ball has no major radius. */
 static double major, minor;
 static double torus(vec3 p)
 {
     return hypot(hypot(p.x, p.y) - 0.1 * major, p.z) - 0.1 * minor;
 }
 
-/* Whatever share of the cells is gentle: all, some, and none. Where areas by roots lie beside those without it is not right to a
- * hundredth of a percent. */
+/* For any fraction of gentle cells: all, some, and none. Only with areas by roots next to areas without, the error
+ * exceeds a hundredth of a percent. */
 static void areas_are_right_however_cells_bend(void **state)
 {
     static const double radii[][2] = {{0, 8},  {0, 10}, {0, 11}, {0, 12}, {0, 13},
@@ -653,7 +657,7 @@ static void areas_are_right_however_cells_bend(void **state)
     }
 }
 
-/* Where a region cuts a ball all of whose cells are gentle: caps, from the middle up. */
+/* A region cuts a ball all of whose cells are gentle: caps, beginning at the equator. */
 static void areas_of_caps_are_right(void **state)
 {
     (void)state;
@@ -676,7 +680,7 @@ static void areas_of_caps_are_right(void **state)
     fixture_free(&g);
 }
 
-/* Near a cell, from one coefficient block to the next, beyond all of them, and in lanes that nobody wants. */
+/* Places near a cell, in the next coefficient block, beyond all of them, and in masked lanes. */
 static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defined)
 {
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -690,9 +694,9 @@ static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defi
     }
 }
 
-/* Sixteen side by side, in single precision: what `sample` says, but for rounding; to the last bit the same with any
- * instruction set and whatever the other lanes hold. */
-static void lanes_are_samples_in_single_precision(void **state)
+/* Sixteen samples in lanes, in single precision, equal those of `sample` to rounding. They do not depend on the
+ * instruction set or on the other lanes. */
+static void lanes_equal_samples_in_single_precision(void **state)
 {
     (void)state;
     const double tolerance =
@@ -764,7 +768,8 @@ static void the_example_is_a_knot(void **state)
     close(fd);
 }
 
-/* The farthest place of a surface from a ball's points, of which one is left out; of these, whose spacings may differ, in spacings. */
+/* The largest distance of a surface from the points of a ball, one of which is missing, in spacings; the spacings
+ * may differ. */
 static double farthest_without(const surface *s, int left_out, bool is_graded)
 {
     enum { POINTS = 14 };
@@ -788,7 +793,7 @@ static double farthest_without(const surface *s, int left_out, bool is_graded)
 }
 
 static const field_ops *volume_ops;
-static size_t looks; /* at cells' middles */
+static size_t looks; /* number of accesses to the centres of cells */
 
 static vec3 look_at_middle(const field *f, size_t k, double *radius)
 {
@@ -796,13 +801,13 @@ static vec3 look_at_middle(const field *f, size_t k, double *radius)
     return volume_ops->cell_middle(f, k, radius);
 }
 
-/* Blocks that are near enough to a point spare looks at their cells. They hide nothing, and their cells are in them. */
-static void blocks_hide_no_bare_place(void **state)
+/* Blocks near enough to a point are skipped. They contain no gap, and their cells lie within them. */
+static void skipped_blocks_hide_no_gap(void **state)
 {
     (void)state;
     const double *const matrices[] = {fixture_uniform, fixture_rotated};
     major = 0;
-    minor = 32; /* so many cells that some are looked at first */
+    minor = 32; /* enough cells that some are examined first */
     for (int t = 0; t < 2; t++) {
         error e = {0};
         fixture g = fixture_make(matrices[t], 46, torus, 0.5);
@@ -830,7 +835,7 @@ static void blocks_hide_no_bare_place(void **state)
         plain = counted;
         plain.cell_group = NULL;
         const double all_found = farthest_without(s, -1, false);
-        for (int k = -1; k < (t == 0 ? 28 : 14); k++) { /* from 14 on with spacings that differ */
+        for (int k = -1; k < (t == 0 ? 28 : 14); k++) { /* with differing spacings from 14 */
             const int left_out = k < 14 ? k : k - 14;
             size_t looks_of[2];
             double found[2];
@@ -853,18 +858,18 @@ static void blocks_hide_no_bare_place(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blocks_hide_no_bare_place),
+        cmocka_unit_test(skipped_blocks_hide_no_gap),
         cmocka_unit_test(the_spline_goes_through_the_samples),
-        cmocka_unit_test(it_does_in_a_narrow_band_too),
-        cmocka_unit_test(one_part_is_told_from_two),
+        cmocka_unit_test(the_spline_interpolates_a_narrow_band),
+        cmocka_unit_test(one_part_is_distinguished_from_two),
         cmocka_unit_test(a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells),
         cmocka_unit_test(derivatives_are_those_of_the_values),
-        cmocka_unit_test(a_ball_comes_out_round),
+        cmocka_unit_test(a_ball_has_its_radius_and_curvature),
         cmocka_unit_test(the_isovalue_is_subtracted_before_doubles_become_floats),
         cmocka_unit_test(a_clamped_band_does_not_ring),
-        cmocka_unit_test(beyond_the_band_the_field_goes_on),
+        cmocka_unit_test(the_field_is_extrapolated_beyond_the_band),
         cmocka_unit_test(a_filled_inside_leaves_the_outside_clamped),
-        cmocka_unit_test(edges_and_thin_walls_stay_tame),
+        cmocka_unit_test(errors_at_edges_and_thin_walls_are_bounded),
         cmocka_unit_test(smoothing_blurs_by_what_theory_says),
         cmocka_unit_test(an_isovalue_moves_a_level_set),
         cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
@@ -874,7 +879,7 @@ int main(void)
         cmocka_unit_test(area_between_corners_counts),
         cmocka_unit_test(areas_are_right_however_cells_bend),
         cmocka_unit_test(areas_of_caps_are_right),
-        cmocka_unit_test(lanes_are_samples_in_single_precision),
+        cmocka_unit_test(lanes_equal_samples_in_single_precision),
         cmocka_unit_test(the_example_is_a_knot),
     };
     return cmocka_run_group_tests_name("volume", tests, NULL, NULL);

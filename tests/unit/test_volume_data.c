@@ -1,5 +1,6 @@
-/* Real files: every volume of the shared data, and every hostile one, gives its points or its error.
- * Where the data are absent nothing is tested, and that is said. */
+/* Real files: every volume of the shared data, and every hostile one, gives its points or its error. If the data are
+ * missing, the tests are skipped with a message.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -25,7 +26,7 @@ typedef struct expectation {
     double isovalue;        /* NAN: none is given */
     error_code code;        /* ERROR_NONE: it opens */
     const char *word;       /* in the error's message */
-    double least_projected; /* share of cells from which Newton reaches the surface */
+    double least_projected; /* fraction of the cells from which Newton's method reaches the surface */
 } expectation;
 
 static const expectation vdb_files[] = {
@@ -110,7 +111,7 @@ static void every_volume(void **state)
     for (size_t i = 0; i < sizeof vdb_files / sizeof *vdb_files; i++) check("vdb", &vdb_files[i]);
 }
 
-static void no_volume_is_left_out(void **state)
+static void every_volume_of_the_data_is_tested(void **state)
 {
     (void)state;
     char path[5000];
@@ -131,7 +132,7 @@ static void hostile_volumes(void **state)
     (void)state;
     static const expectation lfs = {"git_lfs_pointer.vdb", NULL, NAN, ERROR_INPUT_DAMAGED, "git lfs pull", 0};
     static const expectation cut = {"truncated.vdb", NULL, 0.5, ERROR_INPUT_DAMAGED, "truncated", 0};
-    /* Their bounding boxes are metadata, which nothing here believes; none of them holds a voxel. */
+    /* Their bounding boxes are metadata, which are ignored; none of the files has a voxel. */
     static const char *const boxes[] = {"bad-bbox-bomb.vdb",     "bad-bbox-huge.vdb",
                                         "bad-bbox-inverted.vdb", "bad-bbox-overflow.vdb",
                                         "bad-bbox-roundup.vdb",  "bad-bbox-empty.vdb"};
@@ -190,7 +191,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_volume),
-        cmocka_unit_test(no_volume_is_left_out),
+        cmocka_unit_test(every_volume_of_the_data_is_tested),
         cmocka_unit_test(hostile_volumes),
         cmocka_unit_test(the_sphere_is_a_sphere),
     };

@@ -1,4 +1,4 @@
-/* What a volume that cannot be opened says, and that nothing in a file takes more than an error. */
+/* Messages about volumes that cannot be opened. No content of a file causes more than an error. */
 #include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -31,7 +31,7 @@ static double fog_ball(vec3 p)
     return fmin(1, fmax(0, 0.5 - 3 * ball(p)));
 }
 
-/* Opening must fail with the code and name each of the words (NULL ends them). */
+/* Checks that opening fails with the code and a message with each of the words (NULL ends them). */
 static void expect(int fd, const char *grid, double isovalue, error_code code, const char *const words[])
 {
     error e = {0};
@@ -142,13 +142,14 @@ static void volumes_without_a_surface(void **state)
     fixture_free(&fog);
 }
 
-/* Fogs of one value around and within, which is the isovalue: rings of the spline are no surface. */
+/* Fogs with a constant value around and inside, which is the isovalue: oscillations of the spline are no surface. */
 static void plateaus_are_no_surface(void **state)
 {
     (void)state;
     for (int k = 0; k < 3; k++) {
         fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
-        if (k == 2) fixture_set(&fog, 11, 11, 11, -1, true); /* one voxel below says nothing of the others */
+        /* one voxel below the isovalue does not affect the others */
+        if (k == 2) fixture_set(&fog, 11, 11, 11, -1, true);
         for (size_t n = 0; k == 1 && n < fog.draft.voxel_count; n++) fog.values[n] += 0.1f;
         if (k == 1) fog.draft.background += 0.1f;
         vdb_draft d = fixture_draft(&fog);
@@ -162,7 +163,7 @@ static void plateaus_are_no_surface(void **state)
     }
 }
 
-/* Distances of a ball in voxels, some of them bent, or clamped though the band goes on. */
+/* Distances of a ball in voxels, some of them distorted, or clamped although the band continues. */
 static double distances[2]; /* units in a world unit, and the clamp */
 static double ball_in_units(vec3 p)
 {
@@ -227,7 +228,7 @@ static double box_on_voxels(vec3 p)
     return fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 0.8;
 }
 
-/* A box whose faces lie on voxels, and those on the faces of blocks: samples that are 0 with others beyond them. */
+/* A box whose faces lie on voxels, also on the faces of blocks: samples of 0 with other samples beyond them. */
 static void zeros_on_the_surface_are_no_plateau(void **state)
 {
     (void)state;
@@ -253,7 +254,7 @@ static void bands_that_do_not_hold_the_surface(void **state)
     expect(fd, NULL, 0.25, ERROR_INPUT_UNSUPPORTED,
            WORDS("narrow band", "0.25", "half-width of at least 6 voxels"));
     close(fd);
-    /* Cut open, inactive, at a voxel beside the surface; and the same voxel active but at the clamp. */
+    /* A missing voxel beside the surface, inactive; and the same voxel active but clamped. */
     fixture_set(&cut, 6, 0, 0, 0.3f, false);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("cut open"));
@@ -272,7 +273,7 @@ static void values_that_are_not_finite(void **state)
     error e = {0};
     fixture fog = fixture_make(fixture_uniform, 30, fog_ball, 0);
     vdb_draft d = fixture_draft(&fog);
-    fixture_set(&fog, -30, -30, -30, NAN, true); /* 40 voxels from the surface: nobody's business */
+    fixture_set(&fog, -30, -30, -30, NAN, true); /* 40 voxels from the surface, where it has no effect */
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
     if (!v) fail_msg("%s", e.message);
@@ -335,7 +336,7 @@ static void coordinates_at_the_limits_of_int32(void **state)
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("limits of 32-bit index coordinates"));
     close(fd);
-    /* Far out, but not at the limit: two voxels whose distance overflows int32. */
+    /* Far away, but not at the limit: two voxels whose distance overflows int32. */
     const int32_t far[2][3] = {{2000000000, 0, 0}, {-2000000000, 7, 7}};
     const float values[2] = {1, 1};
     d.tile_count = 0;
@@ -388,8 +389,9 @@ static void the_limit_of_memory(void **state)
     fixture_free(&g);
 }
 
-/* What a volume holds is within the least limit with which it opens, also where a fifth of its leaves, which are of no use, stay. */
-static void what_is_held_is_within_the_limit(void **state)
+/* The memory of a volume is within the smallest limit with which it opens, also if a fifth of its leaves is unused
+ * but kept. */
+static void memory_use_is_within_the_limit(void **state)
 {
     (void)state;
     enum { SIDE = 16, USED = SIDE * SIDE * SIDE, UNUSED = 1200 };
@@ -440,7 +442,7 @@ static void what_is_held_is_within_the_limit(void **state)
 
 static size_t slurp(int fd, unsigned char **bytes);
 
-/* Every occurrence of the doubles in the file becomes `to`. */
+/* Replaces every occurrence of the doubles in the file by `to`. */
 static void patch(unsigned char *bytes, size_t size, const double *from, size_t count, double to)
 {
     for (size_t at = 0; at + sizeof to <= size; at++)
@@ -485,7 +487,7 @@ static size_t slurp(int fd, unsigned char **bytes)
     return size;
 }
 
-/* Where the last of such bytes begin. */
+/* The last position of these bytes. */
 static unsigned char *find_bytes(unsigned char *bytes, size_t size, const void *wanted, size_t count)
 {
     unsigned char *found = NULL, *at = bytes;
@@ -494,7 +496,8 @@ static unsigned char *find_bytes(unsigned char *bytes, size_t size, const void *
     return found;
 }
 
-/* What the library would allocate by, or follow to any depth: the kind of a transform, and of one within another. */
+/* Values by which the library would allocate memory or recurse: the type of a transform, and of a transform within
+ * another. */
 static void names_of_transforms(void **state)
 {
     (void)state;
@@ -518,7 +521,7 @@ static void names_of_transforms(void **state)
     fixture_free(&g);
 }
 
-/* The version stands behind the magic number. A file of the next one is read as the library reads it. */
+/* The version follows the magic number. A file of the next version is read as the library reads it. */
 static void versions_of_the_format(void **state)
 {
     (void)state;
@@ -549,11 +552,12 @@ static void versions_of_the_format(void **state)
     fixture_free(&g);
 }
 
-/* A truth value of nine bytes: the library reads one, and would take the others for the length of a name. */
+/* A boolean of nine bytes: the library reads one byte, and would interpret the others as the length of a name. */
 static void lengths_of_metadata(void **state)
 {
     (void)state;
-    static const size_t head = 57; /* magic, three versions, whether there are offsets, an identifier */
+    /* magic number, three versions, whether there are offsets, an identifier */
+    static const size_t head = 57;
     static const char entry[] = "\1\0\0\0a\4\0\0\0bool\x9\0\0\0\1\xff\xff\xff\x7f\0\0\0";
     fixture g = fixture_make(fixture_uniform, 6, fog_ball, 0);
     vdb_draft d = fixture_draft(&g);
@@ -602,7 +606,7 @@ static void parts_of_trees_lie_on_their_grid(void **state)
 static void every_truncation_is_noticed(void **state)
 {
     (void)state;
-    /* Dense in the head and at the end, with steps in between, in each layout and compression. */
+    /* All truncations in the head and at the end, some between, in each layout and compression. */
     fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
     vdb_draft d = fixture_draft(&g);
     for (int variant = 0; variant < 4; variant++) {
@@ -624,7 +628,7 @@ static void every_truncation_is_noticed(void **state)
     fixture_free(&g);
 }
 
-/* The library may die of a damaged file: it does so in a process of its own, as the worker is one. */
+/* The library may crash with a damaged file, so it runs in a separate process, like the worker. */
 static int open_elsewhere(const unsigned char *bytes, size_t size)
 {
     int fd = fixture_bytes(bytes, size), status = 0;
@@ -658,7 +662,7 @@ static int threads_of_process(void)
     return count;
 }
 
-/* A thread that a library leaves behind may hold a lock when the process forks. */
+/* A thread that a library leaves running may hold a lock when the process forks. */
 static void reading_and_writing_leave_no_threads(void **state)
 {
     (void)state;
@@ -687,7 +691,7 @@ static void flipped_bits_give_errors_or_volumes(void **state)
     close(whole);
     print_message("# seed %u\n", SEED);
     for (int i = 0; i < FLIPS; i++) {
-        /* Half of them in the first 2000 bytes, where the structure is. */
+        /* half of them in the first 2000 bytes, which have the structure */
         size_t at = (size_t)(fixture_random(&seed) * (double)(i % 2 && size > 2000 ? 2000 : size));
         unsigned char old = bytes[at];
         bytes[at] ^= (unsigned char)(1u << (int)(fixture_random(&seed) * 8));
@@ -707,7 +711,7 @@ static void flipped_bits_give_errors_or_volumes(void **state)
     fixture_free(&g);
 }
 
-/* The opener of a slice waits until its reader has ended, so that the question finds nobody. */
+/* Opens a slice after its reader has ended, so that the request has no receiver. */
 static int open_when_the_reader_is_gone(void *context, const char *path, error *e)
 {
     siginfo_t info;
@@ -716,7 +720,7 @@ static int open_when_the_reader_is_gone(void *context, const char *path, error *
     return open(path, O_RDONLY | O_CLOEXEC);
 }
 
-static void readers_that_are_gone_before_they_are_asked(void **state)
+static void ended_readers_are_errors(void **state)
 {
     (void)state;
     const char *const paths[] = {"/proc/self/exe"};
@@ -751,13 +755,13 @@ int main(void)
         cmocka_unit_test(coordinates_at_the_limits_of_int32),
         cmocka_unit_test(transforms_that_cannot_be),
         cmocka_unit_test(the_limit_of_memory),
-        cmocka_unit_test(what_is_held_is_within_the_limit),
+        cmocka_unit_test(memory_use_is_within_the_limit),
         cmocka_unit_test(names_of_transforms),
         cmocka_unit_test(lengths_of_metadata),
         cmocka_unit_test(parts_of_trees_lie_on_their_grid),
         cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
-        cmocka_unit_test(readers_that_are_gone_before_they_are_asked),
+        cmocka_unit_test(ended_readers_are_errors),
     };
     return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);
 }

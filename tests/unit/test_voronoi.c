@@ -1,5 +1,6 @@
-/* Stars from polygons against stars from triangles, and both seen from either end: on sets that are even,
- * shaken, bent, creased, degenerate. */
+/* One-rings from polygons against one-rings from triangles, and symmetry of neighbours: on uniform, perturbed, bent,
+ * creased and degenerate sets.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -39,7 +40,7 @@ static int find_in_star(const voronoi_star *star, uint32_t b)
     return -1;
 }
 
-/* A clear star is the one that the triangles make. */
+/* Checks that a clear one-ring equals that of the triangles. */
 static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_star *clear,
                           const voronoi_star *star)
 {
@@ -57,8 +58,8 @@ static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_
     }
 }
 
-/* A star's triangles, as many as its neighbours' counts say, are those around the point: each is seen from
- * its other corners too. */
+/* Checks that the triangles of a one-ring, whose number follows from the counts of its neighbours, surround the
+ * point, and that the other corners have them, too. */
 static void compare_corners(uint32_t a, const voronoi_star *stars)
 {
     const voronoi_star *star = &stars[a];
@@ -77,7 +78,7 @@ static void compare_corners(uint32_t a, const voronoi_star *stars)
     }
 }
 
-/* Every neighbour has this one, by an edge of the same length. */
+/* Checks that every neighbour has this point as a neighbour, with an edge of the same length. */
 static void compare_ends(const voronoi_sites *sites, uint32_t a, const voronoi_star *stars)
 {
     const voronoi_star *star = &stars[a];
@@ -95,7 +96,7 @@ static void compare_ends(const voronoi_sites *sites, uint32_t a, const voronoi_s
     }
 }
 
-/* How many of the stars are clear; all are compared. */
+/* Number of clear one-rings; all are compared. */
 static size_t compare_stars(const set *s)
 {
     neighbours *near = list_neighbours(s);
@@ -115,14 +116,14 @@ static size_t compare_stars(const set *s)
     return clear;
 }
 
-/* What a sheet is bent and shaken by. */
+/* Deformations of a plane lattice. */
 typedef struct bend {
     double k1, k2, twist, cubic; /* z = k1 x^2 / 2 + k2 y^2 / 2 + twist x y + cubic x^3 / 6 */
     double roof;                 /* and - roof |x| */
-    double shake;                /* of the lattice, in spacings */
-    double tilt;                 /* of the normals, at random */
+    double shake;                /* perturbation of the lattice, in spacings */
+    double tilt;                 /* random tilt of the normals */
     double growth;               /* spacing 1 + growth x */
-    double height;               /* of the lattice's rows over spacing: sqrt(3) / 2 for hexagons */
+    double height;               /* distance of rows over spacing: sqrt(3) / 2 for hexagons */
     double offset;               /* of every other row: 1 / 2 for hexagons */
 } bend;
 
@@ -182,8 +183,9 @@ static void bent_sheets_agree(void **state)
     free(s);
 }
 
-/* All of a lattice's inner points are clear, though a little shaken; none of squares, whose diagonals tie. */
-static void lattices_are_clear_or_not(void **state)
+/* All inner points of a hexagonal lattice are clear, even if slightly perturbed. No points of a square lattice are,
+ * because their diagonals are equal. */
+static void hexagonal_lattices_are_clear_and_square_ones_are_not(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -199,7 +201,7 @@ static void lattices_are_clear_or_not(void **state)
     free(s);
 }
 
-/* Points of a shape no closer than `least` spacings, as many as come of it: as coarse, no packing at all. */
+/* Random points of a shape, no closer than `least` spacings; they are no packing. */
 static void scatter(set *s, int shape, double spacing, double least, rng *r)
 {
     error e = {0};
@@ -237,7 +239,7 @@ static void shapes_agree(void **state)
     free(s);
 }
 
-/* Points in one place, in a row, and alone: no star of theirs is clear, and nothing breaks. */
+/* Coincident points, collinear points and a single point: none has a clear one-ring, and there is no failure. */
 static void degenerate_sets_agree(void **state)
 {
     (void)state;
@@ -252,9 +254,9 @@ static void degenerate_sets_agree(void **state)
     free(s);
 }
 
-/* The corners of a hole wider than the lists reach are joined by a triangulation of it, or not across it at
+/* The corners of a hole wider than the reach of the lists are joined by a triangulation of it, or not across it at
  * all. */
-static void holes_are_seen_across(void **state)
+static void holes_are_triangulated_or_left_open(void **state)
 {
     (void)state;
     enum { CORNERS = 8 };
@@ -277,13 +279,12 @@ static void holes_are_seen_across(void **state)
             across += b > a + 1 && b + 1 != a + CORNERS;
         }
     }
-    assert_in_range(across, 0, CORNERS - 3); /* the diagonals of a triangulation, at most */
+    assert_in_range(across, 0, CORNERS - 3); /* at most the diagonals of a triangulation */
     neighbours_free(near);
     free(s);
 }
 
-/* A point on a cube's surface, with the normals of the faces that it is on summed: draws on faces, or on
- * edges. */
+/* A random point on the faces or edges of a cube, with the sum of the normals of its faces. */
 static vec3 draw_on_cube(rng *r, double half, bool edge, vec3 *normal)
 {
     vec3 x = random_between(r, (vec3){-half, -half, -half}, (vec3){half, half, half});
@@ -307,8 +308,7 @@ static void put_apart(set *s, vec3 x, vec3 normal)
     s->spacing[s->count++] = 1;
 }
 
-/* Points of a cube, the closest 0.75 spacings apart, as many as there is room for: at its corners, on its
- * edges, on its faces. */
+/* Points of a cube at its corners, on its edges and on its faces, at least 0.75 spacings apart, as many as fit. */
 static void cover_cube(set *s, double half, rng *r)
 {
     s->count = 0;
@@ -322,10 +322,10 @@ static void cover_cube(set *s, double half, rng *r)
     }
 }
 
-/* At edges and corners, where the normals of neighbours part by right angles, the triangles are those of one
- * surface: every edge is in two of them, 6 - degree sums to 12, and the cells have the area of the cube but
- * for what is cut off its edges. Points scattered at random are so ill placed at times that an edge is in
- * four: one in a hundred is allowed. */
+/* At edges and corners, where the normals of neighbours differ by right angles, the triangles form one surface:
+ * every edge belongs to two of them, 6 - degree sums to 12, and the cells have the area of the cube except for the
+ * parts cut off at its edges. Random points are sometimes so unfavourable that an edge belongs to four triangles:
+ * one in a hundred is permitted. */
 static void corners_are_closed(void **state)
 {
     (void)state;
@@ -362,9 +362,12 @@ static void corners_are_closed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bent_sheets_agree),     cmocka_unit_test(lattices_are_clear_or_not),
-        cmocka_unit_test(shapes_agree),          cmocka_unit_test(degenerate_sets_agree),
-        cmocka_unit_test(holes_are_seen_across), cmocka_unit_test(corners_are_closed),
+        cmocka_unit_test(bent_sheets_agree),
+        cmocka_unit_test(hexagonal_lattices_are_clear_and_square_ones_are_not),
+        cmocka_unit_test(shapes_agree),
+        cmocka_unit_test(degenerate_sets_agree),
+        cmocka_unit_test(holes_are_triangulated_or_left_open),
+        cmocka_unit_test(corners_are_closed),
     };
     return cmocka_run_group_tests_name("voronoi", tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-/* watch: an end for jobs that do not look, lines for those that do not speak. */
+/* watch: ends jobs that do not check for a stop, and prints lines for silent phases. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,8 +27,8 @@ static void leave(void *context)
     _exit(*(const int *)context);
 }
 
-/* A process whose job hangs for ever ends all the same once it is told to. */
-static void test_a_job_that_hangs_is_left(void **state)
+/* A process whose job hangs ends when it is requested to. */
+static void test_a_process_ends_although_its_job_hangs(void **state)
 {
     (void)state;
     int ready[2];
@@ -57,7 +57,7 @@ static void never(void *context)
     abort();
 }
 
-/* Lines come from a phase that says nothing, as long as the watch goes on. */
+/* A silent phase has progress lines as long as the watch runs. */
 static void test_a_silent_job_has_progress(void **state)
 {
     (void)state;
@@ -87,7 +87,7 @@ static void test_a_silent_job_has_progress(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_job_that_hangs_is_left),
+        cmocka_unit_test(test_a_process_ends_although_its_job_hangs),
         cmocka_unit_test(test_a_silent_job_has_progress),
     };
     return cmocka_run_group_tests_name("watch", tests, NULL, NULL);

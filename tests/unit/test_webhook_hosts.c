@@ -11,7 +11,7 @@
 
 static const char *const table[] = {"farm.example", "Hooks.example:8443", "[::1]:9000", "127.0.0.1:8080"};
 
-static void test_what_is_listed_is_admitted(void **state)
+static void test_listed_hosts_are_admitted(void **state)
 {
     (void)state;
     static const char *const good[] = {
@@ -27,7 +27,7 @@ static void test_what_is_listed_is_admitted(void **state)
     webhook_hosts_free(hosts);
 }
 
-static void test_all_else_is_refused(void **state)
+static void test_other_urls_are_refused(void **state)
 {
     (void)state;
     static const char *const bad[] = {"http://farm.example:8080/",
@@ -87,7 +87,7 @@ static bool is_of_host(const char *host, const char *address)
     return strncmp(address, host, strlen(host)) == 0;
 }
 
-static void test_addresses_of_one_host_begin_alike(void **state)
+static void test_addresses_of_one_host_have_the_same_beginning(void **state)
 {
     (void)state;
     static const struct {
@@ -119,10 +119,10 @@ static void test_addresses_of_one_host_begin_alike(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_is_listed_is_admitted),
-        cmocka_unit_test(test_all_else_is_refused),
+        cmocka_unit_test(test_listed_hosts_are_admitted),
+        cmocka_unit_test(test_other_urls_are_refused),
         cmocka_unit_test(test_bad_entries_are_named),
-        cmocka_unit_test(test_addresses_of_one_host_begin_alike),
+        cmocka_unit_test(test_addresses_of_one_host_have_the_same_beginning),
     };
     return cmocka_run_group_tests_name("webhook_hosts", tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
-/* The method of 1994: its formulas against finite differences and a lattice; and what the paper of 2005 says
- * of it in section 3, measured: homogeneous where targets are even, and where they vary a cycle of insertion
- * and deletion that never ends, or, with more hysteresis, a homogeneous result all the same. */
+/* The method of 1994: its formulas against finite differences and a lattice, and the statements of the paper of 2005
+ * about it in section 3. It is homogeneous for uniform targets. For varying targets, insertion and deletion form an
+ * endless cycle or, with more hysteresis, the result is homogeneous nevertheless.
+ */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -29,7 +30,7 @@ typedef struct few {
     uint32_t list[FEW][FEW];
 } few;
 
-/* Particles a few radii apart, none at a place where a Gaussian is cut off. */
+/* Particles a few radii apart, none at the truncation of a Gaussian. */
 static few few_particles(void)
 {
     few f;
@@ -51,7 +52,7 @@ static witkin_heckbert_terms terms_of(const few *f, size_t i)
     return t;
 }
 
-/* E_i of the paper: own Gaussians at the others, and the others' at it. */
+/* E_i of the paper: the particle's Gaussian at the others, and their Gaussians at the particle. */
 static double energy_of(const few *f, size_t i)
 {
     double sum = 0;
@@ -64,7 +65,7 @@ static double energy_of(const few *f, size_t i)
     return sum;
 }
 
-static void the_push_is_the_energys_descent(void **state)
+static void displacement_follows_the_energy_gradient(void **state)
 {
     (void)state;
     const double step = 1e-5;
@@ -81,7 +82,7 @@ static void the_push_is_the_energys_descent(void **state)
     }
 }
 
-static void the_growth_is_the_energys_derivative(void **state)
+static void radius_growth_is_the_derivative_of_the_energy(void **state)
 {
     (void)state;
     const double step = 1e-5;
@@ -95,7 +96,7 @@ static void the_growth_is_the_energys_derivative(void **state)
     }
 }
 
-/* Without beta the radius changes so that D follows its feedback while everyone moves. */
+/* Without beta the radius changes such that D follows its feedback while all particles move. */
 static void radii_make_energies_follow_their_feedback(void **state)
 {
     (void)state;
@@ -139,12 +140,12 @@ static void a_lattice_of_that_packing_has_the_desired_energy(void **state)
             }
         witkin_heckbert_terms t;
         witkin_heckbert_sum(&params, x, sigma, middle, list, count, &t);
-        assert_close(t.energy / params.alpha, e_hat, 1e-2 * e_hat); /* what the cut takes off */
+        assert_close(t.energy / params.alpha, e_hat, 1e-2 * e_hat); /* the effect of the truncation */
         assert_close(vec3_norm(t.push), 0, 1e-12);
     }
 }
 
-/* ---- the whole ---- */
+/* ---- complete solves */
 
 typedef struct solved {
     analytic *a;
@@ -198,7 +199,7 @@ static void solve(const analytic_params *shape, const solver_params *params, int
     x->q = measure_result(x->scan, x->s, false, x->pool);
     assert_int_equal(x->points->lost, 0);
     assert_true(x->points->max_residual < 1e-6);
-    size_t count = params->count; /* the counts are accounted for */
+    size_t count = params->count; /* the records account for all changes of the count */
     for (size_t k = 0; k < x->sweeps; k++) {
         count = count + x->sweep[k].inserted - x->sweep[k].deleted;
         assert_int_equal(x->sweep[k].count, count);
@@ -214,7 +215,7 @@ static void release(solved *x)
     analytic_free(x->a);
 }
 
-/* Particles that split or died in the last steps. */
+/* Number of particles that split or died in the last steps. */
 static size_t turnover(const solved *x, size_t steps)
 {
     size_t sum = 0;
@@ -222,7 +223,7 @@ static size_t turnover(const solved *x, size_t steps)
     return sum;
 }
 
-/* The largest distance, over h, of a point of the sphere from its nearest particle; 1 / sqrt 3 is ideal. */
+/* The largest distance, in h, of a point of the sphere from the nearest particle; 1 / sqrt 3 is ideal. */
 static double largest_gap(const solved *x, const analytic_params *sphere)
 {
     rng r = rng_seed(7, 1);
@@ -258,7 +259,7 @@ static void even_targets_give_an_even_sphere(void **state)
     }
 }
 
-/* The asked contrast of spacing, and the exponent by which the spacing follows it. */
+/* The requested contrast of spacing, and the exponent by which the spacing follows it. */
 static double contrast(const solved *x)
 {
     double low = INFINITY, high = 0;
@@ -269,7 +270,7 @@ static double contrast(const solved *x)
     return high / low;
 }
 
-static void varied_targets_never_come_to_rest(void **state)
+static void varied_targets_never_converge(void **state)
 {
     (void)state;
     const double d[] = {1, 3};
@@ -284,11 +285,11 @@ static void varied_targets_never_come_to_rest(void **state)
             "%.1f the spacing has exponent %.2f, cv %.2f\n",
             d[k], last, x.points->count, contrast(&x), x.q.grading_exponent, x.q.grading_cv);
         assert_int_equal(solver_result(x.s), SOLVER_OUT_OF_SWEEPS);
-        assert_true(last > x.points->count / 2);             /* it goes on, */
-        assert_true((double)later > 0.8 * 5 * (double)last); /* and does not abate */
+        assert_true(last > x.points->count / 2);             /* it continues */
+        assert_true((double)later > 0.8 * 5 * (double)last); /* and does not decrease */
         assert_true((double)later < 1.25 * 5 * (double)last);
         assert_true(contrast(&x) > 2 && x.q.grading_exponent < 0.8);
-        assert_true(x.q.grading_cv > 0.1); /* several times that of an even one */
+        assert_true(x.q.grading_cv > 0.1); /* several times that of a uniform sphere */
         release(&x);
     }
 }
@@ -320,7 +321,7 @@ static analytic_params scaled(const analytic_params *shape, double factor)
     return p;
 }
 
-/* A power of two changes no digit; any other factor nothing that a measure shows. */
+/* Scaling by a power of two changes no digit. Scaling by other factors changes no measure. */
 static void the_size_of_a_surface_does_not_matter(void **state)
 {
     (void)state;
@@ -361,7 +362,7 @@ static void creases_and_rims_hold(void **state)
         solved x;
         solve(hard[k], &params, 1, &x);
         assert_close(x.points->mean_energy / x.points->ideal_energy, 1, 0.01);
-        assert_close((double)x.points->count, 800, 240); /* rims want more */
+        assert_close((double)x.points->count, 800, 240); /* boundaries need more */
         assert_true(x.q.min_spacing_ratio > 0.6);
         for (size_t i = 0; x.a->base.open && i < x.points->count; i++)
             assert_true(bbox_contains(x.a->base.domain, x.points->position[i]));
@@ -369,7 +370,7 @@ static void creases_and_rims_hold(void **state)
     }
 }
 
-static void threads_do_not_show(void **state)
+static void result_does_not_depend_on_threads(void **state)
 {
     (void)state;
     solver_params params = varied_targets(&defaults, 2);
@@ -384,8 +385,8 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
-/* Of the particles' own Gaussians, as their mean in the report. */
-static void energies_of_points_have_the_mean_that_is_told(void **state)
+/* The mean energy of the particles' own Gaussians in the report. */
+static void energies_of_points_have_the_reported_mean(void **state)
 {
     (void)state;
     solver_params params = varied_targets(&defaults, 2);
@@ -415,17 +416,17 @@ static void tiny_counts_work(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_push_is_the_energys_descent),
-        cmocka_unit_test(the_growth_is_the_energys_derivative),
+        cmocka_unit_test(displacement_follows_the_energy_gradient),
+        cmocka_unit_test(radius_growth_is_the_derivative_of_the_energy),
         cmocka_unit_test(radii_make_energies_follow_their_feedback),
         cmocka_unit_test(a_lattice_of_that_packing_has_the_desired_energy),
         cmocka_unit_test(even_targets_give_an_even_sphere),
-        cmocka_unit_test(varied_targets_never_come_to_rest),
+        cmocka_unit_test(varied_targets_never_converge),
         cmocka_unit_test(hysteresis_ends_the_cycle_and_the_contrast),
         cmocka_unit_test(the_size_of_a_surface_does_not_matter),
         cmocka_unit_test(creases_and_rims_hold),
-        cmocka_unit_test(threads_do_not_show),
-        cmocka_unit_test(energies_of_points_have_the_mean_that_is_told),
+        cmocka_unit_test(result_does_not_depend_on_threads),
+        cmocka_unit_test(energies_of_points_have_the_reported_mean),
         cmocka_unit_test(tiny_counts_work),
     };
     return cmocka_run_group_tests_name("witkin_heckbert", tests, NULL, NULL);

@@ -45,11 +45,11 @@ static vec3 place(const double m[16], int x, int y, int z)
 fixture fixture_make(const double matrix[16], int half, fixture_function f, double band)
 {
     fixture g = {{0}, {0}, NULL, NULL, NULL};
-    size_t side = (size_t)(2 * half + 1), room = side * side * side, n = 0;
+    size_t side = (size_t)(2 * half + 1), capacity = side * side * side, n = 0;
     memcpy(g.matrix, matrix, sizeof g.matrix);
-    g.voxels = mem_array(room, sizeof *g.voxels, "voxels", NULL);
-    g.values = mem_array(room, sizeof *g.values, "values", NULL);
-    g.active = mem_array(room, sizeof *g.active, "flags", NULL);
+    g.voxels = mem_array(capacity, sizeof *g.voxels, "voxels", NULL);
+    g.values = mem_array(capacity, sizeof *g.values, "values", NULL);
+    g.active = mem_array(capacity, sizeof *g.active, "flags", NULL);
     for (int x = -half; x <= half; x++)
         for (int y = -half; y <= half; y++)
             for (int z = -half; z <= half; z++) {
@@ -139,7 +139,8 @@ volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction 
 bool fixture_project(const field *f, vec3 x, vec3 *out)
 {
     field_sample s;
-    for (int step = 0; step < 20; step++) { /* quadratic: a dozen suffices from a cell away */
+    /* quadratic convergence: a dozen steps suffice from one cell away */
+    for (int step = 0; step < 20; step++) {
         if (!field_sample_at(f, x, FIELD_GRADIENT, &s)) return false;
         double g2 = vec3_norm2(s.gradient);
         if (!(g2 > 0)) return false;
