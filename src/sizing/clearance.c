@@ -8,8 +8,9 @@
 #include "field/projection.h"
 #include "voronoi/resolution.h"
 
-/* Number of sampled places: fractions are accurate to a few tenths of a percent. */
-enum { SAMPLES = 4096, GRAIN = 32 };
+/* Number of sampled places: a fraction of 2 % has a standard deviation below 0.5 %. If no wall is close to any of the
+ * FIRST ones, the others are not sampled: with thin walls on 2 % of the surface the probability of that is 0.6 %. */
+enum { SAMPLES = 1024, FIRST = 256, GRAIN = 16 };
 /* The smallest spacing of a packing over the requested one. */
 static const double UNEVEN = 0.9;
 /* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the tube of
@@ -32,6 +33,7 @@ typedef struct clearance_job {
     const surface *scan;
     const sizing_field *sizing;
     double h;
+    size_t begin; /* first sample to measure */
     double *
         /* Per sample: the largest spacing that resolves it over the requested one; INFINITY: no opposite wall. */
         ratio;
@@ -113,10 +115,11 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
     const projection_limits limits = {PROJECT_STEPS, PROJECT_TOLERANCE * f->cell_size,
                                       PROJECT_TOLERANCE * f->cell_size, f->cell_size};
     (void)worker;
-    for (size_t k = begin; k < end; k++) {
+    for (size_t k = job->begin + begin; k < job->begin + end; k++) {
         rng r = rng_seed(SEED, k);
-        vec3 normal, x = surface_point(job->scan, job->scan->area_before,
-                                       ((double)k + rng_uniform(&r)) / SAMPLES * job->scan->area, &r, NULL);
+        const size_t part = k % FIRST * (SAMPLES / FIRST) + k / FIRST; /* the FIRST ones are spread evenly */
+        const double area = ((double)part + rng_uniform(&r)) / SAMPLES * job->scan->area;
+        vec3 normal, x = surface_point(job->scan, job->scan->area_before, area, &r, NULL);
         job->ratio[k] = INFINITY;
         if (!projection_find(f, &limits, &x, &normal)) continue;
         double spacing = job->sizing ? sizing_field_spacing(job->sizing, x, NULL) : job->h;
@@ -124,18 +127,31 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* The number of samples, of the first `count`, whose walls the requested spacing does not separate. */
+static size_t count_near(const clearance_job *job, size_t count)
+{
+    size_t near = 0;
+    for (size_t k = 0; k < count; k++) near += job->ratio[k] < 1;
+    return near;
+}
+
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
                        double allowed, clearance *out, error *e)
 {
-    clearance_job job = {scan, sizing, h, mem_array(SAMPLES, sizeof(double), "the clearance", e)};
+    clearance_job job = {scan, sizing, h, 0, mem_array(SAMPLES, sizeof(double), "the clearance", e)};
     if (!job.ratio) return false;
-    threads_run(pool, SAMPLES, GRAIN, measure_chunk, &job);
+    size_t count = FIRST;
+    threads_run(pool, FIRST, GRAIN, measure_chunk, &job);
+    if (count_near(&job, FIRST) > 0) {
+        job.begin = FIRST;
+        count = SAMPLES;
+        threads_run(pool, SAMPLES - FIRST, GRAIN, measure_chunk, &job);
+    }
     bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
-    size_t near = 0;
-    qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_doubles);
-    while (near < SAMPLES && job.ratio[near] < 1) near++;
+    qsort(job.ratio, count, sizeof *job.ratio, compare_doubles);
     if (ok)
-        *out = (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(allowed * SAMPLES)], 1)};
+        *out = (clearance){(double)count_near(&job, count) / (double)count,
+                           fmin(UNEVEN * job.ratio[(size_t)(allowed * (double)count)], 1)};
     free(job.ratio);
     return ok;
 }

@@ -26,7 +26,6 @@ static schedule_position position(const solver *s)
                                s->state.sweeps_in_round,
                                s->state.p->count,
                                s->state.has_many_defects,
-                               s->state.p->patch != NULL,
                                relax_has_divergent_normals(s->scratch.relax),
                                relax_has_mostly_divergent_normals(s->scratch.relax)};
 }
@@ -167,8 +166,7 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
         const schedule_position then = {.level = level,
                                         .levels = s->state.plan.count,
                                         .stage = SCHEDULE_STAGES - 1,
-                                        .count = s->state.plan.particles[level],
-                                        .has_patches = at.has_patches};
+                                        .count = s->state.plan.particles[level]};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
@@ -180,8 +178,7 @@ static bool sizes_are_current(solver *s)
 {
     if (s->state.level > 0 && s->state.level < s->state.plan.count - 1) return true;
     double change = fmax(solver_renew_sizes(s), solver_renew_amplitudes(s));
-    if (change < s->state.regime->schedule->size_settled ||
-        s->state.size_renewals == s->state.regime->schedule->resizes_most)
+    if (change < s->setup.params.step_tolerance || s->state.size_renewals == SOLVER_CONTINUATIONS_MOST)
         return true;
     s->state.size_renewals++;
     s->state.lists_stale = true;
@@ -219,7 +216,7 @@ static void note_sweep(solver *s, const relax_sums *sums)
 static bool may_skip(const solver *s, const schedule_position *at)
 {
     const int sweeps = schedule_level_sweeps(s->state.regime->schedule, at);
-    return s->state.has_many_defects && !s->setup.params.sizing && !at->has_patches &&
+    return s->state.has_many_defects && !s->setup.params.sizing && !s->state.p->patch &&
            schedule_is_last_level(at) && !s->state.regime->is_under_resolved && sweeps >= SKIPPING_SWEEPS &&
            at->sweeps + 1 < sweeps;
 }
@@ -233,7 +230,7 @@ static void judge_defects(solver *s, schedule_position *at)
     const bool is_repaired = s->setup.params.repair_defects && s->setup.params.sizing,
                smooth = at->is_divergent && at->level > 0 && !is_repaired;
     const double share = relax_defect_fraction(s->scratch.relax, s->state.p, s->state.spacing, smooth);
-    s->state.has_many_defects |= schedule_has_many_defects(given, at, share);
+    s->state.has_many_defects |= schedule_has_many_defects(given, share);
     at->has_many_defects = s->state.has_many_defects;
     s->state.defect_fraction = s->state.round_defect_fraction = share;
 }

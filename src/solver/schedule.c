@@ -11,12 +11,11 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                             \
-    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .shake_sweeps = 15, .one_sweep_count = 2.15e5, \
-    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3,                       \
-    .defects_sweeps = {2, 3.5}, .defects_least = {0.05, 0.02}, .defects_most = 0.25, .stage_step = 0.03,   \
-    .size_settled = 1e-3, .resizes_most = 10, .limited_share = 0.01, .limited_share_coarse = 0.04,         \
-    .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
+#define COMMON                                                                                               \
+    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5,   \
+    .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .defects_least = 0.03, \
+    .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2,   \
+    .skin_steps = 6, .divergent_share = 0.9
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
@@ -39,6 +38,8 @@ const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .fin
 enum { EARLY_PATIENCE = 4, MORE_PATIENCE = 8 };
 /* Ratios of a stage to the next one. */
 static const double GAIN_RATIO = 100, STEP_RATIO = 3;
+/* The first sweeps of an earlier stage, over the most sweeps of a level. */
+static const double EARLY_SHARE = 0.125;
 
 static bool is_early(const schedule_position *at)
 {
@@ -55,18 +56,23 @@ double schedule_coarsest_gain(const schedule *s)
     return 10 * GAIN_RATIO * s->gain;
 }
 
-/* The rms step over h with which a stage ends. */
-static double stage_step(const schedule *s, const schedule_position *at)
+/* The rms step over h with which a stage ends: the tolerance in the last one. */
+static double stage_step(const schedule_position *at, double step_tolerance)
 {
-    return s->stage_step / pow(STEP_RATIO, at->stage);
+    return step_tolerance * pow(STEP_RATIO, SCHEDULE_STAGES - 1 - at->stage);
+}
+
+/* Least sweeps of a level without extra sweeps for its defects. */
+static double plain_sweeps(const schedule *s, const schedule_position *at)
+{
+    assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
+    const double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
+    return fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
 }
 
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
-    assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
-    double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
-    sweeps = fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
-    return (int)(at->has_many_defects ? s->defects_sweeps[schedule_is_last_level(at)] * sweeps : sweeps);
+    return (int)(at->has_many_defects ? s->defects_sweeps * plain_sweeps(s, at) : plain_sweeps(s, at));
 }
 
 int schedule_least_sweeps(const schedule *s, const schedule_position *at)
@@ -87,15 +93,15 @@ bool schedule_judges_defects(const schedule *s, const schedule_position *at)
            at->sweeps == schedule_level_sweeps(s, at);
 }
 
-bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction)
+bool schedule_has_many_defects(const schedule *s, double defect_fraction)
 {
-    return defect_fraction > s->defects_least[at->has_patches] && defect_fraction < s->defects_most;
+    return defect_fraction > s->defects_least && defect_fraction < s->defects_most;
 }
 
 /* The sweeps of the round over the sweeps during which it is shaken. */
 static double paced_time(const schedule *s, const schedule_position *at)
 {
-    return at->sweeps / (double)(is_early(at) ? s->shake_sweeps : schedule_level_sweeps(s, at));
+    return at->sweeps / (is_early(at) ? EARLY_SHARE * s->sweeps_most : schedule_level_sweeps(s, at));
 }
 
 double schedule_omega(const schedule *s, const schedule_position *at)
@@ -127,7 +133,7 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
     if (at->sweeps < schedule_least_sweeps(s, at)) return SCHEDULE_GOES_ON;
     if (schedule_is_last_level(at) && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
-    if (seen->rms_step < stage_step(s, at)) return SCHEDULE_CONVERGED;
+    if (seen->rms_step < stage_step(at, seen->step_tolerance)) return SCHEDULE_CONVERGED;
     return at->level > 0 || at->sweeps >= s->patience ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 
@@ -137,7 +143,7 @@ schedule_end schedule_round_end(const schedule *s, const schedule_position *at, 
 {
     if (!(s->rest_lambda > 0)) return end_by_steps(s, at, seen);
     if (at->level > 0 && !schedule_is_last_level(at)) {
-        if (seen->rms_step < stage_step(s, at)) return SCHEDULE_CONVERGED;
+        if (seen->rms_step < stage_step(at, seen->step_tolerance)) return SCHEDULE_CONVERGED;
         return at->sweeps >= schedule_level_sweeps(s, at) ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
     }
     bool ends = seen->rms_step < seen->step_tolerance;
@@ -157,8 +163,7 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)
 {
-    double share = schedule_is_last_level(at) ? s->limited_share : s->limited_share_coarse;
-    return (double)limited > share * (double)at->count || (limited > 0 && age >= s->limited_wait);
+    return (double)limited > s->limited_share * (double)at->count || (limited > 0 && age >= s->limited_wait);
 }
 
 double schedule_skin(const schedule *s, double rms_step)
@@ -183,7 +188,6 @@ double schedule_expected_sweeps(const schedule *s, const schedule_position *at, 
 {
     double sweeps = schedule_level_sweeps(s, at);
     if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
-    if (can_have_many_defects(s, at) && !at->has_many_defects)
-        sweeps *= s->defects_sweeps[schedule_is_last_level(at)];
+    if (can_have_many_defects(s, at) && !at->has_many_defects) sweeps *= s->defects_sweeps;
     return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

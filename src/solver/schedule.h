@@ -33,38 +33,29 @@ typedef struct schedule {
      * omega. Otherwise, and in earlier stages, the factor is omega. */
     bool is_paced;
     double omega, omega_shake;
-    /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during shake_sweeps of an earlier
-     * stage; then the limit falls from longest_step with the inverse square of the sweeps. */
+    /* Longest fast step, over h. If is_paced, steps are unlimited during the least sweeps of a level, and during an eighth of sweeps_most of an
+     * earlier stage; then the limit falls from longest_step with the inverse square of the sweeps. */
     double longest_step;
-    int shake_sweeps;
 
     /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
     double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
-    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count
-     * particles is compared with defects_least ([0] of level sets, [1] of surfaces with patches) and defects_most.
-     * Between them the level takes defects_sweeps times as many sweeps ([1] on the last level, [0] on others), once.
+    /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles
+     * is compared with defects_least and defects_most. Between them the level takes defects_sweeps times as many sweeps, once.
      * Above defects_most the surface is not resolved, and more sweeps do not help. */
-    double defects_count, defects_sweeps[2], defects_least[2], defects_most;
+    double defects_count, defects_sweeps, defects_least, defects_most;
 
     /* Convergence.
      * - rest_lambda > 0: the coarsest level ends by the paper's criterion, a mean log10 lambda above this value; its last
-     *   stage also requires an rms step below the job's tolerance. 0: all levels are judged by steps.
-     * - stage_step: the rms step over h with which the first stage of the coarsest level ends, if it is judged by steps.
-     *   Each later stage has a third of the value of the stage before it. A level that will be refined again ends with
-     *   the value of the last stage.
+     *   stage also requires an rms step below the job's tolerance. 0: all levels are judged by steps: the last stage of the
+     *   coarsest level, and a level that will be refined again, end with an rms step over h below the tolerance, each earlier
+     *   stage with three times the value of the next one.
      * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance. It may exceed
      *   1, because over-relaxed steps are longer than the remaining distance to convergence. */
-    double rest_lambda, stage_step, finest_rest;
-    /* A round that has converged ends only if the sizes at the present positions differ from those in use by less than
-     * this (rms, relative). Otherwise sizes are renewed and the round continues, at most resizes_most times; then the
-     * sizes count as current. */
-    double size_settled;
-    int resizes_most;
+    double rest_lambda, finest_rest;
 
-    /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles
-     * (limited_share_coarse on levels before the last), or if it limits any step and the lists are at least limited_wait
-     * sweeps old. */
-    double limited_share, limited_share_coarse;
+    /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles, or if it
+     * limits any step and the lists are at least limited_wait sweeps old. */
+    double limited_share;
     int limited_wait;
     /* Verlet skin over h: the reach of the lists beyond the support. It is skin_steps times the rms step, clamped to
      * skin_narrow .. skin_wide. */
@@ -88,7 +79,6 @@ typedef struct schedule_position {
     int sweeps;               /* of the round */
     size_t count;             /* particles of the level */
     bool has_many_defects;    /* of the level, see schedule_has_many_defects */
-    bool has_patches;         /* it is a mesh that is sampled on its triangles, or the interfaces of labels */
     bool is_divergent;        /* relax_has_divergent_normals */
     bool is_mostly_divergent; /* relax_has_mostly_divergent_normals */
 } schedule_position;
@@ -119,12 +109,12 @@ int schedule_least_sweeps(const schedule *s, const schedule_position *at);
 bool schedule_judges_defects(const schedule *s, const schedule_position *at);
 
 /* Whether a level with this defect fraction takes more sweeps. */
-bool schedule_has_many_defects(const schedule *s, const schedule_position *at, double defect_fraction);
+bool schedule_has_many_defects(const schedule *s, double defect_fraction);
 
 /* The over-relaxation factor. */
 double schedule_omega(const schedule *s, const schedule_position *at);
 
-/* Whether steps are unlimited: the least sweeps of a paced level, or the first shake_sweeps of an earlier stage.
+/* Whether steps are unlimited: the least sweeps of a paced level, or the first sweeps of an earlier stage.
  * Energies may rise then. */
 bool schedule_is_shaken(const schedule *s, const schedule_position *at);
 

@@ -18,7 +18,8 @@
 enum {
     SOLVER_MAX_ROUNDS = 40, /* rounds that end with an action of global control */
     /* maximum number of rounds after the first projection. Reasons: particles were relocated, or relax_rms_steps_left
-     * exceeds the tolerance */
+     * exceeds the tolerance. Also the maximum number of times that converged particles of a round go on because their sizes have
+     * changed */
     SOLVER_CONTINUATIONS_MOST = 5,
     SOLVER_GROUP = 256 /* particles whose worst residual is kept as one number */
 };

@@ -304,15 +304,15 @@ def test_walls_thinner_than_the_spacing_are_a_warning(worker, tmp_path):
 
 @pytest.mark.sanitized
 def test_the_packing_decides_the_outcome_only_where_it_is_required(worker, tmp_path):
-    """The Gaussian energy leaves a third of the points without six neighbours: rated, and accepted unless the spec asks for more."""
+    """The Gaussian energy leaves a fifth of the points without six neighbours: rated, and accepted unless the spec asks for more."""
     spec = {"version": 1, "surface": QUARTIC, "sampling": {"count": 1000}, "solver": {"energy": "gaussian", "seed": 1},
             "output": {"preview": False}}
     for required, code in (({}, 0), ({"hex_fraction": 0.5, "edge_cv": 0.2}, 0), ({"hex_fraction": 0.9}, 11), ({"edge_cv": 0.1}, 11)):
         assert worker({**spec, "outcome": {"require": required}}).returncode == code
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         quality, rated = report["quality"], report["ratings"]
-        assert quality["hex_fraction"] < 0.7 and rated["hex_fraction"]["rating"] in ("fair", "poor")
-        assert rated["edge_cv"] == {"value": quality["edge_cv"], "rating": "poor"}
+        assert quality["hex_fraction"] < 0.85 and rated["hex_fraction"]["rating"] in ("fair", "poor")
+        assert rated["edge_cv"]["value"] == quality["edge_cv"] and rated["edge_cv"]["rating"] in ("fair", "poor")
         told = [(r["criterion"], r["value"], r["bound"]) for r in report["outcome_reasons"]]
         assert told == ([(name, quality[name], bound) for name, bound in required.items()] if code else [])
 

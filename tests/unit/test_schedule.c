@@ -68,25 +68,22 @@ static void levels_with_many_defects_take_more_sweeps(void **state)
     const int sweeps = schedule_level_sweeps(s, &at);
     at.sweeps = sweeps;
     assert_true(schedule_judges_defects(s, &at));
-    assert_true(schedule_has_many_defects(s, &at, 0.2));
-    assert_false(schedule_has_many_defects(s, &at, 0.02) || schedule_has_many_defects(s, &at, 0.4));
+    assert_true(schedule_has_many_defects(s, 0.2));
+    assert_false(schedule_has_many_defects(s, 0.02) || schedule_has_many_defects(s, 0.4));
     at.has_many_defects = true;
     assert_false(schedule_judges_defects(s, &at));
     at.sweeps = schedule_level_sweeps(s, &at);
-    assert_in_range(at.sweeps, (int)(s->defects_sweeps[1] * sweeps),
-                    (int)(s->defects_sweeps[1] * (sweeps + 1)));
+    assert_in_range(at.sweeps, (int)(s->defects_sweeps * sweeps), (int)(s->defects_sweeps * (sweeps + 1)));
 }
 
-/* Curve samples cause few defects, but these take many sweeps. */
-static void surfaces_with_patches_take_more_sweeps_for_fewer_defects(void **state)
+/* A small level has many sweeps anyway. */
+static void small_levels_take_no_extra_sweeps(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
-    schedule_position at = finest(0, 10000);
-    assert_false(schedule_has_many_defects(s, &at, 0.03));
-    at.has_patches = true;
-    assert_true(schedule_has_many_defects(s, &at, 0.03));
-    assert_false(schedule_has_many_defects(s, &at, 0.015));
+    schedule_position at = finest(0, (size_t)s->defects_count - 1);
+    at.sweeps = schedule_level_sweeps(s, &at);
+    assert_false(schedule_judges_defects(s, &at));
 }
 
 /* The minimum number of sweeps of a level, including extra sweeps, does not raise the gain. */
@@ -113,7 +110,8 @@ static void steps_are_unlimited_until_a_level_is_shaken(void **state)
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
     at.sweeps *= 2;
     assert_true(schedule_longest_step(s, &at) == s->longest_step / 4);
-    at = (schedule_position){.levels = 3, .sweeps = s->shake_sweeps, .count = 100}; /* an earlier stage */
+    at = (schedule_position){
+        .levels = 3, .sweeps = (int)(s->sweeps_most / 8), .count = 100}; /* an earlier stage */
     assert_true(schedule_longest_step(s, &at) == s->longest_step);
     assert_true(schedule_longest_step(&schedule_paper, &at) == INFINITY);
     assert_true(schedule_longest_step(&schedule_continued, &at) == schedule_continued.longest_step);
@@ -225,13 +223,10 @@ static void lists_are_rebuilt_for_many_limited_particles_or_at_an_age(void **sta
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
-    schedule_position at = finest(10, 10000), coarse = at;
-    coarse.level = 1;
+    const schedule_position at = finest(10, 10000);
     assert_false(schedule_wants_lists(s, &at, 0, 1000));
     assert_false(schedule_wants_lists(s, &at, 100, 1));
     assert_true(schedule_wants_lists(s, &at, 101, 1));
-    assert_false(schedule_wants_lists(s, &coarse, 400, 1));
-    assert_true(schedule_wants_lists(s, &coarse, 401, 1));
     assert_true(schedule_wants_lists(s, &at, 1, s->limited_wait));
     assert_true(schedule_skin(s, 0) == s->skin_narrow && schedule_skin(s, 1) == s->skin_wide);
 }
@@ -243,7 +238,7 @@ int main(void)
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(the_gain_falls_from_stage_to_stage),
         cmocka_unit_test(levels_with_many_defects_take_more_sweeps),
-        cmocka_unit_test(surfaces_with_patches_take_more_sweeps_for_fewer_defects),
+        cmocka_unit_test(small_levels_take_no_extra_sweeps),
         cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
         cmocka_unit_test(steps_are_unlimited_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_converges),
