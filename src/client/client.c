@@ -149,9 +149,9 @@ static bool answers_without_tls(const client *c)
 /* The user of this process: its name, or its number if it has no name. */
 static void name_self(char name[64])
 {
-    char buffer[16384];
+    char storage[16384];
     struct passwd record, *found = NULL;
-    if (getpwuid_r(geteuid(), &record, buffer, sizeof buffer, &found) == 0 && found)
+    if (getpwuid_r(geteuid(), &record, storage, sizeof storage, &found) == 0 && found)
         snprintf(name, 64, "%s", found->pw_name);
     else
         snprintf(name, 64, "%u", (unsigned)geteuid());
