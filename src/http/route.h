@@ -32,7 +32,7 @@ typedef struct route {
     const char *headers; /* list: the headers that affect the answer */
     const char *body;    /* schema of the body, "file" for a long one; NULL: no body */
     const char *example; /* of the body; NULL: none */
-    /* list of "STATUS:SCHEMA"; the schema "-" means no body, "file" and "text" are no JSON */
+    /* list of "STATUS:SCHEMA"; the schema "-" means no body, "file" and "text" mean a body that is not JSON */
     const char *answers;
     const char *problems; /* list: codes, in addition to the codes that every route may return */
 } route;

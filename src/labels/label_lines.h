@@ -1,5 +1,4 @@
-/* label_lines: smooths the lines where interfaces meet or end: moves their vertices to the intersection of planes or
- * quadrics fitted to these interfaces.
+/* label_lines: smooths the lines where interfaces meet or end, by planes or quadrics fitted to the interfaces.
  *
  * Voxels determine a line less accurately than the interfaces that meet at it: where a material ends in a wedge, the
  * distance of the last voxel with its centre inside from the edge increases as the wedge gets narrower. A plane or a

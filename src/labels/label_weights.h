@@ -44,7 +44,7 @@ static inline int label_weights_winner(const label_contest *c, const float *weig
     return best;
 }
 
-/* Of a label: its number of voxels, and the number of listed voxels that it should win. */
+/* The number of voxels of a label, and the number of listed voxels that it should win. */
 typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;

@@ -1,5 +1,7 @@
-/* left_out: places of a mesh that are far from the triangles between points on it: a bump, a dent or the tip of a
- * spike about as large as the spacing, with points beside it but none on it. World space.
+/* left_out: finds places of a mesh that are far from the triangles between points on it.
+ *
+ * Examples: a bump, a dent or the tip of a spike about as large as the spacing, with points beside it but none on
+ * it. World space. No shared state.
  */
 #ifndef HEXAD_REMESH_LEFT_OUT_H
 #define HEXAD_REMESH_LEFT_OUT_H

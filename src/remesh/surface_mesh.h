@@ -1,5 +1,6 @@
-/* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points along the surface
- * (geodesic_cells), with edges flipped until the sum of the two angles opposite to each edge is at most 180 degrees.
+/* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points (geodesic_cells).
+ *
+ * Edges are flipped until the sum of the two angles opposite to each edge is at most 180 degrees.
  *
  * If all cells are discs, the triangles have the topology of the mesh, independent of the distance of opposite walls
  * and of the angle of its edges. Other cells are repaired if points are available, so that no edge has four

@@ -38,7 +38,7 @@ typedef struct slurm_batch {
     char *list;
     /* shared: number of attempts that are neither ended nor cancelled and that no task is known to have claimed */
     size_t open;
-    size_t wanted; /* `open` and the sum of tasks[].wanted */
+    size_t wanted; /* `open` plus the attempts of all tasks */
     size_t users;  /* number of references: attempts, and a submission in progress */
     bool runs;     /* at the last inspection a task seemed to run */
     size_t waiter; /* index of a task that waited at the last inspection; task_count: none */

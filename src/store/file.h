@@ -30,8 +30,8 @@ bool store_file_place(store_file *file, error *e);
 /* Flushes the written bytes to disk. This is the first and slowest step of commit. If it is called earlier, commit
  * has little left to do. After a failure the caller calls abort. */
 bool store_file_flush(store_file *file, error *e);
-/* Asks the kernel to start writing to disk the bytes that have left the stream (fflush it first). Returns at once
- * and guarantees nothing. */
+/* Makes the kernel start writing to disk the bytes that have left the stream (fflush it first). Returns at once and
+ * guarantees nothing. */
 void store_file_begin_flush(store_file *file);
 void store_file_abort(store_file *file);
 

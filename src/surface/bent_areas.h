@@ -14,9 +14,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Sums of areas and numbers of cells. Of the cells measured by all parts: `whole` by all parts, `half_of_whole` by
- * half of the parts along each axis, `wholes` their number. Of the cells measured by half of the parts: `half` by
- * these parts, `rough_of_half` by the triangles of the cell. */
+/* Sums of areas, and a number of cells. Cells measured by all parts: `whole`, the area by all parts; `half_of_whole`,
+ * the area by half as many parts along each axis; `wholes`, their number. Cells measured by half of the parts: `half`,
+ * the area by these parts; `rough_of_half`, the area by the triangles of the cell. */
 typedef struct bent_sums {
     double whole, half_of_whole, half, rough_of_half;
     size_t wholes;
