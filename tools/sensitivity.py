@@ -2,6 +2,7 @@
 """Measures what each number of the schedules does: the effect of doubling and of halving it (doc/measured/sensitivity.md).
 
     tools/sensitivity.py --build build [--output doc/measured/sensitivity.md] [--only NAME ...] [--jobs 2]
+                         [--no-cpu]
 
 For each number of src/solver/schedule.c, the program makes a worker from a copy of the sources and their build (a folder of the
 sources, configured as ../configure) in which only this number is different in all schedules, and runs the same jobs with it and
@@ -128,7 +129,7 @@ def results(pool, worker, all_cases):
     return {name: [job.result() for job in jobs] for name, jobs in waiting.items()}
 
 
-def effect(before, after):
+def effect(before, after, with_cpu):
     """A change in words, between lists of results of the same seeds; empty: within the noise."""
     if any(a is None for a in after):
         return "an error"
@@ -144,7 +145,7 @@ def effect(before, after):
         parts.append(f"coverage {100 * (coverage_now / coverage - 1):+.0f} %")
     if abs(work_now / work - 1) > max(WORK_NOISE, noise[3] / work):
         parts.append(f"work {work_now / work:.2f}")
-    elif abs(cpu_now / cpu - 1) > max(CPU_NOISE, noise[4] / cpu):
+    elif with_cpu and abs(cpu_now / cpu - 1) > max(CPU_NOISE, noise[4] / cpu):
         parts.append(f"CPU {cpu_now / cpu:.2f}")
     return ", ".join(parts)
 
@@ -202,6 +203,7 @@ def main():
     parser.add_argument("--output", type=pathlib.Path)
     parser.add_argument("--only", nargs="*", default=[], help="numbers whose names begin so")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--no-cpu", action="store_true", help="no CPU times, on a machine with other work")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory, concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         work = pathlib.Path(directory)
@@ -215,7 +217,7 @@ def main():
                  "Written by `make sensitivity` ([tools/sensitivity.py](../../tools/sensitivity.py) says how): each number of "
                  "`src/solver/schedule.c` is doubled and halved in all schedules. Changes of `hex_fraction` below "
                  f"{HEX_NOISE}, of `edge_cv` and coverage below {100 * CV_NOISE:.0f} %, of the work (updates of particles) below "
-                 f"{100 * WORK_NOISE:.0f} %, of the CPU time below {100 * CPU_NOISE:.0f} %, and all below the standard deviation of the seeds are left out. Means of {len(SEEDS)} seeds.", "",
+                 f"{100 * WORK_NOISE:.0f} %, {'' if options.no_cpu else f'of the CPU time below {100 * CPU_NOISE:.0f} %, '}and all below the standard deviation of the seeds are left out. Means of {len(SEEDS)} seeds.", "",
                  "| without a change | hex_fraction | edge_cv | coverage |", "|---|---:|---:|---:|"]
         for name, found in base.items():
             means = numpy.mean(found, axis=0)
@@ -228,7 +230,7 @@ def main():
             for factor in (2, 0.5):
                 worker = builds.worker("changed", scaled(builds.text, number, factor))
                 found = results(pool, worker, all_cases)
-                told = [(case, effect(base[case], found[case])) for case in all_cases]
+                told = [(case, effect(base[case], found[case], not options.no_cpu)) for case in all_cases]
                 cells.append("; ".join(f"{case}: {what}" for case, what in told if what) or "no change")
             lines.append(f"| `{number}` | {cells[0]} | {cells[1]} |")
             print(lines[-1], flush=True)
