@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "solver/solver_params.h"
+
 /* A value equal to a bound has the better rating. */
 typedef struct rated_measure {
     const char *name;
@@ -21,6 +23,10 @@ static const rated_measure rated[] = {
     {"defect_share", offsetof(measures, defect_share), 0.15, 0.4},
 };
 
+/* Bounds of blue noise. Good: those of the solve. Fair: sample elimination has 0.65 to 0.7 and 1.5. */
+static const rated_measure least_distance = {"min_spacing_ratio", 0, SOLVER_BLUE_NOISE_LEAST, 0.65},
+                           relative_coverage = {"relative_coverage", 0, SOLVER_BLUE_NOISE_COVERAGE, 1.5};
+
 static const char *rating_of(const rated_measure *r, double value)
 {
     const double sign = r->good > r->fair ? -1 : 1; /* -1 if larger values are better */
@@ -30,13 +36,21 @@ static const char *rating_of(const rated_measure *r, double value)
                                             : "poor";
 }
 
-void ratings_describe(const measures *m, json *report)
+static void describe(json *ratings, const rated_measure *r, double value)
+{
+    json *object = json_put_object(ratings, r->name);
+    json_put_number(object, "value", value);
+    json_put_string(object, "rating", rating_of(r, value));
+}
+
+void ratings_describe(const measures *m, bool is_blue_noise, json *report)
 {
     json *ratings = json_put_object(report, "ratings");
-    for (size_t k = 0; k < sizeof rated / sizeof *rated; k++) {
-        const double value = *(const double *)((const char *)m + rated[k].offset);
-        json *object = json_put_object(ratings, rated[k].name);
-        json_put_number(object, "value", value);
-        json_put_string(object, "rating", rating_of(&rated[k], value));
+    if (is_blue_noise) {
+        describe(ratings, &least_distance, m->min_spacing_ratio);
+        describe(ratings, &relative_coverage, m->coverage / m->min_spacing_ratio);
+        return;
     }
+    for (size_t k = 0; k < sizeof rated / sizeof *rated; k++)
+        describe(ratings, &rated[k], *(const double *)((const char *)m + rated[k].offset));
 }

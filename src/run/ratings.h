@@ -8,8 +8,8 @@
 #include "json/json.h"
 #include "measures/measures.h"
 
-/* Adds the member `ratings`: the measures of packing, each with its value and its rating. A measure without a value has the rating
+/* Adds the member `ratings`: the measures of packing, or with blue noise the measures that it bounds, each with its value and its rating. A measure without a value has the rating
  * null. */
-void ratings_describe(const measures *m, json *report);
+void ratings_describe(const measures *m, bool is_blue_noise, json *report);
 
 #endif

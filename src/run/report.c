@@ -401,7 +401,7 @@ void report_fill(json *report, const report_facts *facts)
     put_diagnostics(json_put_object(report, "diagnostics"), facts);
     put_diagnostics(report, facts);
     put_quality(report, facts);
-    ratings_describe(facts->measures, report);
+    ratings_describe(facts->measures, facts->spec->pattern == SPEC_PATTERN_BLUE_NOISE, report);
     put_rounds(report, facts->solver);
     put_sweeps(report, facts->solver);
     report_put_timing(report, facts->progress);

@@ -54,6 +54,7 @@ static verdict_input judged_of(const job *j)
         .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
         .step_left = p->step_without_kinks,
         .step_tolerance = j->spec->step_tolerance,
+        .is_blue_noise = j->spec->pattern == SPEC_PATTERN_BLUE_NOISE,
         .gain = solver_gain(s),
         .gain_tolerance = solver_coarsest_gain(s),
         .energy_error = j->spec->method == SPEC_METHOD_SIZED ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),

@@ -5,15 +5,16 @@ static double number_of(json_at object, const char *key)
     return json_number(json_member(&object, key), 0);
 }
 
-/* Prints "hex_fraction 0.9130 (good)"; "not measured" for null. */
-static void print_hexagons(json_at root, FILE *out)
+/* Prints the first rating, "hex_fraction 0.9130 (good)"; "not measured" for null. */
+static void print_rating(json_at root, FILE *out)
 {
-    json_at ratings = json_member(&root, "ratings"), rated = json_member(&ratings, "hex_fraction"),
+    json_at ratings = json_member(&root, "ratings"), rated = json_element(&ratings, 0),
             rating = json_member(&rated, "rating");
+    fputs(rated.key, out);
     if (json_type_of(rating) == JSON_STRING)
-        fprintf(out, "hex_fraction %.4f (%s)", number_of(rated, "value"), json_string(rating, "?"));
+        fprintf(out, " %.4f (%s)", number_of(rated, "value"), json_string(rating, "?"));
     else
-        fputs("hex_fraction not measured", out);
+        fputs(" not measured", out);
 }
 
 static void print_reasons(json_at report, FILE *err)
@@ -41,7 +42,7 @@ static void print_sampled(json_at root, FILE *out)
     json_at quality = json_member(&root, "quality"), timing = json_member(&root, "timing_s");
     fprintf(out, "%.0f points, %s, ", number_of(root, "count"),
             json_string(json_member(&root, "outcome"), "?"));
-    print_hexagons(root, out);
+    print_rating(root, out);
     json_at reached = json_member(&root, "reached"), ratio = json_member(&reached, "ratio");
     if (ratio.node) fprintf(out, ", spacing %.3g:1", json_number(ratio, 0));
     fprintf(out, ", coverage %.2f h, max_residual %.1e h, %.2f s\n", number_of(quality, "coverage"),

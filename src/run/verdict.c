@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "solver/solver_params.h"
+
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
 /* In spacings. The maximum distance of a place from the nearest point is .58 in an ideal packing, and 1 at a vacancy. A
@@ -55,6 +57,23 @@ static bool step_left(const verdict_input *in, double *value, double *bound)
 static bool gain(const verdict_input *in, double *value, double *bound)
 {
     return exceeds(in->gain, in->gain_tolerance, value, bound);
+}
+
+/* Tolerance of the bounds of blue noise: distances are rounded to the precision of the outputs. */
+static const double PATTERN_TOLERANCE = 1e-3;
+
+static bool least_distance(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->measures->min_spacing_ratio;
+    *bound = SOLVER_BLUE_NOISE_LEAST;
+    return in->is_blue_noise && !(*value >= (1 - PATTERN_TOLERANCE) * *bound);
+}
+
+static bool relative_coverage(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->measures->coverage / in->measures->min_spacing_ratio;
+    *bound = SOLVER_BLUE_NOISE_COVERAGE;
+    return in->is_blue_noise && !(*value <= (1 + PATTERN_TOLERANCE) * *bound);
 }
 
 static bool target_energy(const verdict_input *in, double *value, double *bound)
@@ -135,6 +154,14 @@ static const criterion criteria[] = {
      "target_energy: the mean energy differs from the ideal one by %.3g %% (at most %.3g %%). Change "
      "sampling.control.max_sigma, or solver.sigma if the spec has no sampling.control.",
      100},
+    {"min_spacing_ratio", VERDICT_NOT_CONVERGED, true, least_distance,
+     "min_spacing_ratio: two points are %.3g spacings from each other (pattern blue_noise: at least %.3g). Ask for "
+     "more points.",
+     1},
+    {"relative_coverage", VERDICT_NOT_CONVERGED, true, relative_coverage,
+     "relative_coverage: a place of the surface is %.4g times the least distance from its nearest point (pattern "
+     "blue_noise: at most %.3g). Ask for more points.",
+     1},
     {"count_error", VERDICT_NOT_CONVERGED, false, count_error,
      "count_error: the number of points differs from the requested count by %.0f. Use the method sized, "
      "which meets the count.",

@@ -29,6 +29,7 @@ typedef struct verdict_input {
     double rms_step;  /* of its last sweep, in spacings */
     double step_left; /* of the delivered points, in spacings; NAN: unknown */
     double step_tolerance;
+    bool is_blue_noise;          /* least distance and coverage have the bounds of that pattern */
     double gain, gain_tolerance; /* largest relative decrease of energy that one point can still achieve */
     double energy_error, energy_tolerance; /* relative; 0: the energy is not a target */
     size_t count_error; /* points more or fewer than requested; 0: the count is not a target */

@@ -870,7 +870,7 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
 /* Shares the points out among patches and curves, as the solve will. */
 static bool allot(candidates *c, error *e)
 {
-    const quota_input in = {c->f, c->scan, c->params->sizing, c->h};
+    const quota_input in = {c->f, c->scan, c->params->sizing, c->h, false};
     if (!c->f->patches) return true;
     if (!quota_for_count(&in, c->params->count, &c->allotted, e)) return false;
     c->wanted = quota_particles(&c->allotted);

@@ -84,8 +84,9 @@ static bool describe_curvature(solver *s, error *e)
 static bool describe_energies(solver *s, error *e)
 {
     if (!solver_refresh_lists(s, e)) return false;
-    const relax_steps left =
-        s->state.regime->is_under_resolved ? (relax_steps){NAN, NAN} : solver_steps_left(s, false);
+    const relax_steps left = s->state.regime->is_under_resolved || s->setup.params.blue_noise
+                                 ? (relax_steps){NAN, NAN}
+                                 : solver_steps_left(s, false);
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.step_left = s->state.p->patch ? left.without_kinks : left.all;

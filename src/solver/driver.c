@@ -99,7 +99,9 @@ static void enter_stage(solver *s, int stage)
 solver *solver_new(const field *f, const surface *scan, const solver_params *params, threads *pool, error *e)
 {
     solver *s = mem_alloc(sizeof *s);
-    s->setup.method = params->witkin_heckbert ? &solver_witkin_heckbert : &solver_meyer;
+    s->setup.method = params->witkin_heckbert ? &solver_witkin_heckbert
+                      : params->blue_noise    ? &solver_blue_noise
+                                              : &solver_meyer;
     if (params->witkin_heckbert && f->patches) {
         error_set(
             e, ERROR_NOT_SUPPORTED,

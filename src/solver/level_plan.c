@@ -156,7 +156,7 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
                          error *e)
 {
     double even = packing_spacing(scan->area, (double)params->count), least = 1;
-    const quota_input in = {f, scan, params->sizing, even};
+    const quota_input in = {f, scan, params->sizing, even, params->blue_noise};
     quota found[LEVEL_PLAN_MAX] = {{0}}; /* finest first */
     if (params->sizing) least = sizing_field_describe(params->sizing).least / even;
     l->quotas = mem_array(LEVEL_PLAN_MAX, sizeof *l->quotas, "the levels", e);

@@ -36,6 +36,7 @@ static const regime continued_paper = {.name = "continued_paper",
                                        .schedule = &schedule_packed,
                                        .is_continued = true,
                                        .goes_on_after_projection = true};
+static const regime blue_noise = {.name = "blue_noise", .schedule = &schedule_paper};
 static const regime witkin_heckbert = {.name = "witkin_heckbert", .schedule = &schedule_paper};
 
 const regime *regime_for(const solver_params *params)
@@ -44,6 +45,7 @@ const regime *regime_for(const solver_params *params)
                is_cotangent = !params->energy || params->energy == &energy_cotangent,
                fast = params->coarse_to_fine && is_cotangent && !params->graded && !params->gradient;
     if (params->witkin_heckbert) return &witkin_heckbert;
+    if (params->blue_noise) return &blue_noise;
     if (is_continued) return fast ? &continued : &continued_paper;
     return fast ? &multilevel : &paper;
 }

@@ -19,6 +19,10 @@ typedef enum solver_start {
     SOLVER_START_COARSEST /* at `given`, which are the particles of the coarsest level */
 } solver_start;
 
+/* Bounds of blue noise: the least distance of two points in spacings, and coverage over that distance. */
+#define SOLVER_BLUE_NOISE_LEAST 0.74
+#define SOLVER_BLUE_NOISE_COVERAGE 1.05
+
 typedef struct solver_params {
     size_t count; /* >= 4; the exact number of points, unless max_sigma > 0 or witkin_heckbert is set */
     solver_start start;
@@ -62,6 +66,9 @@ typedef struct solver_params {
     /* Not NULL: the method of Witkin and Heckbert, which starts with `count` particles; the final count follows from its parameters.
      * Not on surfaces with patches (not_supported). With `graded`, its target radii are proportional to the amplitudes (14). */
     const witkin_heckbert_params *witkin_heckbert;
+    /* Blue noise instead of a packing: points without regular order, whose least distance and coverage have bounds. Starts on the surface,
+     * without coarse_to_fine, graded, max_sigma and witkin_heckbert. Curves have no samples of their own. */
+    bool blue_noise;
     isa isa;           /* instruction set of the kernels */
     bool gradient;     /* steepest descent by `step` instead of Levenberg-Marquardt */
     double step;       /* in units of sigma^2 per energy */

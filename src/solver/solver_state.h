@@ -34,7 +34,7 @@ typedef enum solver_action {
     ACTION_VERIFY   /* whether the projected points have converged */
 } solver_action;
 
-/* What differs between the methods of 2005 and of 1994. */
+/* What differs between the methods of 2005 and of 1994, and blue noise. */
 typedef struct solver_method {
     bool (*begin)(solver *s, error *e);    /* after the particles are placed */
     bool (*step)(solver *s, error *e);     /* see solver_step */
@@ -44,6 +44,7 @@ typedef struct solver_method {
 
 extern const solver_method solver_meyer;           /* driver.c */
 extern const solver_method solver_witkin_heckbert; /* witkin_heckbert_solver.c */
+extern const solver_method solver_blue_noise;      /* blue_noise.c */
 
 /* Constant throughout a solve. */
 typedef struct solver_setup {
@@ -98,6 +99,7 @@ typedef struct solver_state {
 
     double fraction, updates;                      /* progress; updates of particles so far */
     struct witkin_heckbert_state *witkin_heckbert; /* of solver_witkin_heckbert */
+    struct blue_noise_state *blue_noise;           /* of solver_blue_noise */
 } solver_state;
 
 /* Working memory. */

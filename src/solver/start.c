@@ -64,10 +64,16 @@ typedef struct draw_job {
     atomic_size_t lost;     /* the first particle whose draws all failed; the count if there is none */
 } draw_job;
 
+/* Whether the first draws are in strata of equal area. These follow the grid cells, whose regular order blue noise would show. */
+static bool has_strata(const solver_params *params)
+{
+    return params->start == SOLVER_START_SURFACE && !params->blue_noise;
+}
+
 /* A random point for particle i, the k-th of `count` free particles of its patch. False: the draw failed. */
 static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, int draw, rng *r, vec3 *x)
 {
-    bool stratum = draw == 0 && job->params->start == SOLVER_START_SURFACE;
+    bool stratum = draw == 0 && has_strata(job->params);
     double where = rng_uniform(r);
     if (stratum) where = ((double)k + where) / (double)count;
     const double *weight = sizing_field_weight(job->params->sizing, job->scan);
@@ -94,7 +100,8 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
         if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x)) continue;
         bool projected = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
                          field_is_within(f, x);
-        if (projected && !(draw < START_CLEAR_DRAWS && is_too_near_curve(job, patch, x))) {
+        if (projected &&
+            (job->params->blue_noise || draw >= START_CLEAR_DRAWS || !is_too_near_curve(job, patch, x))) {
             p->position[i] = x;
             return true;
         }
@@ -110,9 +117,9 @@ static vec3 draw_point(const draw_job *job, size_t i, size_t count, int draw, rn
     const solver_params *params = job->params;
     if (params->start == SOLVER_START_SURFACE) {
         double where = ((double)i + rng_uniform(r)) / (double)count;
-        if (draw > 0) where = rng_uniform(r);
+        if (draw > 0 || !has_strata(params)) where = rng_uniform(r);
         return sizing_field_draw(params->sizing, job->scan, level_plan_place(job->plan, job->level, where), r,
-                                 draw > 0 ? NULL : last);
+                                 draw > 0 || !has_strata(params) ? NULL : last);
     }
     return params->random_in_cells ? random_in_cells(job->field, job->scan->cells, r)
                                    : random_in_domain(job->field, r);
@@ -319,7 +326,7 @@ static bool place_first(draw_job *job, error *e)
         return place_curve_samples(&job->plan->quotas[job->level], job->p, &job->first, &job->patch_first,
                                    e) &&
                (job->params->start != SOLVER_START_COARSEST || place_given(job, e));
-    return place_boundary(job->scan, job->boundary, job->p, &job->first, e);
+    return job->params->blue_noise || place_boundary(job->scan, job->boundary, job->p, &job->first, e);
 }
 
 bool start_place(const field *f, const surface *scan, const solver_params *params, const level_plan *plan,

@@ -328,6 +328,47 @@ static void check_attach(reading *r, const json_at *at)
     }
 }
 
+static bool has_labels(const spec_surface *s)
+{
+    bool found = s->kind == SPEC_SURFACE_LABELS;
+    for (size_t k = 0; k < s->part_count; k++) found |= has_labels(s->parts[k]);
+    return found;
+}
+
+/* Blue noise has no packing, no points on curves and no given points: what concerns these is refused. */
+static void check_pattern(reading *r, const json_at *at)
+{
+    static const char *const excluded[][2] = {
+        {"sampling", "control"},       {"sampling", "alpha"},  {"sampling", "resolve"},
+        {"sampling", "points"},        {"sampling", "attach"}, {"sampling", "time_s"},
+        {"sampling", "curve_spacing"}, {"", "features"},       {"queue", "coherent"}};
+    static const char *const fixed[] = {"method", "init", "energy", "minimiser", "sigma"};
+    const spec *s = r->s;
+    const bool is_fixed[] = {s->method == SPEC_METHOD_SIZED, s->init == SPEC_INIT_SURFACE,
+                             s->energy == SPEC_ENERGY_COTANGENT, s->minimiser == SPEC_MINIMISER_LM,
+                             !(s->sigma > 0)};
+    const json_at sampling = json_member(at, "sampling"), pattern = json_member(&sampling, "pattern"),
+                  solver = json_member(at, "solver");
+    if (s->pattern != SPEC_PATTERN_BLUE_NOISE) return;
+    if (has_labels(&s->surface))
+        reading_add_fault(r, &pattern,
+                          "\"blue_noise\" requires a surface without labels: use \"hexagonal\", or sample a "
+                          "mesh of the interfaces");
+    for (size_t k = 0; k < sizeof excluded / sizeof *excluded; k++) {
+        const json_at group = *excluded[k][0] ? json_member(at, excluded[k][0]) : *at,
+                      member = json_member(&group, excluded[k][1]);
+        if (member.node && (json_type_of(member) != JSON_BOOL || json_bool(member, true)))
+            reading_add_fault(r, &member, "excludes the pattern \"blue_noise\": remove one of the two");
+    }
+    for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++) {
+        const json_at member = json_member(&solver, fixed[k]);
+        if (!is_fixed[k] && member.node)
+            reading_add_fault(
+                r, &member,
+                "excludes the pattern \"blue_noise\", which requires the default: remove one of the two");
+    }
+}
+
 static void check_whole(reading *r, const json_at *at)
 {
     json_at surface = json_member(at, "surface");
@@ -339,6 +380,7 @@ static void check_whole(reading *r, const json_at *at)
             "is unbounded, because it contains a halfspace: give a region, or intersect it with "
             "a bounded shape");
     check_attach(r, at);
+    check_pattern(r, at);
     json_at output = json_member(at, "output"), order = json_member(&output, "order");
     if (s->has_order && s->order == SPEC_ORDER_ID && !s->coherent)
         reading_add_fault(

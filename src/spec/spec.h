@@ -244,6 +244,7 @@ typedef struct spec {
     char *
         attach; /* points.ply of a result whose points are placed on the surface's meshes; NULL: the surface is sampled */
     bool resolve; /* as many points as the features take */
+    spec_pattern pattern;
     bool has_feature;
     spec_feature feature; /* beside none of the rules for the spacing, curvature or grid */
     bool has_alpha;

@@ -799,6 +799,17 @@ const spec_row spec_rows[] = {
      AT(density),
      .unit = "1/world^2",
      .prose = "The number of points per unit of area."},
+    {.pointer = "/sampling/pattern",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_PATTERN),
+     .otherwise = "\"hexagonal\"",
+     AT(pattern),
+     .prose =
+         "hexagonal: the points are as regular as the surface permits. blue_noise: the points have no regular order, for "
+         "scattering, stippling and ray-traced sets. Their least distance is at least 0.74 spacings, and no place of the "
+         "surface is farther from its nearest point than 1.05 times that distance. Curves have no points of their own. "
+         "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
+         "excludes control, time_s, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
     {.pointer = "/sampling/control",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -78,6 +78,15 @@ typedef enum spec_shape { SPEC_SHAPE_LIST(WORDS_ENUMERATOR, SPEC_SHAPE) SPEC_SHA
 
 typedef enum spec_map_kind { SPEC_MAP_LIST(WORDS_ENUMERATOR, SPEC_MAP) SPEC_MAP_COUNT } spec_map_kind;
 
+/* /sampling/pattern */
+#define SPEC_PATTERN_LIST(ENTRY, prefix)  \
+    ENTRY(prefix, HEXAGONAL, "hexagonal") \
+    ENTRY(prefix, BLUE_NOISE, "blue_noise")
+
+typedef enum spec_pattern {
+    SPEC_PATTERN_LIST(WORDS_ENUMERATOR, SPEC_PATTERN) SPEC_PATTERN_COUNT
+} spec_pattern;
+
 /* /sampling/points/mode */
 #define SPEC_POINTS_LIST(ENTRY, prefix) \
     ENTRY(prefix, KEEP, "keep")         \

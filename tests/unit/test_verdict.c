@@ -248,6 +248,29 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
     }
 }
 
+static void bounds_of_blue_noise_apply_to_that_pattern_only(void **state)
+{
+    (void)state;
+    const char *const too_close[3] = {"min_spacing_ratio"}, *const too_far[3] = {"relative_coverage"};
+    scene s = scene_octahedron(3);
+    measures m = scene_measure(&s, NULL);
+    scene_free(&s);
+    m.min_spacing_ratio = 0.735;
+    m.coverage = 0.7;
+    verdict_input in = good_solve(&m);
+    verdict v = verdict_judge(&in);
+    assert_int_equal(v.outcome, VERDICT_CONVERGED);
+    in.is_blue_noise = true;
+    v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_NOT_CONVERGED, too_close);
+    m.min_spacing_ratio = 0.7395; /* within the tolerance */
+    v = verdict_judge(&in);
+    assert_int_equal(v.outcome, VERDICT_CONVERGED);
+    m.coverage = 0.78;
+    v = verdict_judge(&in);
+    check_reasons(&v, VERDICT_NOT_CONVERGED, too_far);
+}
+
 static const char *message_of(const verdict *v, const char *criterion)
 {
     for (size_t k = 0; k < v->reason_count; k++)
@@ -521,6 +544,7 @@ int main(void)
         cmocka_unit_test(a_shell_without_points_fails_parts_without_points),
         cmocka_unit_test(three_points_on_a_sphere_fail_unmeasured_share),
         cmocka_unit_test(a_fault_of_the_solve_is_the_only_reason),
+        cmocka_unit_test(bounds_of_blue_noise_apply_to_that_pattern_only),
         cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
         cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
         cmocka_unit_test(a_step_that_is_not_known_fails_nothing),

@@ -802,6 +802,7 @@ class _SamplingRest(TypedDict, total=False):
     count: int
     spacing: float
     density: float
+    pattern: Literal["hexagonal", "blue_noise"]
     control: SamplingControl
     time_s: float
     resolve: bool
@@ -826,6 +827,12 @@ class Sampling(_SamplingRest):
     spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
         area. (world)
     density: The number of points per unit of area. (1/world^2)
+    pattern: hexagonal: the points are as regular as the surface permits. blue_noise: the points have no
+        regular order, for scattering, stippling and ray-traced sets. Their least distance is at least 0.74
+        spacings, and no place of the surface is farther from its nearest point than 1.05 times that distance.
+        Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
+        solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
+        points, curve_spacing, features and queue.coherent. Default: 'hexagonal'.
     control: For reproducing the paper; otherwise use count. Finds the smallest count that is at least
         min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the paper).
         Method paper starts with min_count points and inserts and deletes some between rounds. Method sized

@@ -213,7 +213,12 @@ bool quota_for_count(const quota_input *in, size_t count, quota *out, error *e)
     unsigned char *rule = mem_array(in->field->patches->count, 1, WHAT, e);
     *out = (quota){0};
     bool ok = rule != NULL;
-    for (int pass = 0; ok && pass < PASSES; pass++) {
+    if (ok && in->without_samples) {
+        out->spacing = packing_spacing(in->scan->area, cells);
+        out->samples.border = mem_array(in->field->patches->count, sizeof *out->samples.border, WHAT, e);
+        ok = out->samples.border != NULL;
+    }
+    for (int pass = 0; ok && !in->without_samples && pass < PASSES; pass++) {
         out->spacing = packing_spacing(in->scan->area, cells);
         ok = make_samples(in, out->spacing, most, &out->samples, e) &&
              assign_small_patches(in, &out->samples, out->spacing, cells, count - out->samples.count, rule,

@@ -16,7 +16,8 @@ typedef struct quota_input {
     const field *field; /* with patches */
     const surface *scan;
     const sizing_field *sizing; /* NULL: uniform */
-    double even; /* spacing of a uniform packing of the requested count, see boundary_request */
+    double even;          /* spacing of a uniform packing of the requested count, see boundary_request */
+    bool without_samples; /* curves have no samples, and patches get particles in proportion to their area */
 } quota_input;
 
 typedef struct quota {

@@ -7,6 +7,7 @@
 #ifndef HEXAD_SOLVER_PASSES_PASSES_H
 #define HEXAD_SOLVER_PASSES_PASSES_H
 
+#include "field/projection.h"
 #include "solver/solver_state.h"
 
 /* Removes defects by local changes that keep the count (repair_defects.c). */
@@ -36,6 +37,9 @@ bool solver_separate_patches(solver *s, bool *changed, error *e);
 bool solver_spread_points(solver *s, bool *changed, error *e);
 
 /* ---- shared functions, which are not passes */
+
+/* Limits of a projection to rounding, for the spacing h. */
+projection_limits solver_rounding(double h);
 
 /* Moves *x onto the zero set of f to rounding, no farther than `farthest`; `h` scales the tolerance. False, outputs untouched, if that
  * fails. */

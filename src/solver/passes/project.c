@@ -25,14 +25,14 @@ static const int MAX_STEPS = 20;
 static const double MAX_DISPLACEMENT = 0.05;
 
 /* Projection to rounding: a Newton step from a residual of 1e-7 h leaves less than the resolution of doubles. */
-static projection_limits to_rounding(double h)
+projection_limits solver_rounding(double h)
 {
     return (projection_limits){MAX_STEPS, 1e-9 * h, 1e-7 * h, MAX_RESIDUAL * h};
 }
 
 bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
 {
-    const projection_limits limits = to_rounding(h);
+    const projection_limits limits = solver_rounding(h);
     vec3 q = *x, n = *normal;
     if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
@@ -46,7 +46,7 @@ bool solver_project_point(const field *f, double h, double farthest, vec3 *x, ve
 static bool project_with_sample(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x,
                                 field_sample *sample)
 {
-    const projection_limits limits = to_rounding(h);
+    const projection_limits limits = solver_rounding(h);
     const double farthest = MAX_DISPLACEMENT * h;
     vec3 q = *x;
     if (projection_sample(f, &limits, hint, &q, sample) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
@@ -63,7 +63,7 @@ static const double SMOOTH_SHORTCUT = 1e-5;
 /* The same for a smooth F. *normal is the normal at the last but one iterate. */
 static bool project_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, vec3 *normal)
 {
-    projection_limits limits = to_rounding(h);
+    projection_limits limits = solver_rounding(h);
     limits.shortcut = SMOOTH_SHORTCUT * fmin(h, f->cell_size);
     vec3 q = *x, n;
     if (!projection_find_near(f, &limits, hint, &q, &n) || vec3_norm(vec3_sub(q, *x)) > MAX_DISPLACEMENT * h)
@@ -118,7 +118,7 @@ static void project_chunk(void *context, int worker, size_t begin, size_t end)
 static bool is_among_curve_samples(const solver *s, size_t i)
 {
     const particles *p = s->state.p;
-    if (!p->patch || particles_is_fixed(p, i)) return false;
+    if (!p->patch || particles_is_fixed(p, i) || s->setup.params.blue_noise) return false;
     double distance = curve_distance_at(s->state.plan.curves, p->patch[i], p->position[i]);
     return distance < ON_CURVE_DISTANCE * s->state.spacing * particles_size(p, i);
 }
