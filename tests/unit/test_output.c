@@ -315,10 +315,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_a_copy_with_mode_and_group, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_failed_copy_is_not_marked_complete, set_up, tear_down),
         cmocka_unit_test(test_a_root_of_users),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_the_nearest_directory_is_tried, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_nearest_existing_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
         cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),

@@ -60,9 +60,9 @@ static void test_origins(void **state)
     pages *p = pages_new(named, 2, &e);
     assert_non_null(p);
     pages_add(p, "127.0.0.1:0", "127.0.0.1:8080");
-    assert_true(pages_is_welcome(p, "http://localhost:8080") && pages_is_welcome(p, "http://[::1]:8080"));
-    assert_true(pages_is_welcome(p, "https://gui.example") && pages_is_named(p, "https://gui.example"));
-    assert_true(pages_is_named(p, "http://localhost:3000") && !pages_is_named(p, "http://localhost:8080"));
+    assert_true(pages_is_permitted(p, "http://localhost:8080") && pages_is_permitted(p, "http://[::1]:8080"));
+    assert_true(pages_is_permitted(p, "https://gui.example") && pages_is_listed(p, "https://gui.example"));
+    assert_true(pages_is_listed(p, "http://localhost:3000") && !pages_is_listed(p, "http://localhost:8080"));
     static const char *const others[] = {"",
                                          "null",
                                          "http://",
