@@ -125,10 +125,11 @@ static estimator_outcome ask(estimator *m, engine_request *request, double withi
         outcome = decide(&ending, request, document, e);
     else if (attempt)
         error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s: %s", timeout_s,
-                  asked ? "raise within_ms of the request"
-                        : "run `hexad-worker estimate SPEC.json --output DIR`, which has no limit, or ask the "
-                          "administrator to raise the setting estimate_timeout_s. The job can be submitted "
-                          "without an estimate");
+                  asked
+                      ? "raise within_ms of the request"
+                      : "run `hexad-worker estimate SPEC.json --output DIR`, which has no limit, or ask the "
+                        "administrator to raise the setting estimate_timeout_s. The job can be submitted "
+                        "without an estimate");
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return outcome;
