@@ -671,7 +671,7 @@ static void test_normalised_is_idempotent(void **state)
         text,
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
         "\"radius\":0.4}},\"features\":false,"
-        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
+        "\"sampling\":{\"count\":100,\"pattern\":\"hexagonal\"},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
         "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":"
         "\"auto\",\"max_sweeps\":5000,"
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
