@@ -61,7 +61,7 @@ static double stage_step(const schedule_position *at, double step_tolerance)
     return step_tolerance * pow(STEP_RATIO, SCHEDULE_STAGES - 1 - at->stage);
 }
 
-/* Least sweeps of a level without extra sweeps for its defects. */
+/* Least sweeps of a level, without the extra sweeps for its defects that schedule_level_sweeps includes. */
 static double plain_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);

@@ -37,7 +37,9 @@ typedef struct schedule {
      * earlier stage; then the limit falls from longest_step with the inverse square of the sweeps. */
     double longest_step;
 
-    /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, between sweeps_least and sweeps_most. */
+    /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, rounded down and clamped to sweeps_least ..
+     * sweeps_most. The paper's criterion and schedule_continued do not use them. A larger sweeps_fall gives more sweeps, since
+     * levels beyond one_sweep_count have sweeps_least. */
     double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
     /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least defects_count particles
      * is compared with defects_least and defects_most. Between them the level takes defects_sweeps times as many sweeps, once.
