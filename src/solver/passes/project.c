@@ -12,6 +12,8 @@
 static const double MAX_RESIDUAL = 1e-6;
 /* Random places from which a relocated particle gets the one that is farthest from all particles. */
 static const int REPLACEMENT_DRAWS = 30;
+/* Places that a lost particle gets in turn until one can be projected to rounding. */
+static const int REPLACEMENT_TRIES = 5;
 /* A free particle within this distance of a curve of its patch is among the samples of the curve, in spacings. */
 static const double ON_CURVE_DISTANCE = 0.3;
 /* Such a particle is relocated to a place with at least this distance from all particles, in spacings. */
@@ -223,8 +225,12 @@ static bool replace_lost(solver *s, error *e)
     for (size_t k = 0; all && k < count && !threads_stopped(s->setup.pool); k++) {
         const uint32_t i = moving[k];
         const double distance = MIN_PLACE_DISTANCE * s->state.spacing * particles_size(p, i);
-        if (!replace(s, all, i, s->scratch.lost[i] ? -1 : distance, &r) && !s->scratch.lost[i])
-            move_off_curve(s, i);
+        if (!s->scratch.lost[i]) {
+            if (!replace(s, all, i, distance, &r)) move_off_curve(s, i);
+            continue;
+        }
+        /* The projection to rounding may fail at the new place. */
+        for (int tries = 0; tries < REPLACEMENT_TRIES && s->scratch.lost[i]; tries++) replace(s, all, i, -1, &r);
     }
     const bool ok = moving && (count == 0 || all);
     moving_cell_list_free(all);
