@@ -28,10 +28,11 @@ const schedule schedule_packed = {PAPER, .patience = 100};
 /* Over-relaxation: with 3.0 a refined level loses its order. The longest step is ten times the rms step of a shaken level: longer ones
  * belong to particles that do not converge, at edges and thin parts. Twice the sweeps on all levels bring edge_cv at 100 000 points from
  * .041 to .039 and take half as much time again. */
-const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2};
+const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2,
+                                      .finest_rest = 3.5};
 
 /* Points keep their positions as far as the new surface allows: short steps from the first sweep on. */
-const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2};
+const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1};
 
 /* Parts of the patience: in earlier stages, and after the first multiplication of the gain. */
 enum { EARLY_PATIENCE = 4, MORE_PATIENCE = 8 };
@@ -128,9 +129,11 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
 static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
+    bool last_stage = schedule_is_last_stage(at);
     if (at->sweeps < schedule_least_sweeps(s, at)) return SCHEDULE_GOES_ON;
+    if (schedule_is_last_level(at) && last_stage)
+        return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
     if (seen->rms_step < stage_step(at, seen->step_tolerance)) return SCHEDULE_CONVERGED;
-    if (schedule_is_last_level(at) && schedule_is_last_stage(at)) return SCHEDULE_GOES_ON;
     return at->level > 0 || at->sweeps >= s->patience ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 

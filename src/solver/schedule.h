@@ -49,9 +49,11 @@ typedef struct schedule {
     /* Convergence.
      * - rest_lambda > 0: the coarsest level ends by the paper's criterion, a mean log10 lambda above this value; its last
      *   stage also requires an rms step below the job's tolerance. 0: all levels are judged by steps: the last stage of the
-     *   coarsest level, and all other levels, end with an rms step over h below the tolerance, each earlier stage with three
-     *   times the value of the next one. */
-    double rest_lambda;
+     *   coarsest level, and a level that will be refined again, end with an rms step over h below the tolerance, each earlier
+     *   stage with three times the value of the next one.
+     * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance. It may exceed
+     *   1, because over-relaxed steps are longer than the remaining distance to convergence. */
+    double rest_lambda, finest_rest;
 
     /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles, or if it
      * limits any step and the lists are at least limited_wait sweeps old. */

@@ -74,7 +74,7 @@ typedef struct solver_params {
     double step;       /* in units of sigma^2 per energy */
     size_t list_limit; /* maximum size of the neighbour lists, bytes */
     int max_sweeps;    /* at least 1, of all levels together; then the solve ends with SOLVER_OUT_OF_SWEEPS */
-    double step_tolerance;   /* convergence: of the rms step, in spacings h (see schedule.rest_lambda) */
+    double step_tolerance;   /* convergence: of the rms step, in spacings h (see schedule.finest_rest) */
     double energy_tolerance; /* convergence: maximum of |E / E_ideal - 1| */
 } solver_params;
 
