@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from readers import read_columns
 from service import sphere
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
 import blue_noise  # noqa: E402
 import measure  # noqa: E402
 

@@ -197,7 +197,6 @@ def test_points_far_from_the_origin(worker, tmp_path, far):
     pytest.param({"shape": "ellipsoid", "center": [0, 0, 0], "radii": [30, 30, 0.5]}, marks=pytest.mark.extended),
     {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.01, "axis": [1, 2, 3]},
     {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]},
-    pytest.param({"shape": "gyroid", "center": [0, 0, 0], "period": 0.3}, marks=pytest.mark.extended),
 ])
 def test_converged_is_said_of_the_final_points(worker, tmp_path, shape):
     done = worker(sphere(600, surface={"analytic": shape}, output={"preview": False}))

@@ -16,7 +16,8 @@ enum random_stream {
     RANDOM_STREAM_RELOCATION = 7,            /* candidate positions of over-dense particles */
     RANDOM_STREAM_AVOIDED = 8, /* samples of the surface, at which distances from given points are taken */
     RANDOM_STREAM_ROUND = 256, /* insertion and deletion: plus the number of the round, from 1 */
-    RANDOM_STREAM_BLUE_NOISE = 65536, /* plus the particle: its weight at borders; blue noise has no defect repair */
+    RANDOM_STREAM_BLUE_NOISE =
+        65536, /* plus the particle: its weight at borders; blue noise has no defect repair */
     /* defect repair: REPAIR + pass for the order of the defects; REPAIR + (pass * 2^32) + particle for the repair region about
      * a particle */
     RANDOM_STREAM_REPAIR = 65536

@@ -230,7 +230,8 @@ static bool replace_lost(solver *s, error *e)
             continue;
         }
         /* The projection to rounding may fail at the new place. */
-        for (int tries = 0; tries < REPLACEMENT_TRIES && s->scratch.lost[i]; tries++) replace(s, all, i, -1, &r);
+        for (int tries = 0; tries < REPLACEMENT_TRIES && s->scratch.lost[i]; tries++)
+            replace(s, all, i, -1, &r);
     }
     const bool ok = moving && (count == 0 || all);
     moving_cell_list_free(all);
