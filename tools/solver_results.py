@@ -96,7 +96,7 @@ def sequence_result(worker, work):
     case = {**sequence.CASES["torus"], "frames": range(1, 4)}
     surface = sequence.surface_of("moving", case, None, work)
     spec = {"version": 1, "surface": surface, "sampling": case["sampling"], "solver": {"threads": 1, "seed": 1},
-            "output": {"preview": False}, "queue": {"frames": [1, 2, 3], "coherent": True}}
+            "output": {"preview": False}, "queue": {"frames": "1-3", "coherent": True}}
     with tempfile.TemporaryDirectory() as folder:
         previous, found = None, []
         for frame in (1, 2, 3):
