@@ -58,21 +58,21 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
 
 typedef struct ending_delivery {
     change change;
-    int64_t number, again_ms;
+    int64_t number, wait_ms;
 } ending_delivery;
 
 static bool end_delivery(database *d, change *asked)
 {
     const ending_delivery *x = (ending_delivery *)asked;
     error *e = &asked->fault;
-    if (x->again_ms > 0)
+    if (x->wait_ms > 0)
         return RUN(d, e, "UPDATE outbox SET tries = tries + 1, due_ms = ?2, wait_ms = ?3 WHERE number = ?1",
-                   integer(x->number), integer(x->again_ms), integer(x->again_ms - clock_wall_ms()));
+                   integer(x->number), integer(clock_wall_ms() + x->wait_ms), integer(x->wait_ms));
     return RUN(d, e, "DELETE FROM outbox WHERE number = ?1", integer(x->number));
 }
 
-bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e)
+bool queue_end_delivery(queue *q, int64_t number, int64_t wait_ms, error *e)
 {
-    ending_delivery x = {.change.apply = end_delivery, .number = number, .again_ms = again_ms};
+    ending_delivery x = {.change.apply = end_delivery, .number = number, .wait_ms = wait_ms};
     return database_change(q->database, &x.change, e);
 }

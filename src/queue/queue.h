@@ -714,8 +714,9 @@ void queue_delivery_clear(queue_delivery *delivery);
  * the slash after the host. */
 bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
-/* Removes a delivery that was made or abandoned. With again_ms > 0 it is tried again at that time instead. */
-bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);
+/* Removes a delivery that was made or abandoned. With wait_ms > 0 it is tried again after this time
+ * instead, even if the wall clock is set meanwhile. */
+bool queue_end_delivery(queue *q, int64_t number, int64_t wait_ms, error *e);
 
 /* ---- waiting for changes */
 

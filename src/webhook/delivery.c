@@ -280,7 +280,6 @@ static bool deliver(caller *r)
     bool last = refused.gone || d->tries + 1 >= c->settings.tries;
     int64_t wait = wait_ms(&c->settings, d->tries);
     if (wait < refused.at_least_ms) wait = refused.at_least_ms;
-    int64_t again_ms = taken || last ? 0 : clock_wall_ms() + wait;
     delivery_counters *n = c->settings.counters;
     (*(taken ? &n->delivered : last ? &n->given_up : &n->failed))++;
     if (taken)
@@ -294,7 +293,7 @@ static bool deliver(caller *r)
     else
         log_write(LOG_LEVEL_WARNING, "webhook not delivered job=%s event=%s try=%d next_s=%g: %s", d->id,
                   d->event, d->tries + 1, clock_seconds(wait), why.message);
-    if (queue_end_delivery(c->q, d->number, again_ms, &e)) return true;
+    if (queue_end_delivery(c->q, d->number, taken || last ? 0 : wait < 1 ? 1 : wait, &e)) return true;
     log_write(LOG_LEVEL_ERROR, "webhook will be repeated job=%s event=%s: %s", d->id, d->event, e.message);
     return false;
 }
