@@ -123,7 +123,6 @@ EXCEPTIONS = [
     ("src/api/paths.c", "asked", "a member of answers"),
     ("doc/meshes.md", "foot", "a unit of 3MF files"),
     ("src/meshfile/plain_3mf.c", "foot", "a unit of 3MF files"),
-    ("src/run/verdict.h", "verdict", "the name of the file"),
 ]
 
 BREAK = "\x01"  # code between two texts

@@ -401,15 +401,15 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
 /* Executes a parsed spec. Returns the exit status, or -1 and an error. */
 typedef int command(const spec *s, const run_options *options, error *e);
 
-static const worker_exit exit_of_outcome[VERDICT_OUTCOMES] = {
-    [VERDICT_CONVERGED] = WORKER_EXIT_CONVERGED,
-    [VERDICT_UNRESOLVED] = WORKER_EXIT_UNRESOLVED,
-    [VERDICT_NOT_CONVERGED] = WORKER_EXIT_NOT_CONVERGED,
+static const worker_exit exit_of_outcome[OUTCOME_KINDS] = {
+    [OUTCOME_CONVERGED] = WORKER_EXIT_CONVERGED,
+    [OUTCOME_UNRESOLVED] = WORKER_EXIT_UNRESOLVED,
+    [OUTCOME_NOT_CONVERGED] = WORKER_EXIT_NOT_CONVERGED,
 };
 
 static int run(const spec *s, const run_options *options, error *e)
 {
-    verdict_outcome outcome;
+    outcome_kind outcome;
     json *report = NULL;
     start_timer(s->timeout_s);
     if (!run_job(s, options, &outcome, &report, e)) return -1;
@@ -479,7 +479,7 @@ done:
 static bool draw_preview(const json *inspection, const run_options *options, const char *to, error *e)
 {
     const json *suggested = inspection_spec(inspection);
-    verdict_outcome outcome;
+    outcome_kind outcome;
     json *report = NULL;
     if (!suggested) return error_set(e, ERROR_NO_SURFACE, "no picture was drawn: the file has no surface");
     spec *s = spec_parse(suggested, NULL, e);

@@ -361,10 +361,10 @@ static void fill_report(attach *a)
 {
     job *j = &a->job;
     json *report = j->report, *of_surface = json_put_object(report, "surface"), *unused = json_new_object();
-    const verdict v = {.outcome = VERDICT_CONVERGED};
+    const outcome_result v = {.outcome = OUTCOME_CONVERGED};
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
-    verdict_describe(&v, report);
+    outcome_describe(&v, report);
     json_put_integer(report, "count", (int64_t)a->set.count);
     json_put_string(report, "up", j->results.y_up ? "y" : "z");
     json_put_number(report, "spacing", a->spacing);
@@ -409,7 +409,7 @@ static void end(attach *a)
     job_free(&a->job);
 }
 
-bool attach_run(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e)
+bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
 {
     static job_phase *const phases[] = {load, place, read_attributes, write_files};
     attach a;
@@ -422,7 +422,7 @@ bool attach_run(const spec *s, const run_options *options, verdict_outcome *outc
         ok = job_may_continue(&a.job, e) && results_write_report(options->output, a.job.report, e);
     }
     if (ok) {
-        *outcome = VERDICT_CONVERGED;
+        *outcome = OUTCOME_CONVERGED;
         *report = a.job.report;
         a.job.report = NULL;
     }

@@ -9,11 +9,11 @@
 #include "base/error.h"
 #include "json/json.h"
 #include "run/run_options.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "spec/spec.h"
 
 /* As run_job. Errors: attribute_missing (points.ply lacks a property), input_unsupported (the topology of a mesh differs), those of run_job. */
-bool attach_run(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e);
+bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e);
 
 /* As run_estimate; area and box are those of the result, and seconds are null. */
 json *attach_estimate(const spec *s, const run_options *options, error *e);

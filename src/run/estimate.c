@@ -14,7 +14,7 @@
 #include "source/source_report.h"
 #include "run/report.h"
 #include "run/run.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "sizing/clearance.h"
 #include "surface/surface.h"
 

@@ -16,7 +16,7 @@
 #include "run/label_meshes.h"
 #include "run/measured_surface.h"
 #include "run/upright.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "run/watchdog.h"
 #include "solver/curves/curve_chains.h"
 #include "source/mesh_projection.h"
@@ -456,7 +456,7 @@ bool job_finalize(job *j, solution *s, error *e)
     if (mesh_projection_find(&j->source, &l) &&
         !mesh_projection_apply(&l, place, stands->spacing, stands->count, j->pool, &s->landed, e))
         return false;
-    mesh_projection_repeat(&l, place, stands->count, VERDICT_RESIDUAL * solver_spacing(s->solver), j->pool);
+    mesh_projection_repeat(&l, place, stands->count, OUTCOME_RESIDUAL * solver_spacing(s->solver), j->pool);
     given_points_restore(&j->given, stands->point, stands->count, false, place);
     return true;
 }

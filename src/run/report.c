@@ -73,7 +73,7 @@ static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
     const size_t count = solver_result_points(facts->solver)->count;
     const double share = (double)facts->measures->thin_count / (double)count;
-    const bool unresolved = facts->verdict->outcome == VERDICT_UNRESOLVED;
+    const bool unresolved = facts->result->outcome == OUTCOME_UNRESOLVED;
     clearance c;
     if (share <= MEASURES_THIN_SHARE && (unresolved || count > FEW_POINTS)) return false;
     if (unresolved)
@@ -101,7 +101,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
                   100 * walls->share, to.count, to.spacing);
     json_append_string(warnings, text);
     free(text);
-    if (facts->verdict->outcome != VERDICT_CONVERGED && to.count > WORTH_ADVICE * (double)count)
+    if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
         advice_append_resolution(
             advice, facts->spec, area, to,
             (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) / (1 << 20),
@@ -117,8 +117,7 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     thin_walls walls;
     const bool thin = find_thin_walls(facts, &walls);
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
-    if (labels &&
-        (verdict_is_of_thin_parts(facts->verdict) || (hopeless && facts->verdict->reason_count > 0)))
+    if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
@@ -168,7 +167,7 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings,
                            "points.ply is written in double precision: single precision would move points by "
                            "more than 1e-3 spacings");
-    if (facts->results->rounding > VERDICT_RESIDUAL && has_scenes(facts->spec)) {
+    if (facts->results->rounding > OUTCOME_RESIDUAL && has_scenes(facts->spec)) {
         char *text =
             mem_printf("points.glb and points.usda: single precision moves points by up to %.2g spacings. "
                        "Use points.ply, points.npz or points.vdb.",
@@ -387,7 +386,7 @@ void report_fill(json *report, const report_facts *facts)
     const solver_points *solved = solver_result_points(facts->solver);
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
-    verdict_describe(facts->verdict, report);
+    outcome_describe(facts->result, report);
     json_put_integer(report, "count", (int64_t)facts->count);
     json_put_string(report, "up", facts->results->y_up ? "y" : "z");
     put_target(report, facts);

@@ -8,7 +8,7 @@
 #include "run/results.h"
 #include "run/attributes.h"
 #include "source/source.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
 #include "surface/surface.h"
@@ -30,7 +30,7 @@ typedef struct report_facts {
     double particle_memory; /* limit for particles, and bytes per particle */
     double bytes_per_particle;
     const results_facts *results;
-    const verdict *verdict;
+    const outcome_result *result;
     threads *pool;
     isa isa;
     const progress *progress; /* ended */

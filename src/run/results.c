@@ -23,7 +23,7 @@
 #include "run/patch_meshes.h"
 #include "run/pictures.h"
 #include "run/snapshot.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "solver/curves/curve_chains.h"
 #include "store/file.h"
 #include "store/late_commit.h"
@@ -527,12 +527,12 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     measure_residuals(in, as_float, pool, &facts);
-    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > VERDICT_RESIDUAL;
+    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > OUTCOME_RESIDUAL;
     if (is_coarse) {
         facts.origin = origin_of(in->set);
         facts.rounding = largest_rounding(in->set, facts.origin, in->h, pool);
     }
-    if (as_float && (is_coarse || !(facts.max_residual <= VERDICT_RESIDUAL))) {
+    if (as_float && (is_coarse || !(facts.max_residual <= OUTCOME_RESIDUAL))) {
         as_float = false;
         measure_residuals(in, false, pool, &facts);
         facts.widened = true;

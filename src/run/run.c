@@ -40,14 +40,14 @@ static bool write_results(job *j, error *e)
 
 /* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean energy is
  * ideal, unless the count determines it. */
-static verdict_input judged_of(const job *j)
+static outcome_input judged_of(const job *j)
 {
     const solver *s = j->solution.solver;
     const solver_points *p = solver_result_points(s);
     const solver_outcome end = solver_result(s);
     size_t sweeps;
     const solver_sweep *sweep = solver_sweeps(s, &sweeps);
-    return (verdict_input){
+    return (outcome_input){
         .measures = &j->solution.measures,
         .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
         .out_of_time = end == SOLVER_RUNNING,
@@ -70,11 +70,11 @@ static verdict_input judged_of(const job *j)
     };
 }
 
-static bool write_report(job *j, verdict_outcome *outcome, error *e)
+static bool write_report(job *j, outcome_kind *outcome, error *e)
 {
     const solution *s = &j->solution;
-    const verdict_input judged = judged_of(j);
-    const verdict v = verdict_judge(&judged);
+    const outcome_input judged = judged_of(j);
+    const outcome_result v = outcome_evaluate(&judged);
     const report_facts facts = {
         .spec = j->spec,
         .source = &j->source,
@@ -92,7 +92,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .particle_memory = job_particle_memory(j),
         .bytes_per_particle = job_bytes_per_particle(j),
         .results = &j->results,
-        .verdict = &v,
+        .result = &v,
         .pool = j->pool,
         .isa = j->isa,
         .progress = &j->progress,
@@ -111,7 +111,7 @@ static bool prepare_output(const char *directory, error *e)
     return store_directory_create(directory, e) && results_remove(directory, e);
 }
 
-bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e)
+bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
 {
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};

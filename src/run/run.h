@@ -13,12 +13,12 @@
 #include "base/error.h"
 #include "json/json.h"
 #include "run/run_options.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 #include "spec/spec.h"
 
 /* Errors: any code in base/error.h. On failure the directory has no report.json. *report is the report; the caller
  * frees it with json_free. */
-bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e);
+bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e);
 
 /* Estimates the resources of a job; the caller frees the object with json_free. Loads and scans the surface, and runs
  * the job with few points. Trial runs end after two seconds of CPU time of all threads, at the end of the current step.

@@ -414,11 +414,11 @@ static void order_ring(const ring *r, int order[RING_MAX])
         order[rank[k] < first ? rank[k] - first + r->count : rank[k] - first] = k;
 }
 
-typedef enum verdict { CUT, KEPT, DOUBTFUL } verdict;
+typedef enum edge_test { CUT, KEPT, DOUBTFUL } edge_test;
 
 /* KEPT: the bisector of q has an edge longer than `clear` between those of p and r, its clockwise and counterclockwise neighbours. CUT:
  * it misses the polygon by as much. */
-static verdict judge_edge(const ring *g, int p, int q, int r, double clear)
+static edge_test test_edge(const ring *g, int p, int q, int r, double clear)
 {
     double x = g->x[q], y = g->y[q], plane = x * x + y * y;
     double before = g->x[p] * y - g->y[p] * x, after = x * g->y[r] - y * g->x[r];
@@ -439,14 +439,14 @@ static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int
     for (int k = 1; k <= g->count; k++) {
         int next = order[k < g->count ? k : 0];
         while (top > 0) {
-            verdict v = judge_edge(g, hull[top - 1], hull[top], next, clear);
+            edge_test v = test_edge(g, hull[top - 1], hull[top], next, clear);
             if (v == DOUBTFUL) return 0;
             if (v == KEPT) break;
             top--;
         }
         hull[++top] = next;
     }
-    return top > 2 && judge_edge(g, hull[top - 1], hull[0], hull[1], clear) == KEPT ? top : 0;
+    return top > 2 && test_edge(g, hull[top - 1], hull[0], hull[1], clear) == KEPT ? top : 0;
 }
 
 /* Whether the points beyond the ring are too far to clip the corners of the polygon. All angles between neighbours must be at most 90

@@ -10,14 +10,14 @@
 
 #include "close.h"
 #include "lattice_scenes.h"
-#include "run/verdict.h"
+#include "run/outcome.h"
 
 static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
 
 /* A solve that has converged and met its targets. */
-static verdict_input good_solve(const measures *m)
+static outcome_input good_solve(const measures *m)
 {
-    return (verdict_input){.measures = m,
+    return (outcome_input){.measures = m,
                            .rms_step = 1e-4,
                            .step_left = 1e-4,
                            .step_tolerance = 1e-3,
@@ -30,15 +30,15 @@ static verdict_input good_solve(const measures *m)
                            .require = nothing_required};
 }
 
-static verdict judge_scene(scene *s)
+static outcome_result judge_scene(scene *s)
 {
     const measures m = scene_measure(s, NULL);
-    const verdict_input in = good_solve(&m);
+    const outcome_input in = good_solve(&m);
     scene_free(s);
-    return verdict_judge(&in);
+    return outcome_evaluate(&in);
 }
 
-static bool has_reason(const verdict *v, const char *criterion)
+static bool has_reason(const outcome_result *v, const char *criterion)
 {
     for (size_t k = 0; k < v->reason_count; k++)
         if (strcmp(v->reason[k].criterion, criterion) == 0) return true;
@@ -46,7 +46,7 @@ static bool has_reason(const verdict *v, const char *criterion)
 }
 
 /* `criteria` are all expected reasons, at most three. */
-static void check_reasons(const verdict *v, verdict_outcome outcome, const char *const criteria[3])
+static void check_reasons(const outcome_result *v, outcome_kind outcome, const char *const criteria[3])
 {
     size_t count = 0;
     for (; count < 3 && criteria[count]; count++)
@@ -55,14 +55,14 @@ static void check_reasons(const verdict *v, verdict_outcome outcome, const char 
         if (v->reason_count > count)
             fail_msg("%zu reasons, the last is %s with %g", v->reason_count,
                      v->reason[v->reason_count - 1].criterion, v->reason[v->reason_count - 1].value);
-    assert_string_equal(verdict_names[v->outcome], verdict_names[outcome]);
+    assert_string_equal(outcome_names[v->outcome], outcome_names[outcome]);
 }
 
 static void check_unresolved(scene s, const char *a, const char *b, const char *c)
 {
     const char *const criteria[3] = {a, b, c};
-    const verdict v = judge_scene(&s);
-    check_reasons(&v, VERDICT_UNRESOLVED, criteria);
+    const outcome_result v = judge_scene(&s);
+    check_reasons(&v, OUTCOME_UNRESOLVED, criteria);
 }
 
 /* ---- good results */
@@ -86,8 +86,8 @@ static void points_in_perfect_order_are_converged(void **state)
                    scene_shells(4, 0.95)};
     const char *const none[3] = {NULL, NULL, NULL};
     for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
-        const verdict v = judge_scene(&all[k]);
-        check_reasons(&v, VERDICT_CONVERGED, none);
+        const outcome_result v = judge_scene(&all[k]);
+        check_reasons(&v, OUTCOME_CONVERGED, none);
     }
 }
 
@@ -205,8 +205,8 @@ static void three_points_on_a_sphere_fail_unmeasured_share(void **state)
 
 typedef struct solve_fault {
     const char *criterion;
-    verdict_outcome outcome;
-    verdict_input changed; /* members other than 0 replace those of a good solve */
+    outcome_kind outcome;
+    outcome_input changed; /* members other than 0 replace those of a good solve */
 } solve_fault;
 
 static void replace(double *to, double from)
@@ -218,23 +218,23 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
 {
     (void)state;
     const solve_fault faults[] = {
-        {"rms_step", VERDICT_NOT_CONVERGED, {.stopped = true}},
-        {"step_left", VERDICT_NOT_CONVERGED, {.step_left = 0.002}},
-        {"gain", VERDICT_NOT_CONVERGED, {.gain = 0.002}},
-        {"target_energy", VERDICT_NOT_CONVERGED, {.energy_error = 0.002}},
-        {"count_error", VERDICT_NOT_CONVERGED, {.count_error = 1}},
-        {"lost", VERDICT_NOT_CONVERGED, {.lost = 1}},
-        {"max_residual", VERDICT_NOT_CONVERGED, {.residual = 0.0011}},
-        {"max_residual", VERDICT_NOT_CONVERGED, {.residual = NAN}},
-        {"lost_area", VERDICT_UNRESOLVED, {.lost_area = 0.011}},
+        {"rms_step", OUTCOME_NOT_CONVERGED, {.stopped = true}},
+        {"step_left", OUTCOME_NOT_CONVERGED, {.step_left = 0.002}},
+        {"gain", OUTCOME_NOT_CONVERGED, {.gain = 0.002}},
+        {"target_energy", OUTCOME_NOT_CONVERGED, {.energy_error = 0.002}},
+        {"count_error", OUTCOME_NOT_CONVERGED, {.count_error = 1}},
+        {"lost", OUTCOME_NOT_CONVERGED, {.lost = 1}},
+        {"max_residual", OUTCOME_NOT_CONVERGED, {.residual = 0.0011}},
+        {"max_residual", OUTCOME_NOT_CONVERGED, {.residual = NAN}},
+        {"lost_area", OUTCOME_UNRESOLVED, {.lost_area = 0.011}},
     };
     scene s = scene_octahedron(3);
     const measures m = scene_measure(&s, NULL);
     scene_free(&s);
     for (size_t k = 0; k < sizeof faults / sizeof *faults; k++) {
-        const verdict_input *c = &faults[k].changed;
+        const outcome_input *c = &faults[k].changed;
         const char *const criteria[3] = {faults[k].criterion};
-        verdict_input in = good_solve(&m);
+        outcome_input in = good_solve(&m);
         in.stopped = c->stopped;
         in.count_error = c->count_error;
         in.lost = c->lost;
@@ -243,7 +243,7 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
         replace(&in.energy_error, c->energy_error);
         replace(&in.residual, c->residual);
         replace(&in.lost_area, c->lost_area);
-        const verdict v = verdict_judge(&in);
+        const outcome_result v = outcome_evaluate(&in);
         check_reasons(&v, faults[k].outcome, criteria);
     }
 }
@@ -257,21 +257,21 @@ static void bounds_of_blue_noise_apply_to_that_pattern_only(void **state)
     scene_free(&s);
     m.min_spacing_ratio = 0.735;
     m.coverage = 0.7;
-    verdict_input in = good_solve(&m);
-    verdict v = verdict_judge(&in);
-    assert_int_equal(v.outcome, VERDICT_CONVERGED);
+    outcome_input in = good_solve(&m);
+    outcome_result v = outcome_evaluate(&in);
+    assert_int_equal(v.outcome, OUTCOME_CONVERGED);
     in.is_blue_noise = true;
-    v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_NOT_CONVERGED, too_close);
+    v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_NOT_CONVERGED, too_close);
     m.min_spacing_ratio = 0.7395; /* within the tolerance */
-    v = verdict_judge(&in);
-    assert_int_equal(v.outcome, VERDICT_CONVERGED);
+    v = outcome_evaluate(&in);
+    assert_int_equal(v.outcome, OUTCOME_CONVERGED);
     m.coverage = 0.78;
-    v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_NOT_CONVERGED, too_far);
+    v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_NOT_CONVERGED, too_far);
 }
 
-static const char *message_of(const verdict *v, const char *criterion)
+static const char *message_of(const outcome_result *v, const char *criterion)
 {
     for (size_t k = 0; k < v->reason_count; k++)
         if (strcmp(v->reason[k].criterion, criterion) == 0) return v->reason[k].message;
@@ -286,10 +286,10 @@ static void a_message_gives_value_and_bound_before_the_advice(void **state)
     measures m = scene_measure(&s, NULL);
     m.coverage = 1.87;
     m.missing_share = 0.125;
-    verdict_input in = good_solve(&m);
+    outcome_input in = good_solve(&m);
     in.lost = 3;
     scene_free(&s);
-    const verdict v = verdict_judge(&in);
+    const outcome_result v = outcome_evaluate(&in);
     assert_string_equal(
         message_of(&v, "coverage"),
         "coverage: a place of the surface is 1.87 spacings from its nearest point (at most 1.2). Ask for "
@@ -304,14 +304,14 @@ static void a_solve_that_was_stopped_names_the_limit_that_stopped_it(void **stat
     (void)state;
     scene s = scene_octahedron(3);
     const measures m = scene_measure(&s, NULL);
-    verdict_input in = good_solve(&m);
+    outcome_input in = good_solve(&m);
     scene_free(&s);
     in.stopped = true;
-    verdict v = verdict_judge(&in);
+    outcome_result v = outcome_evaluate(&in);
     assert_int_equal(v.reason_count, 1);
     assert_non_null(strstr(message_of(&v, "rms_step"), "Raise solver.max_sweeps."));
     in.out_of_time = true;
-    v = verdict_judge(&in);
+    v = outcome_evaluate(&in);
     assert_int_equal(v.reason_count, 1);
     assert_non_null(strstr(message_of(&v, "rms_step"), "Raise sampling.time_s."));
 }
@@ -322,11 +322,11 @@ static void a_step_that_is_not_known_fails_nothing(void **state)
     const char *const none[3] = {NULL, NULL, NULL};
     scene s = scene_octahedron(3);
     const measures m = scene_measure(&s, NULL);
-    verdict_input in = good_solve(&m);
+    outcome_input in = good_solve(&m);
     in.step_left = NAN;
     scene_free(&s);
-    const verdict v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_CONVERGED, none);
+    const outcome_result v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_CONVERGED, none);
 }
 
 static void a_solve_that_still_moves_outranks_gaps(void **state)
@@ -335,11 +335,11 @@ static void a_solve_that_still_moves_outranks_gaps(void **state)
     const char *const both[3] = {"coverage", "rms_step"};
     scene s = without_ball(scene_rectangle(30, 31), (vec3){15.5, 14 * ROW, 0}, 0.9);
     const measures m = scene_measure(&s, NULL);
-    verdict_input in = good_solve(&m);
+    outcome_input in = good_solve(&m);
     in.stopped = true;
     scene_free(&s);
-    const verdict v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_NOT_CONVERGED, both);
+    const outcome_result v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_NOT_CONVERGED, both);
 }
 
 /* ---- outcome.require */
@@ -351,18 +351,18 @@ static void a_requirement_that_is_missed_is_a_reason(void **state)
     spec_requirement require[SPEC_REQUIRE_COUNT] = {0};
     scene s = scene_rectangle(30, 31); /* hex_fraction .9387 */
     const measures m = scene_measure(&s, NULL);
-    verdict_input in = good_solve(&m);
+    outcome_input in = good_solve(&m);
     scene_free(&s);
     in.require = require;
     require[SPEC_REQUIRE_HEX_FRACTION] = (spec_requirement){true, 0.95};
-    verdict v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_UNRESOLVED, hex);
+    outcome_result v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_UNRESOLVED, hex);
     assert_non_null(
         strstr(message_of(&v, "hex_fraction"), "the measure is 0.939 (outcome.require: at least 0.95)."));
     require[SPEC_REQUIRE_HEX_FRACTION].bound = 0.93;
     require[SPEC_REQUIRE_COVERAGE] = (spec_requirement){true, 0.6};
-    v = verdict_judge(&in);
-    check_reasons(&v, VERDICT_CONVERGED, none);
+    v = outcome_evaluate(&in);
+    check_reasons(&v, OUTCOME_CONVERGED, none);
 }
 
 /* ---- other bad results */
@@ -487,8 +487,8 @@ static void points_in_one_place_fail_all(void **state)
     scene s = scene_rectangle(20, 21);
     scene_remove(&s, outside_ball, &b);
     for (int k = 0; k < 100; k++) scene_point_again(&s, (vec3){10, 10 * ROW, 0});
-    const verdict v = judge_scene(&s);
-    assert_true(v.outcome == VERDICT_UNRESOLVED && has_reason(&v, "coverage") &&
+    const outcome_result v = judge_scene(&s);
+    assert_true(v.outcome == OUTCOME_UNRESOLVED && has_reason(&v, "coverage") &&
                 has_reason(&v, "missing_share") && has_reason(&v, "close_share") &&
                 has_reason(&v, "coincident") && has_reason(&v, "unmeasured_share"));
 }
@@ -570,5 +570,5 @@ int main(void)
         cmocka_unit_test(points_too_far_apart_leave_gaps),
         cmocka_unit_test(two_points_on_a_tetrahedron_are_not_measured),
     };
-    return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("outcome", tests, NULL, NULL);
 }

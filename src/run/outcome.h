@@ -1,28 +1,28 @@
-/* verdict: the outcome of a job, from the measures of the delivered points.
+/* outcome: the outcome of a job, from the measures of the delivered points.
  *
  * not_converged: the solve was stopped, still moves, or missed a target. unresolved: the points do not represent the
  * surface. converged: neither. Each criterion compares one number with its bound; the failed ones are the reasons.
  * doc/report.md has the table. The regularity of the packing is rated, and does not affect the outcome unless
  * outcome.require names it. Pure functions, any thread.
  */
-#ifndef HEXAD_RUN_VERDICT_H
-#define HEXAD_RUN_VERDICT_H
+#ifndef HEXAD_RUN_OUTCOME_H
+#define HEXAD_RUN_OUTCOME_H
 
 #include "base/words.h"
 #include "json/json.h"
 #include "measures/measures.h"
 #include "spec/spec.h"
 
-#define VERDICT_LIST SPEC_OUTCOME_LIST
+#define OUTCOME_LIST SPEC_OUTCOME_LIST
 
-typedef enum verdict_outcome { VERDICT_LIST(WORDS_ENUMERATOR, VERDICT) VERDICT_OUTCOMES } verdict_outcome;
+typedef enum outcome_kind { OUTCOME_LIST(WORDS_ENUMERATOR, OUTCOME) OUTCOME_KINDS } outcome_kind;
 
-extern const char *const verdict_names[VERDICT_OUTCOMES];
+extern const char *const outcome_names[OUTCOME_KINDS];
 
 /* Distance from the surface, in spacings, beyond which a point is not on it. */
-#define VERDICT_RESIDUAL 1e-3
+#define OUTCOME_RESIDUAL 1e-3
 
-typedef struct verdict_input {
+typedef struct outcome_input {
     const measures *measures; /* of the delivered points */
     bool stopped;             /* the solve ended before it had converged */
     bool out_of_time; /* of a solve that was stopped: sampling.time_s stopped it, not solver.max_sweeps */
@@ -38,30 +38,30 @@ typedef struct verdict_input {
     double lost_area;
     double residual, rms_residual; /* Maximum and rms distance of the points from the surface, in spacings. */
     const spec_requirement *require; /* SPEC_REQUIRE_COUNT bounds */
-} verdict_input;
+} outcome_input;
 
-enum { VERDICT_MOST_REASONS = 32 };
+enum { OUTCOME_MOST_REASONS = 32 };
 
 /* A criterion that failed. */
-typedef struct verdict_reason {
+typedef struct outcome_reason {
     const char *criterion; /* stable name, a constant */
     double value, bound;   /* the value is on the wrong side of the bound */
     char message[320];     /* what was found, with value and bound, and what to do */
     bool of_thin_parts;    /* thin parts of a surface may be the cause */
-} verdict_reason;
+} outcome_reason;
 
-typedef struct verdict {
-    verdict_outcome outcome;
+typedef struct outcome_result {
+    outcome_kind outcome;
     size_t reason_count; /* 0 when converged */
-    verdict_reason reason[VERDICT_MOST_REASONS];
-} verdict;
+    outcome_reason reason[OUTCOME_MOST_REASONS];
+} outcome_result;
 
 /* Whether thin parts of the surface may be the cause of a reason. */
-bool verdict_is_of_thin_parts(const verdict *v);
+bool outcome_is_of_thin_parts(const outcome_result *v);
 
-verdict verdict_judge(const verdict_input *in);
+outcome_result outcome_evaluate(const outcome_input *in);
 
 /* Adds `outcome` and `outcome_reasons` to a report. */
-void verdict_describe(const verdict *v, json *report);
+void outcome_describe(const outcome_result *v, json *report);
 
 #endif
