@@ -6,6 +6,8 @@
 
 #include "queue_place.h"
 
+#include "base/clock.h"
+
 static void test_a_job_survives_a_reopening(void **state)
 {
     place *p = *state;

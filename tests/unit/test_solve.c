@@ -301,7 +301,7 @@ static void lost_points_are_those_off_the_surface(void **state)
     params.max_sweeps = 200;
     solve x, again;
     solve_all(&a->base, &params, 1, &x);
-    pitted f = {a->base, &a->base, vec3_make(-MAJOR - MINOR, 0, 0), 2 * (MAJOR + MINOR) - 0.004};
+    pitted f = {a->base, &a->base, vec3_make(-MAJOR - MINOR, 0, 0), 2 * (MAJOR + MINOR) - 0.01};
     f.base.ops = &pitted_ops;
     given_start(&x, &params);
     error e = {0};
