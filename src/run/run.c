@@ -40,7 +40,7 @@ static bool write_results(job *j, error *e)
 
 /* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean energy is
  * ideal, unless the count determines it. */
-static outcome_input judged_of(const job *j)
+static outcome_input outcome_input_of(const job *j)
 {
     const solver *s = j->solution.solver;
     const solver_points *p = solver_result_points(s);
@@ -73,7 +73,7 @@ static outcome_input judged_of(const job *j)
 static bool write_report(job *j, outcome_kind *outcome, error *e)
 {
     const solution *s = &j->solution;
-    const outcome_input judged = judged_of(j);
+    const outcome_input judged = outcome_input_of(j);
     const outcome_result v = outcome_evaluate(&judged);
     const report_facts facts = {
         .spec = j->spec,

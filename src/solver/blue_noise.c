@@ -13,6 +13,7 @@
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
 #include "solver/solver_state.h"
+#include "voronoi/resolution.h"
 
 /* Number of Newton steps on the energy. Fewer: more power at low frequencies; more: a more regular packing. */
 enum { ENERGY_STEPS = 4 };
@@ -34,8 +35,8 @@ static const double MARGIN = 0.005;
 static const double CUTOFF = 2;
 /* Reach of the lists beyond the cutoff (Verlet skin), in spacings. Larger: fewer builds of longer lists. */
 static const double SKIN = 0.2;
-/* Deviations below this are not corrected, in spacings. The distances that corrections aim at are nearer to the bounds than that by more. Smaller:
- * more particles move in each step. */
+/* Deviations below this are not corrected, in spacings. It is smaller than the margin between the bounds and the distances
+ * that corrections aim at. Smaller: more particles move in each step. */
 static const double LEAST_CORRECTION = 0.002;
 /* Half the side of the square that Voronoi cells are cut from, in spacings. */
 static const double CELL_SIDE = 1.5;
@@ -45,8 +46,6 @@ static const double EXAMINED = 0.73;
 static const double EXAMINED_AT_BENDS = 0.4;
 /* Cosine of the normals of neighbours below which the surface bends. */
 static const double BENDS_COSINE = 0.8;
-/* Cosine of normals below which particles are on opposite walls, as in the measures. */
-static const double OPPOSITE_COSINE = -0.4;
 /* Cosine of normals below which a step ended on another wall. */
 static const double TURNED_COSINE = 0;
 /* Bisections that find the end of the surface along a step or from a particle towards a corner of its cell. */
@@ -96,8 +95,8 @@ typedef struct blue_noise_state {
     size_t grain;
     bool corrects;    /* the step is a correction */
     bool has_borders; /* the surface ends somewhere */
-    bool
-        has_ends; /* the surface or one of its patches ends somewhere; elsewhere a place that is not reached is on another wall */
+    /* The surface or one of its patches ends somewhere. Elsewhere a place that is not reached is on another wall. */
+    bool has_ends;
     vec3 *position, *normal; /* after the step */
     uint32_t *patch, *hint;  /* after the step; NULL without patches */
     vec3 *anchor;            /* position at the last list build */
@@ -117,6 +116,11 @@ static double length2(flat v)
     return v.x * v.x + v.y * v.y;
 }
 
+static flat between(flat from, flat to, double share)
+{
+    return (flat){from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)};
+}
+
 static double spacing_of(const solver *s, size_t i)
 {
     return s->state.spacing * particles_size(s->state.p, i);
@@ -130,7 +134,7 @@ static bool is_one_sided(const particles *p, uint32_t patch)
 static bool is_opposite(const particles *p, size_t i, uint32_t patch, vec3 normal)
 {
     const double cosine = vec3_dot(p->normal[i], normal);
-    return (is_one_sided(p, patch) && p->patch[i] == patch ? fabs(cosine) : cosine) <= OPPOSITE_COSINE;
+    return (is_one_sided(p, patch) && p->patch[i] == patch ? fabs(cosine) : cosine) <= RESOLUTION_OPPOSITE;
 }
 
 /* ---- places on the surface */
@@ -188,7 +192,7 @@ static bool cross(const solver *s, size_t i, const surface_place *end, vec3 d, d
                                   &begin.position, &begin.normal))
             continue;
         const double distance = vec3_norm(vec3_sub(begin.position, end->position));
-        if (distance >= best || vec3_dot(begin.normal, end->normal) <= OPPOSITE_COSINE ||
+        if (distance >= best || vec3_dot(begin.normal, end->normal) <= RESOLUTION_OPPOSITE ||
             !reach(s, &begin, turned(d, end->normal, begin.normal), h, &to))
             continue;
         best = distance;
@@ -269,7 +273,7 @@ static vec3 in_space(const surroundings *a, flat v)
 /* Cuts off what is nearer to a neighbour at `at`. */
 static void cut(cell *c, flat at)
 {
-    const double half = 0.5 * (at.x * at.x + at.y * at.y);
+    const double half = 0.5 * length2(at);
     double beyond[MAX_CORNERS], most = -INFINITY;
     for (int k = 0; k < c->count; k++) {
         beyond[k] = c->corner[k].x * at.x + c->corner[k].y * at.y - half;
@@ -282,9 +286,7 @@ static void cut(cell *c, flat at)
         const flat from = c->corner[k], to = c->corner[next];
         if (beyond[k] <= 0) rest.corner[rest.count++] = from;
         if ((beyond[k] < 0) == (beyond[next] < 0) || beyond[k] == 0 || beyond[next] == 0) continue;
-        const double share = beyond[k] / (beyond[k] - beyond[next]);
-        rest.corner[rest.count++] =
-            (flat){from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)};
+        rest.corner[rest.count++] = between(from, to, beyond[k] / (beyond[k] - beyond[next]));
     }
     *c = rest;
 }
@@ -349,7 +351,7 @@ typedef struct examined_place {
     bool is_whole; /* the surface, or the patch, reaches to the place in the tangent plane */
     bool is_own;   /* it is on the patch of the particle */
     double
-        excess; /* distance of the nearest particle beyond PLACE_DISTANCE, world units; -INFINITY: none is far */
+        excess; /* the nearest particle is this much farther than PLACE_DISTANCE, world units; -INFINITY: none is far */
     vec3 pull; /* unit vector from the particle to the place */
 } examined_place;
 
@@ -378,11 +380,6 @@ static examined_place examine(const solver *s, const surroundings *a, flat v, bo
 static void pull_towards(const surroundings *a, const examined_place *to, vec3 *pull)
 {
     if (to->excess > LEAST_CORRECTION * a->h) *pull = vec3_axpy(CORRECTION * to->excess, to->pull, *pull);
-}
-
-static flat between(flat from, flat to, double share)
-{
-    return (flat){from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)};
 }
 
 /* The place on an edge of the cell, from a corner on the patch, at which the patch ends. */
