@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "field/creases.h"
+#include "field/kuhn.h"
 
 /* Maximum cell size in cells of the whole, and minimum number of cells along the longest side. Triangles end at
  * creases, so that cells may be larger than for a combination. The triangles are flat: the area of a sphere is 1e-4 too
@@ -24,10 +25,6 @@ static const double ROOT_TOLERANCE = 1e-13;
 static const double PROJECT_REACH = 2;
 
 static const char *const WHAT = "the patches of the surface";
-
-/* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to corner 7. */
-static const int tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
-                                     {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
 /* The part of a leaf's zero set that is the solid's surface. */
 typedef struct piece {
@@ -418,8 +415,10 @@ static void cut_cell(builder *b, const int64_t at[3])
         }
     b->varying = any & ~all;
     for (b->leaf = 0; b->leaf < b->solid->count; b->leaf++)
-        for (int t = 0; t < 6 && b->varying >> b->leaf & 1; t++)
-            cut_tetrahedron(b, tetrahedra[t], corner, value[b->leaf], any & all);
+        for (int t = 0; t < KUHN_TETRAHEDRA && b->varying >> b->leaf & 1; t++) {
+            const kuhn_path path = kuhn_path_of(t);
+            cut_tetrahedron(b, path.corner, corner, value[b->leaf], any & all);
+        }
     end_cell(b);
 }
 

@@ -3,12 +3,7 @@
 #include <math.h>
 
 #include "base/isa.h"
-
-/* Kuhn's tetrahedra: the corners on the path from corner 0 to corner 7 for each order of the axes. */
-static const struct {
-    uint8_t axis[3], corner[4];
-} tetrahedra[6] = {{{0, 1, 2}, {0, 1, 3, 7}}, {{0, 2, 1}, {0, 1, 5, 7}}, {{1, 0, 2}, {0, 2, 3, 7}},
-                   {{1, 2, 0}, {0, 2, 6, 7}}, {{2, 0, 1}, {0, 4, 5, 7}}, {{2, 1, 0}, {0, 4, 6, 7}}};
+#include "field/kuhn.h"
 
 /* In edge lengths: larger than the rounding errors of corners. */
 static const double HAIR = 1e-3;
@@ -57,8 +52,9 @@ ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
             for (int l = 0; l < LANES; l++) across[a][i][l] = u[l] * v[l] - w[l] * x[l];
         }
     for (int l = 0; l < LANES; l++) area[l] = 0;
-    for (int k = 0; k < 6; k++) {
-        const uint8_t *c = tetrahedra[k].corner, *axis = tetrahedra[k].axis;
+    for (int k = 0; k < KUHN_TETRAHEDRA; k++) {
+        const kuhn_path path = kuhn_path_of(k);
+        const int *c = path.corner, *axis = path.axis;
         const double *f0 = in->value[c[0]], *f1 = in->value[c[1]], *f2 = in->value[c[2]],
                      *f3 = in->value[c[3]];
         const double(*s)[LANES] = across[axis[0]], (*t)[LANES] = across[axis[1]],
@@ -140,7 +136,7 @@ static double tangent_norm2(vec3 v, vec3 normal)
 
 /* The gradient, along the edges of the cell, of e = (linear interpolant in a tetrahedron) - F: mean over the
  * tetrahedron. bend[i][j]: the second derivative of F along edges i and j. */
-static void mean_slope(const double bend[3][3], const uint8_t axis[3], double out[3])
+static void mean_slope(const double bend[3][3], const int axis[3], double out[3])
 {
     const int a = axis[0], b = axis[1], c = axis[2];
     out[a] = -0.25 * (bend[a][a] + 2 * bend[a][b] + bend[a][c]);
@@ -168,10 +164,11 @@ double flat_cell_shortage(const field_cell *cell, const field_sample *middle)
         for (int j = 0; j <= i; j++) mean_e += (bend[i][j] = bend[j][i] = vec3_dot(turn[i], edge[j])) / 12;
     }
     tilt2 += tangent_norm2(sum, normal) / 48;
-    for (int k = 0; k < 6; k++) {
+    for (int k = 0; k < KUHN_TETRAHEDRA; k++) {
+        const kuhn_path path = kuhn_path_of(k);
         double along[3];
         vec3 slope = {0, 0, 0};
-        mean_slope(bend, tetrahedra[k].axis, along);
+        mean_slope(bend, path.axis, along);
         for (int i = 0; i < 3; i++) slope = vec3_axpy(along[i] / volume, across[i], slope);
         tilt2 += tangent_norm2(slope, normal) / 6;
     }

@@ -3,51 +3,45 @@
 #include <string.h>
 
 #include "base/isa.h"
+#include "base/lanes.h"
 
 enum {
     NODES = CELL_PARTS + 1,
     LAYER = NODES * NODES, /* of nodes */
     ALL_NODES = NODES * LAYER,
     AXES = 8, /* sets of them, by bits: which way an edge goes */
-    /* Of all parts' edges: along one axis, two or three. */
-    EDGES = 3 * CELL_PARTS * NODES * NODES + 3 * CELL_PARTS * CELL_PARTS * NODES +
-            CELL_PARTS * CELL_PARTS * CELL_PARTS,
-    TRIANGLES = CELL_PARTS * CELL_PARTS * CELL_PARTS * FIELD_CELL_TRIANGLES,
-    SIDE_BY_SIDE = 8
+    EDGES = ALL_NODES * AXES,
+    TRIANGLES = CELL_PARTS * CELL_PARTS * CELL_PARTS * FIELD_CELL_TRIANGLES
 };
 
 /* F at the corners of the parts. */
 typedef struct part_nodes {
     vec3 at[ALL_NODES], gradient[ALL_NODES];
     double value[ALL_NODES];
-    uint32_t inside[NODES]; /* of each layer, by bits */
 } part_nodes;
 
-/* From a node along some axes, bits: how far that is in a layer, and which nodes of a layer have one there. */
-#define STEP(axes) (((axes)&1) + ((axes) >> 1 & 1) * NODES)
-typedef struct part_grid {
-    int parts; /* along each axis; nodes beyond theirs are not there */
-    uint32_t have_step[4];
-} part_grid;
-static const part_grid whole_grid = {CELL_PARTS, {0x1ffffff, 0xf7bdef, 0xfffff, 0x7bdef}},
-                       half_grid = {CELL_PARTS / 2, {0x1ce7, 0xc63, 0xe7, 0x63}};
+/* From a node one step along some axes, by bits. */
+static int step_along(int axes)
+{
+    return (axes & 1) + (axes >> 1 & 1) * NODES + (axes >> 2) * LAYER;
+}
 
 /* Edges side by side: from the end inside, where F and its slope are the first, to that outside. */
 typedef struct edge_lanes {
-    double x[SIDE_BY_SIDE], y[SIDE_BY_SIDE], z[SIDE_BY_SIDE], dx[SIDE_BY_SIDE], dy[SIDE_BY_SIDE],
-        dz[SIDE_BY_SIDE];
-    double gx[SIDE_BY_SIDE], gy[SIDE_BY_SIDE], gz[SIDE_BY_SIDE]; /* the gradients at the ends */
-    double tx[SIDE_BY_SIDE], ty[SIDE_BY_SIDE], tz[SIDE_BY_SIDE];
-    double f0[SIDE_BY_SIDE], f1[SIDE_BY_SIDE];
+    double x[LANES], y[LANES], z[LANES], dx[LANES], dy[LANES], dz[LANES];
+    double gx[LANES], gy[LANES], gz[LANES]; /* the gradients at the ends */
+    double tx[LANES], ty[LANES], tz[LANES];
+    double f0[LANES], f1[LANES];
 } edge_lanes;
 
 /* Roots: where the surface cuts edges. The normal of a root that is not smooth is not usable. */
 typedef struct roots {
     int count;
-    double x[EDGES + SIDE_BY_SIDE], y[EDGES + SIDE_BY_SIDE], z[EDGES + SIDE_BY_SIDE];
-    double nx[EDGES + SIDE_BY_SIDE], ny[EDGES + SIDE_BY_SIDE], nz[EDGES + SIDE_BY_SIDE];
-    double smooth[EDGES + SIDE_BY_SIDE]; /* 1 or 0 */
-    uint16_t of[ALL_NODES * AXES]; /* of the edges that go up from a node, by the axes that they go along */
+    double x[EDGES + LANES], y[EDGES + LANES], z[EDGES + LANES];
+    double nx[EDGES + LANES], ny[EDGES + LANES], nz[EDGES + LANES];
+    double smooth[EDGES + LANES]; /* 1 or 0 */
+    uint16_t of
+        [EDGES]; /* root + 1 of the edge that goes up from a node, by the axes that it goes along; 0: none yet */
 } roots;
 
 /* The triangles of the parts, part after part, by their roots. */
@@ -58,11 +52,12 @@ typedef struct part_triangles {
 
 static vec3 part_node(const field_cell *cell, int parts, int n)
 {
-    const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
-    vec3 node = cell->corner[0];
-    for (int axis = 0; axis < 3; axis++)
-        node = vec3_axpy(at[axis] / (double)parts, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
-    return node;
+    const vec3 from = cell->corner[0];
+    const double x = n % NODES / (double)parts, y = n / NODES % NODES / (double)parts,
+                 z = n / LAYER / (double)parts;
+    return vec3_axpy(
+        z, vec3_sub(cell->corner[4], from),
+        vec3_axpy(y, vec3_sub(cell->corner[2], from), vec3_axpy(x, vec3_sub(cell->corner[1], from), from)));
 }
 
 /* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have
@@ -77,26 +72,22 @@ static int node_in_turn(int parts, int n)
 static bool sample_parts(const field *f, const field_cell *cell, int parts, part_nodes *out)
 {
     const int all = (parts + 1) * (parts + 1) * (parts + 1);
-    memset(out->inside, 0, sizeof out->inside);
     for (int first = 0; first < all; first += VEC3_LANES) {
         vec3_lanes x, gradient;
         bool defined[VEC3_LANES];
         double value[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
-            vec3 node = part_node(cell, parts, node_in_turn(parts, first + l < all ? first + l : all - 1));
-            x.x[l] = node.x;
-            x.y[l] = node.y;
-            x.z[l] = node.z;
+            vec3_lanes_put(
+                &x, l, part_node(cell, parts, node_in_turn(parts, first + l < all ? first + l : all - 1)));
             defined[l] = true;
         }
         field_sample_lanes(f, &x, defined, value, &gradient);
         for (int l = 0; l < VEC3_LANES && first + l < all; l++) {
             const int n = node_in_turn(parts, first + l);
             if (!defined[l]) return false;
-            out->at[n] = (vec3){x.x[l], x.y[l], x.z[l]};
-            out->gradient[n] = (vec3){gradient.x[l], gradient.y[l], gradient.z[l]};
+            out->at[n] = vec3_lanes_get(&x, l);
+            out->gradient[n] = vec3_lanes_get(&gradient, l);
             out->value[n] = value[l];
-            out->inside[n / LAYER] |= (uint32_t)(value[l] < 0) << n % LAYER;
         }
     }
     return true;
@@ -106,11 +97,9 @@ static bool sample_parts(const field *f, const field_cell *cell, int parts, part
  * error is of fourth order. The gradient between is taken for linear. */
 ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int first, roots *out)
 {
-    double low[SIDE_BY_SIDE], high[SIDE_BY_SIDE], at_low[SIDE_BY_SIDE], at_high[SIDE_BY_SIDE],
-        newton[SIDE_BY_SIDE], kept[SIDE_BY_SIDE], done[SIDE_BY_SIDE], end[SIDE_BY_SIDE], rise[SIDE_BY_SIDE],
-        d0[SIDE_BY_SIDE], d1[SIDE_BY_SIDE], across[SIDE_BY_SIDE], nx[SIDE_BY_SIDE], ny[SIDE_BY_SIDE],
-        nz[SIDE_BY_SIDE];
-    for (int l = 0; l < SIDE_BY_SIDE; l++) {
+    double low[LANES], high[LANES], at_low[LANES], at_high[LANES], newton[LANES], kept[LANES], done[LANES],
+        end[LANES], rise[LANES], d0[LANES], d1[LANES], across[LANES], nx[LANES], ny[LANES], nz[LANES];
+    for (int l = 0; l < LANES; l++) {
         low[l] = kept[l] = done[l] = end[l] = nx[l] = ny[l] = nz[l] = 0;
         high[l] = 1;
         at_low[l] = e->f0[l];
@@ -121,11 +110,11 @@ ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int fir
         d1[l] = e->tx[l] * e->dx[l] + e->ty[l] * e->dy[l] + e->tz[l] * e->dz[l] - rise[l];
         across[l] = sqrt(e->dx[l] * e->dx[l] + e->dy[l] * e->dy[l] + e->dz[l] * e->dz[l]);
     }
-    double left = SIDE_BY_SIDE;
+    double left = LANES;
     for (int k = 0; k < CELL_ROOT_STEPS && left > 0; k++) {
-        left = SIDE_BY_SIDE;
+        left = LANES;
         const double odd = k & 1;
-        for (int l = 0; l < SIDE_BY_SIDE; l++) {
+        for (int l = 0; l < LANES; l++) {
             const double straight = low[l] + (high[l] - low[l]) * at_low[l] / (at_low[l] - at_high[l]);
             const double between = newton[l] < high[l] ? odd : 0,
                          t = newton[l] > low[l] && between > 0 ? newton[l] : straight;
@@ -153,9 +142,9 @@ ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int fir
             kept[l] = value < 0 ? 1.0 : -1.0;
             newton[l] = next;
         }
-        for (int l = 0; l < SIDE_BY_SIDE; l++) left -= done[l];
+        for (int l = 0; l < LANES; l++) left -= done[l];
     }
-    for (int l = 0; l < SIDE_BY_SIDE; l++) {
+    for (int l = 0; l < LANES; l++) {
         out->x[first + l] = e->x[l] + end[l] * e->dx[l];
         out->y[first + l] = e->y[l] + end[l] * e->dy[l];
         out->z[first + l] = e->z[l] + end[l] * e->dz[l];
@@ -204,92 +193,65 @@ static void find_sharp_root(const field *f, const part_nodes *n, int inside, int
     out->smooth[k] = c.smooth;
 }
 
-/* The root between a node and the one up from it along some axes. */
-static void cut_edge(const field *f, const part_nodes *n, int node, int axes, edge_lanes *lanes, roots *out)
+/* The root on an edge, computed at its first use; together with others, so that it is known at the end of cut_parts. */
+static uint16_t root_on(const field *f, const part_nodes *n, int inside, int outside, int axes,
+                        edge_lanes *batch, roots *out)
 {
-    const int other = node + STEP(axes) + (axes >> 2) * LAYER, k = out->count++;
-    const bool up = n->value[node] < 0;
-    const int inside = up ? node : other, outside = up ? other : node;
-    out->of[node * AXES + axes] = (uint16_t)k;
+    uint16_t *of = &out->of[(inside < outside ? inside : outside) * AXES + axes];
+    if (*of > 0) return *of - 1;
+    const int k = out->count++;
+    *of = (uint16_t)out->count;
     if (f->sharp) {
         find_sharp_root(f, n, inside, outside, k, out);
-        return;
+        return (uint16_t)k;
     }
-    put_edge(n, inside, outside, k % SIDE_BY_SIDE, lanes);
-    if (out->count % SIDE_BY_SIDE == 0)
-        find_roots(lanes, CELL_LAST_STEP * f->cell_size, out->count - SIDE_BY_SIDE, out);
+    put_edge(n, inside, outside, k % LANES, batch);
+    if (out->count % LANES == 0) find_roots(batch, CELL_LAST_STEP * f->cell_size, out->count - LANES, out);
+    return (uint16_t)k;
 }
 
-/* The roots on all edges of parts. */
-static void cut_edges(const field *f, const part_grid *grid, const part_nodes *n, roots *out)
+/* The triangles of a part, and the roots that are their corners. `first`: the part's first node. */
+static void cut_part(const field *f, const part_nodes *n, int first, edge_lanes *batch, roots *r,
+                     part_triangles *out)
 {
-    edge_lanes lanes = {.x = {0}};
-    out->count = 0;
-    for (int axes = 1; axes < AXES; axes++)
-        for (int layer = 0; layer + (axes >> 2) <= grid->parts; layer++) {
-            uint32_t cut =
-                (n->inside[layer] ^ n->inside[layer + (axes >> 2)] >> STEP(axes)) & grid->have_step[axes & 3];
-            for (; cut; cut &= cut - 1) cut_edge(f, n, layer * LAYER + __builtin_ctz(cut), axes, &lanes, out);
-        }
-    if (!f->sharp && out->count % SIDE_BY_SIDE > 0) /* and some of those before once more */
-        find_roots(&lanes, CELL_LAST_STEP * f->cell_size, out->count / SIDE_BY_SIDE * SIDE_BY_SIDE, out);
-}
-
-/* An edge of a part that begins at corner a and ends at b, as `of` of roots counts it from the part's first node. */
-#define EDGE(a, b) ((STEP(a) + ((a) >> 2) * LAYER) * AXES + ((a) ^ (b)))
-#define TETRAHEDRON(a, b, c, d)                                                \
-    {                                                                          \
-        EDGE(a, b), EDGE(a, c), EDGE(a, d), EDGE(b, c), EDGE(b, d), EDGE(c, d) \
-    }
-static const uint16_t part_edges[6][6] = {TETRAHEDRON(0, 1, 3, 7), TETRAHEDRON(0, 1, 5, 7),
-                                          TETRAHEDRON(0, 2, 3, 7), TETRAHEDRON(0, 2, 6, 7),
-                                          TETRAHEDRON(0, 4, 5, 7), TETRAHEDRON(0, 4, 6, 7)};
-
-static void cut_part(const part_nodes *n, const roots *r, int layer, int first, part_triangles *out)
-{
-    const uint16_t *of = r->of + (layer * LAYER + first) * AXES;
-    const uint32_t low = n->inside[layer] >> first, high = n->inside[layer + 1] >> first;
-    const unsigned inside = (low & 3) | (low >> NODES & 3) << 2 | (high & 3) << 4 | (high >> NODES & 3) << 6;
-    for (int k = 0; k < 6; k++) {
-        const uint8_t *passed = cell_rings[cell_inside(inside, k)];
-        for (int i = 2; i < passed[0]; i++) {
-            uint16_t *c = out->corner[out->count];
-            c[0] = of[part_edges[k][passed[1]]];
-            c[1] = of[part_edges[k][passed[i]]];
-            c[2] = of[part_edges[k][passed[i + 1]]];
-            out->part[out->count++] = (uint16_t)(layer * LAYER + first);
-        }
+    crossed_edge at[FIELD_CELL_TRIANGLES][3];
+    unsigned inside = 0;
+    for (int c = 0; c < 8; c++) inside |= (unsigned)(n->value[first + step_along(c)] < 0) << c;
+    if (inside == 0 || inside == UINT8_MAX) return;
+    const int count = cell_cut(inside, at);
+    for (int i = 0; i < count; i++, out->count++) {
+        out->part[out->count] = (uint16_t)first;
+        for (int c = 0; c < 3; c++)
+            out->corner[out->count][c] =
+                root_on(f, n, first + step_along(at[i][c].inside), first + step_along(at[i][c].outside),
+                        at[i][c].inside ^ at[i][c].outside, batch, r);
     }
 }
 
-/* Part after part, of those that the surface passes. */
-static void cut_parts(const part_grid *grid, const part_nodes *n, const roots *r, part_triangles *out)
+static void cut_parts(const field *f, const part_nodes *n, int parts, roots *r, part_triangles *out)
 {
-    out->count = 0;
-    for (int layer = 0; layer < grid->parts; layer++) {
-        const uint32_t a = n->inside[layer], b = n->inside[layer + 1];
-        uint32_t any = a | b, all = a & b;
-        for (int axes = 1; axes < 4; axes++) {
-            any |= (a | b) >> STEP(axes);
-            all &= (a & b) >> STEP(axes);
-        }
-        for (uint32_t passed = any & ~all & grid->have_step[3]; passed; passed &= passed - 1)
-            cut_part(n, r, layer, __builtin_ctz(passed), out);
-    }
+    edge_lanes batch = {.x = {0}};
+    r->count = out->count = 0;
+    memset(r->of, 0, sizeof r->of);
+    for (int z = 0; z < parts; z++)
+        for (int y = 0; y < parts; y++)
+            for (int x = 0; x < parts; x++) cut_part(f, n, x + y * NODES + z * LAYER, &batch, r, out);
+    if (!f->sharp && r->count % LANES > 0) /* and some of those before once more */
+        find_roots(&batch, CELL_LAST_STEP * f->cell_size, r->count / LANES * LANES, r);
 }
 
 /* Triangles side by side. */
 typedef struct triangle_lanes {
-    double x[3][SIDE_BY_SIDE], y[3][SIDE_BY_SIDE], z[3][SIDE_BY_SIDE];
-    double nx[3][SIDE_BY_SIDE], ny[3][SIDE_BY_SIDE], nz[3][SIDE_BY_SIDE];
-    double smooth[SIDE_BY_SIDE];
+    double x[3][LANES], y[3][LANES], z[3][LANES];
+    double nx[3][LANES], ny[3][LANES], nz[3][LANES];
+    double smooth[LANES];
 } triangle_lanes;
 
 /* As curved_area of surface.c without more triangles; and the excess that it would look at, 0 where it would not. */
-ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SIDE_BY_SIDE],
-                                         double more_than_flat[SIDE_BY_SIDE])
+ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[LANES],
+                                         double more_than_flat[LANES])
 {
-    for (int l = 0; l < SIDE_BY_SIDE; l++) {
+    for (int l = 0; l < LANES; l++) {
         const double ux = t->x[1][l] - t->x[0][l], uy = t->y[1][l] - t->y[0][l], uz = t->z[1][l] - t->z[0][l];
         const double vx = t->x[2][l] - t->x[0][l], vy = t->y[2][l] - t->y[0][l], vz = t->z[2][l] - t->z[0][l];
         const double wx = uy * vz - uz * vy, wy = uz * vx - ux * vz, wz = ux * vy - uy * vx;
@@ -329,23 +291,23 @@ ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[SID
 static double sum_areas(const part_triangles *t, const roots *r)
 {
     double sum = 0, of_part = 0;
-    for (int first = 0; first < t->count; first += SIDE_BY_SIDE) {
-        triangle_lanes lanes;
-        double area[SIDE_BY_SIDE], excess[SIDE_BY_SIDE];
-        for (int l = 0; l < SIDE_BY_SIDE; l++) {
+    for (int first = 0; first < t->count; first += LANES) {
+        triangle_lanes batch;
+        double area[LANES], excess[LANES];
+        for (int l = 0; l < LANES; l++) {
             const uint16_t *at = t->corner[first + l < t->count ? first + l : t->count - 1];
             for (int c = 0; c < 3; c++) {
-                lanes.x[c][l] = r->x[at[c]];
-                lanes.y[c][l] = r->y[at[c]];
-                lanes.z[c][l] = r->z[at[c]];
-                lanes.nx[c][l] = r->nx[at[c]];
-                lanes.ny[c][l] = r->ny[at[c]];
-                lanes.nz[c][l] = r->nz[at[c]];
+                batch.x[c][l] = r->x[at[c]];
+                batch.y[c][l] = r->y[at[c]];
+                batch.z[c][l] = r->z[at[c]];
+                batch.nx[c][l] = r->nx[at[c]];
+                batch.ny[c][l] = r->ny[at[c]];
+                batch.nz[c][l] = r->nz[at[c]];
             }
-            lanes.smooth[l] = r->smooth[at[0]] * r->smooth[at[1]] * r->smooth[at[2]];
+            batch.smooth[l] = r->smooth[at[0]] * r->smooth[at[1]] * r->smooth[at[2]];
         }
-        measure_triangles(&lanes, area, excess);
-        for (int k = first; k < t->count && k < first + SIDE_BY_SIDE; k++) {
+        measure_triangles(&batch, area, excess);
+        for (int k = first; k < t->count && k < first + LANES; k++) {
             if (k > 0 && t->part[k] != t->part[k - 1]) {
                 sum += of_part;
                 of_part = 0;
@@ -358,23 +320,23 @@ static double sum_areas(const part_triangles *t, const roots *r)
 
 void cell_measure_triangles(const triangulation *t, double area[], double excess[])
 {
-    for (int first = 0; first < t->count; first += SIDE_BY_SIDE) {
-        triangle_lanes lanes;
-        double of[SIDE_BY_SIDE], more[SIDE_BY_SIDE];
-        for (int l = 0; l < SIDE_BY_SIDE; l++) {
+    for (int first = 0; first < t->count; first += LANES) {
+        triangle_lanes batch;
+        double of[LANES], more[LANES];
+        for (int l = 0; l < LANES; l++) {
             const corner *at = t->at[first + l < t->count ? first + l : t->count - 1];
             for (int c = 0; c < 3; c++) {
-                lanes.x[c][l] = at[c].position.x;
-                lanes.y[c][l] = at[c].position.y;
-                lanes.z[c][l] = at[c].position.z;
-                lanes.nx[c][l] = at[c].normal.x;
-                lanes.ny[c][l] = at[c].normal.y;
-                lanes.nz[c][l] = at[c].normal.z;
+                batch.x[c][l] = at[c].position.x;
+                batch.y[c][l] = at[c].position.y;
+                batch.z[c][l] = at[c].position.z;
+                batch.nx[c][l] = at[c].normal.x;
+                batch.ny[c][l] = at[c].normal.y;
+                batch.nz[c][l] = at[c].normal.z;
             }
-            lanes.smooth[l] = at[0].smooth && at[1].smooth && at[2].smooth ? 1 : 0;
+            batch.smooth[l] = at[0].smooth && at[1].smooth && at[2].smooth ? 1 : 0;
         }
-        measure_triangles(&lanes, of, more);
-        for (int k = first; k < t->count && k < first + SIDE_BY_SIDE; k++) {
+        measure_triangles(&batch, of, more);
+        for (int k = first; k < t->count && k < first + LANES; k++) {
             area[k] = of[k - first];
             excess[k] = more[k - first];
         }
@@ -386,14 +348,13 @@ static corner corner_of(const roots *r, int k)
     return (corner){{r->x[k], r->y[k], r->z[k]}, {r->nx[k], r->ny[k], r->nz[k]}, r->smooth[k] > 0};
 }
 
-static double area_by(const field *f, const field_cell *cell, const part_grid *grid, triangulation *lacking)
+static double area_by(const field *f, const field_cell *cell, int parts, triangulation *lacking)
 {
     part_nodes nodes;
     roots r;
     part_triangles t;
-    if (!sample_parts(f, cell, grid->parts, &nodes)) return 0;
-    cut_edges(f, grid, &nodes, &r);
-    cut_parts(grid, &nodes, &r, &t);
+    if (!sample_parts(f, cell, parts, &nodes)) return 0;
+    cut_parts(f, &nodes, parts, &r, &t);
     for (int k = 0; lacking && k < t.count && lacking->count < FIELD_CELL_TRIANGLES; k++, lacking->count++)
         for (int c = 0; c < 3; c++) lacking->at[lacking->count][c] = corner_of(&r, t.corner[k][c]);
     return sum_areas(&t, &r);
@@ -401,10 +362,10 @@ static double area_by(const field *f, const field_cell *cell, const part_grid *g
 
 double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking)
 {
-    return area_by(f, cell, &whole_grid, lacking);
+    return area_by(f, cell, CELL_PARTS, lacking);
 }
 
 double cell_half_parts_area(const field *f, const field_cell *cell)
 {
-    return area_by(f, cell, &half_grid, NULL);
+    return area_by(f, cell, CELL_PARTS / 2, NULL);
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/kuhn.h"
 
 enum { GROUP_EDGES = ROOT_GROUP_CELLS * CELL_EDGES, SLOT_BITS = 10, SLOTS = 1 << SLOT_BITS };
 enum { WORDS = 8 }; /* of an edge's ends: two places and two values */
@@ -18,6 +19,36 @@ int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES])
                 continue; /* paths step up along the axes */
             out[count++] = is_inside ? (crossed_edge){a, b} : (crossed_edge){b, a};
         }
+    return count;
+}
+
+/* The edges of a tetrahedron that the surface crosses, in order around the section: from each corner inside to the
+ * corners outside, forth and back. */
+static int ring_of(unsigned inside, const int at[4], crossed_edge ring[4])
+{
+    int count = 0;
+    bool back = false;
+    for (int v = 0; v < 4; v++) {
+        if (!(inside >> at[v] & 1)) continue;
+        for (int w = 0; w < 4; w++) {
+            const int other = at[back ? 3 - w : w];
+            if (!(inside >> other & 1)) ring[count++] = (crossed_edge){(uint8_t)at[v], (uint8_t)other};
+        }
+        back = !back;
+    }
+    return count;
+}
+
+int cell_cut(unsigned inside, crossed_edge out[FIELD_CELL_TRIANGLES][3])
+{
+    int count = 0;
+    for (int k = 0; k < KUHN_TETRAHEDRA; k++) {
+        const kuhn_path path = kuhn_path_of(k);
+        crossed_edge ring[4];
+        const int edges = ring_of(inside, path.corner, ring);
+        for (int i = 2; i < edges; i++)
+            memcpy(out[count++], (crossed_edge[]){ring[0], ring[i - 1], ring[i]}, sizeof out[0]);
+    }
     return count;
 }
 
@@ -174,16 +205,12 @@ void root_group_find(root_group *g, const field *f)
         bool defined[VEC3_LANES];
         for (int l = 0; l < VEC3_LANES; l++) {
             if (busy[l]) choose_place(&lane[l]);
-            const vec3 at = lane[busy[l] ? l : 0].out->position;
-            x.x[l] = at.x;
-            x.y[l] = at.y;
-            x.z[l] = at.z;
+            vec3_lanes_put(&x, l, lane[busy[l] ? l : 0].out->position);
             defined[l] = busy[l];
         }
         field_sample_lanes(f, &x, defined, value, &gradient);
         for (int l = 0; l < VEC3_LANES; l++) {
-            if (!busy[l] || (defined[l] && !take_sample(&lane[l], value[l],
-                                                        (vec3){gradient.x[l], gradient.y[l], gradient.z[l]},
+            if (!busy[l] || (defined[l] && !take_sample(&lane[l], value[l], vec3_lanes_get(&gradient, l),
                                                         CELL_LAST_STEP * f->cell_size)))
                 continue;
             left--;

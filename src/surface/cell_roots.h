@@ -29,6 +29,10 @@ typedef struct crossed_edge {
     uint8_t inside, outside;
 } crossed_edge;
 
+/* The triangles in which the surface cuts the tetrahedra of a cell (field/kuhn.h), by the edges on which their corners
+ * lie. `inside`: bit k is set if corner k is inside the solid. Returns their number. */
+int cell_cut(unsigned inside, crossed_edge out[FIELD_CELL_TRIANGLES][3]);
+
 /* Lists the edges with F of different sign at their ends; returns their number. */
 int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES]);
 

@@ -10,8 +10,6 @@
 #include "surface/bent_areas.h"
 #include "surface/cell_parts.h"
 
-#define EDGE_NUMBERS 64 /* an edge joins corners a < b: index 8 a + b */
-
 /* Cells in a chunk of work: whole groups. */
 static const size_t GRAIN = THREADS_GRAIN;
 /* Chunks after which a field may free its caches: coefficient blocks of AT_ONCE chunks take some megabytes. */
@@ -69,11 +67,6 @@ static void place_corner(const field *f, vec3 x, double reach, corner *c)
         c->position = p;
         c->smooth = true;
     }
-}
-
-static int edge_number(int a, int b)
-{
-    return a < b ? 8 * a + b : 8 * b + a;
 }
 
 /* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge
@@ -226,14 +219,6 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
     return sum;
 }
 
-static void add_triangle(triangulation *out, const corner *a, const corner *b, const corner *c)
-{
-    corner *t = out->at[out->count++];
-    t[0] = *a;
-    t[1] = *b;
-    t[2] = *c;
-}
-
 /* Whether the domain ends nowhere in the cell. */
 static bool is_whole(const field *f, const field_cell *cell)
 {
@@ -242,21 +227,18 @@ static bool is_whole(const field *f, const field_cell *cell)
     return true;
 }
 
-/* The triangles alone, between roots by the numbers of their edges. */
-static void join_roots(const field_cell *cell, const corner *const root[EDGE_NUMBERS], triangulation *out)
+/* The roots of a cell by the corners inside and outside. */
+typedef const corner *root_table[8][8];
+
+/* The triangles alone, between roots. */
+static void join_roots(const field_cell *cell, root_table root, triangulation *out)
 {
     unsigned inside = 0;
-    out->count = 0;
+    crossed_edge at[FIELD_CELL_TRIANGLES][3];
     for (int k = 0; k < 8; k++) inside |= (unsigned)(cell->value[k] < 0) << k;
-    for (int k = 0; k < 6; k++) {
-        const uint8_t *passed = cell_rings[cell_inside(inside, k)];
-        const corner *ring[4];
-        for (int i = 0; i < passed[0]; i++) {
-            const uint8_t *ends = cell_edges[passed[i + 1]];
-            ring[i] = root[edge_number(cell_tetrahedra[k][ends[0]], cell_tetrahedra[k][ends[1]])];
-        }
-        for (int i = 2; i < passed[0]; i++) add_triangle(out, ring[0], ring[i - 1], ring[i]);
-    }
+    out->count = cell_cut(inside, at);
+    for (int i = 0; i < out->count; i++)
+        for (int c = 0; c < 3; c++) out->at[i][c] = *root[at[i][c].inside][at[i][c].outside];
 }
 
 /* The triangles of a cell by itself; see cell_find_root. */
@@ -264,11 +246,11 @@ static void cut_cell(const field *f, const field_cell *cell, bool is_straight, t
 {
     crossed_edge edge[CELL_EDGES];
     corner at[CELL_EDGES];
-    const corner *root[EDGE_NUMBERS];
+    root_table root;
     const int count = cell_crossed_edges(cell, edge);
     for (int k = 0; k < count; k++) {
         cell_find_root(f, cell, edge[k].inside, edge[k].outside, is_straight, &at[k]);
-        root[edge_number(edge[k].inside, edge[k].outside)] = &at[k];
+        root[edge[k].inside][edge[k].outside] = &at[k];
     }
     join_roots(cell, root, out);
 }
@@ -381,7 +363,7 @@ static double rough_area(const triangulation *t, double cell_size)
 typedef struct cell_at_hand {
     size_t number;
     field_cell cell;
-    const corner *root[EDGE_NUMBERS];
+    root_table root;
 } cell_at_hand;
 
 typedef struct cell_group {
@@ -395,7 +377,7 @@ typedef struct cell_group {
 
 /* The area of the surface in the domain, which also widens the box. A cell that is measured by parts later gets a rough
  * area, with the sign reversed. */
-static double measure_cell(const field *f, const cell_at_hand *own, bbox *box)
+static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
 {
     const field_cell *cell = &own->cell;
     triangulation t;
@@ -442,8 +424,7 @@ static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
     own->number = k;
     const int count = cell_crossed_edges(&own->cell, edge);
     for (int i = 0; i < count; i++)
-        own->root[edge_number(edge[i].inside, edge[i].outside)] =
-            root_group_add(group->roots, &own->cell, edge[i]);
+        own->root[edge[i].inside][edge[i].outside] = root_group_add(group->roots, &own->cell, edge[i]);
     group->count++;
 }
 

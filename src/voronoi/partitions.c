@@ -11,8 +11,8 @@
 static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;
 /* Bins of the histogram that determines the cuts. */
 enum { BINS = 4096 };
-/* Consecutive points of a span, which are mostly near each other; spans of one task. */
-enum { SPAN = 256, SPANS = 64 };
+/* Consecutive points of a span, which are mostly near each other. */
+enum { SPAN = THREADS_GRAIN };
 /* Width of the halo over the reach of the lists: a star uses the lists of the points that its listed points list. */
 static const double HALO_REACHES = 3;
 
@@ -149,7 +149,7 @@ static bool gather_points(const partitions_input *in, const partitions *all, thr
     gather_job job = {in, all, s, s->low - all->halo, s->high + all->halo, NULL};
     job.begin = mem_array(spans, sizeof *job.begin, "a part of a set", e);
     if (!job.begin) return false;
-    threads_run(pool, spans, SPANS, count_spans, &job);
+    threads_run(pool, spans, 1, count_spans, &job);
     s->count = 0;
     for (size_t k = 0; k < spans; k++) {
         const size_t here = job.begin[k];
@@ -157,7 +157,7 @@ static bool gather_points(const partitions_input *in, const partitions *all, thr
         s->count += here;
     }
     assert(s->count <= all->most);
-    threads_run(pool, spans, SPANS, copy_spans, &job);
+    threads_run(pool, spans, 1, copy_spans, &job);
     free(job.begin);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return true;

@@ -2,22 +2,15 @@
 
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/lanes.h"
 
-/* SIDE_BY_SIDE: triangles that are tested together. CUTTERS: maximum number of nearest points that clip their Voronoi lines. */
-enum { SIDE_BY_SIDE = 8, CUTTERS = 32 };
-typedef float lane_values __attribute__((vector_size(4 * SIDE_BY_SIDE)));
-typedef int32_t lane_mask __attribute__((vector_size(4 * SIDE_BY_SIDE)));
 /* The direction of a triangle with the sine s at the point has an error of 1e-6 / s. Triangles with a squared sine below THIN2 are not
  * discarded. Bounds of a line beyond the square root of FAR2, times s, are ignored. */
 static const float THIN2 = 0.0025f, FAR2 = 1e5f;
-/* The squared circumradius is decreased by this fraction of the squared reach of the list, so that rounding never removes a part of a line
- * that remains in double precision. */
-static const double LOOSE = 2e-4;
-/* Margins for rounding errors: MORE and SURE are relative; HEIGHT is for heights above the planes of the corners, TURNED for the side that
- * a triangle faces. */
-static const float MORE = 1.001f, SURE = 0.01f, HEIGHT = 1e-3f, TURNED = 1e-4f;
-static const float OTHER_SIDE2 = 0.999f * (float)(VORONOI_OPPOSITE_COSINE * VORONOI_OPPOSITE_COSINE);
+/* Margins for rounding errors, larger than these: relative, and of lengths in spacings. The squared circumradius is decreased by the
+ * latter fraction of the squared reach of the list, so that rounding never removes a part of a line that remains in double precision. */
+static const float SURE = 0.01f, ROUNDING = 1e-3f;
+static const float OTHER_SIDE2 = (1 - SURE) * (float)(VORONOI_OPPOSITE_COSINE * VORONOI_OPPOSITE_COSINE);
 
 void triangle_filter_fill(const triangle_filter_input *in, triangle_filter *out)
 {
@@ -26,7 +19,7 @@ void triangle_filter_fill(const triangle_filter_input *in, triangle_filter *out)
     out->own_nx = (float)in->normal.x;
     out->own_ny = (float)in->normal.y;
     out->own_nz = (float)in->normal.z;
-    out->loose = in->count > 0 ? (float)(LOOSE * in->square[in->count - 1] * over2) : 0;
+    out->loose = in->count > 0 ? (float)(ROUNDING * in->square[in->count - 1] * over2) : 0;
     for (uint32_t k = 0; k < in->count; k++) {
         const float size = (float)(in->other[k] * over);
         out->x[k] = (float)((in->x[k] - in->at.x) * over);
@@ -43,48 +36,46 @@ void triangle_filter_fill(const triangle_filter_input *in, triangle_filter *out)
 
 /* Triangles of the own point, neighbour b and the third corner of each lane. */
 typedef struct batch {
-    lane_values x, y, z, nx, ny, nz, widest, finest;
-    lane_mask third;
-    lane_mask stays, low_by, high_by;
+    lanes x, y, z, nx, ny, nz, widest, finest;
+    lanes_mask third;
+    lanes_mask stays, low_by, high_by;
 } batch;
 
 /* Per triangle: its Voronoi line, with a parameter along `w` from the circumcentre `c`, clipped to low .. high by the nearest points. */
 typedef struct lines {
-    lane_values ux, uy, uz;     /* b */
-    lane_values wx, wy, wz, w2; /* either orientation */
-    lane_values cx, cy, cz, radius2, bound;
-    lane_values fx, fy, fz, hidden2; /* `facing` and `hidden2` of voronoi.c */
-    lane_values low, high;
-    lane_values far2;             /* squared distance beyond which a bound is ignored */
-    lane_values deep2;            /* squared length that is tested, if narrow */
-    lane_mask thin, narrow, wide; /* neither narrow nor wide: rounding decides */
-    lane_mask gone;               /* discarded */
+    lanes ux, uy, uz;     /* b */
+    lanes wx, wy, wz, w2; /* either orientation */
+    lanes cx, cy, cz, radius2, bound;
+    lanes fx, fy, fz, hidden2; /* `facing` and `hidden2` of voronoi.c */
+    lanes low, high;
+    lanes far2;                    /* squared distance beyond which a bound is ignored */
+    lanes deep2;                   /* squared length that is tested, if narrow */
+    lanes_mask thin, narrow, wide; /* neither narrow nor wide: rounding decides */
+    lanes_mask gone;               /* discarded */
 } lines;
 
-/* Per lane: a where `which` is set, else b. (A macro, because functions with and without AVX pass vectors differently.) */
-#define CHOOSE(which, a, b) (((a) & (which)) | ((b) & ~(which)))
-#define ALL(number) ((number) - (lane_values){0})
+#define ALL(number) ((number) - (lanes){0})
 
-ISA_INLINE bool is_any_set(const lane_mask *m)
+ISA_INLINE bool is_any_set(const lanes_mask *m)
 {
-    int64_t pair[SIDE_BY_SIDE / 2], any = 0;
+    int64_t pair[LANES / 2], any = 0;
     memcpy(pair, m, sizeof pair);
-    for (int l = 0; l < SIDE_BY_SIDE / 2; l++) any |= pair[l];
+    for (int l = 0; l < LANES / 2; l++) any |= pair[l];
     return any != 0;
 }
 
 ISA_INLINE void span_lines(const triangle_filter *s, uint32_t at, const batch *t, lines *g)
 {
-    const lane_values ux = ALL(s->x[at]), uy = ALL(s->y[at]), uz = ALL(s->z[at]);
-    const lane_values vx = t->x, vy = t->y, vz = t->z;
-    const lane_values u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz;
-    const lane_values dx = ux - vx, dy = uy - vy, dz = uz - vz, uv2 = dx * dx + dy * dy + dz * dz;
-    const lane_values wx = uy * vz - uz * vy, wy = uz * vx - ux * vz, wz = ux * vy - uy * vx;
-    const lane_values w2 = wx * wx + wy * wy + wz * wz, half = 0.5f / w2;
-    const lane_values cx = half * (v2 * (wy * uz - wz * uy) + u2 * (vy * wz - vz * wy));
-    const lane_values cy = half * (v2 * (wz * ux - wx * uz) + u2 * (vz * wx - vx * wz));
-    const lane_values cz = half * (v2 * (wx * uy - wy * ux) + u2 * (vx * wy - vy * wx));
-    const lane_values c2 = cx * cx + cy * cy + cz * cz;
+    const lanes ux = ALL(s->x[at]), uy = ALL(s->y[at]), uz = ALL(s->z[at]);
+    const lanes vx = t->x, vy = t->y, vz = t->z;
+    const lanes u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz;
+    const lanes dx = ux - vx, dy = uy - vy, dz = uz - vz, uv2 = dx * dx + dy * dy + dz * dz;
+    const lanes wx = uy * vz - uz * vy, wy = uz * vx - ux * vz, wz = ux * vy - uy * vx;
+    const lanes w2 = wx * wx + wy * wy + wz * wz, half = 0.5f / w2;
+    const lanes cx = half * (v2 * (wy * uz - wz * uy) + u2 * (vy * wz - vz * wy));
+    const lanes cy = half * (v2 * (wz * ux - wx * uz) + u2 * (vz * wx - vx * wz));
+    const lanes cz = half * (v2 * (wx * uy - wy * ux) + u2 * (vx * wy - vy * wx));
+    const lanes c2 = cx * cx + cy * cy + cz * cz;
     g->ux = ux, g->uy = uy, g->uz = uz;
     g->wx = wx, g->wy = wy, g->wz = wz, g->w2 = w2;
     g->cx = cx, g->cy = cy, g->cz = cz;
@@ -94,14 +85,14 @@ ISA_INLINE void span_lines(const triangle_filter *s, uint32_t at, const batch *t
     g->fy = s->own_ny + s->ny[at] + t->ny;
     g->fz = s->own_nz + s->nz[at] + t->nz;
     g->hidden2 = OTHER_SIDE2 * (g->fx * g->fx + g->fy * g->fy + g->fz * g->fz);
-    const lane_values listed = (float)(0.5 * VORONOI_REACH) * t->finest,
-                      least = (float)(TRIANGLE_MIN_DEPTH * TRIANGLE_MIN_DEPTH) * t->finest * t->finest;
+    const lanes listed = (float)(0.5 * VORONOI_REACH) * t->finest,
+                least = (float)(TRIANGLE_MIN_DEPTH * TRIANGLE_MIN_DEPTH) * t->finest * t->finest;
     g->deep2 = listed * listed - c2;
     g->narrow = g->deep2 > (1 + SURE) * least;
     g->wide = g->deep2 < (1 - SURE) * least;
     g->thin = ~(w2 > THIN2 * u2 * v2);
     g->far2 = FAR2 * w2 / (u2 * v2);
-    g->gone = u2 * v2 * uv2 > MORE * t->widest * t->widest * w2;
+    g->gone = u2 * v2 * uv2 > (1 + SURE) * t->widest * t->widest * w2;
     g->low = ALL(-INFINITY);
     g->high = ALL(INFINITY);
 }
@@ -109,8 +100,8 @@ ISA_INLINE void span_lines(const triangle_filter *s, uint32_t at, const batch *t
 /* Discards triangles of whose line nothing is left, within the tested length. */
 ISA_INLINE void drop_empty(lines *g)
 {
-    const lane_values low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2,
-                      deep2 = (1 + SURE) * g->deep2;
+    const lanes low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2,
+                deep2 = (1 + SURE) * g->deep2;
     g->gone |= (g->low > g->high) & (low2 < g->far2) & (high2 < g->far2);
     g->gone |= g->narrow & (((g->low > 0) & (low2 > deep2)) | ((g->high < 0) & (high2 > deep2)));
 }
@@ -120,31 +111,31 @@ ISA_INLINE void drop_empty(lines *g)
 ISA_INLINE bool is_settled(float square, lines *g)
 {
     drop_empty(g);
-    const lane_values low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2;
-    const lane_values far2 = (lane_values)CHOOSE(low2 > high2, (lane_mask)low2, (lane_mask)high2);
-    const lane_mask deep = g->narrow & (far2 > g->deep2);
-    const lane_values end2 = (lane_values)CHOOSE(deep, (lane_mask)g->deep2, (lane_mask)far2);
-    const lane_mask open = ~g->gone & ~g->thin & (4 * (1 + SURE) * (g->radius2 + end2) > square);
+    const lanes low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2;
+    const lanes far2 = lanes_chosen(low2 > high2, low2, high2);
+    const lanes_mask deep = g->narrow & (far2 > g->deep2);
+    const lanes end2 = lanes_chosen(deep, g->deep2, far2);
+    const lanes_mask open = ~g->gone & ~g->thin & (4 * (1 + SURE) * (g->radius2 + end2) > square);
     return !is_any_set(&open);
 }
 
-ISA_INLINE void cut_lines(const triangle_filter *s, uint32_t at, uint32_t cutters, batch *t, lines *g)
+ISA_INLINE void cut_lines(const triangle_filter *s, uint32_t at, batch *t, lines *g)
 {
-    lane_mask low_by = (lane_mask){0} - 1, high_by = low_by;
-    for (uint32_t k = 0; k < cutters; k++) {
+    lanes_mask low_by = (lanes_mask){0} - 1, high_by = low_by;
+    for (uint32_t k = 0; k < s->count; k++) {
         if (k == at) continue;
-        const lane_values facing = s->nx[k] * g->fx + s->ny[k] * g->fy + s->nz[k] * g->fz;
-        const lane_values qx = s->x[k] - g->cx, qy = s->y[k] - g->cy, qz = s->z[k] - g->cz;
-        const lane_values along = 2 * (g->wx * qx + g->wy * qy + g->wz * qz);
-        const lane_values to = (qx * qx + qy * qy + qz * qz - g->bound) / along;
-        const lane_mask sees = ((facing > 0) | (facing * facing < g->hidden2)) & (t->third != (int32_t)k);
-        const lane_mask above = sees & (along > 0) & (to < g->high),
-                        below = sees & (along < 0) & (to > g->low);
-        g->high = (lane_values)CHOOSE(above, (lane_mask)to, (lane_mask)g->high);
-        g->low = (lane_values)CHOOSE(below, (lane_mask)to, (lane_mask)g->low);
-        high_by = CHOOSE(above, (lane_mask){0} + (int32_t)k, high_by);
-        low_by = CHOOSE(below, (lane_mask){0} + (int32_t)k, low_by);
-        if (k % 4 == 3 && k + 1 < cutters && is_settled(s->square[k + 1], g)) break;
+        const lanes facing = s->nx[k] * g->fx + s->ny[k] * g->fy + s->nz[k] * g->fz;
+        const lanes qx = s->x[k] - g->cx, qy = s->y[k] - g->cy, qz = s->z[k] - g->cz;
+        const lanes along = 2 * (g->wx * qx + g->wy * qy + g->wz * qz);
+        const lanes to = (qx * qx + qy * qy + qz * qz - g->bound) / along;
+        const lanes_mask sees = ((facing > 0) | (facing * facing < g->hidden2)) & (t->third != (int32_t)k);
+        const lanes_mask above = sees & (along > 0) & (to < g->high),
+                         below = sees & (along < 0) & (to > g->low);
+        g->high = lanes_chosen(above, to, g->high);
+        g->low = lanes_chosen(below, to, g->low);
+        high_by = (above & (int32_t)k) | (~above & high_by);
+        low_by = (below & (int32_t)k) | (~below & low_by);
+        if (k % 2 == 1 && k + 1 < s->count && is_settled(s->square[k + 1], g)) break;
     }
     drop_empty(g);
     t->low_by = low_by;
@@ -152,32 +143,32 @@ ISA_INLINE void cut_lines(const triangle_filter *s, uint32_t at, uint32_t cutter
 }
 
 /* Clears the lanes of *outside and *inside whose line is not outside, or inside, at both ends by the normal of one corner. */
-ISA_INLINE void judge_ends(const lines *g, const lane_values corner[3], const lane_values normal[3],
-                           lane_mask *outside, lane_mask *inside)
+ISA_INLINE void judge_ends(const lines *g, const lanes corner[3], const lanes normal[3], lanes_mask *outside,
+                           lanes_mask *inside)
 {
-    const lane_values slope = normal[0] * g->wx + normal[1] * g->wy + normal[2] * g->wz;
-    const lane_values height =
+    const lanes slope = normal[0] * g->wx + normal[1] * g->wy + normal[2] * g->wz;
+    const lanes height =
         normal[0] * (g->cx - corner[0]) + normal[1] * (g->cy - corner[1]) + normal[2] * (g->cz - corner[2]);
-    const lane_values low = height + g->low * slope, high = height + g->high * slope;
-    *outside &= (low > HEIGHT) & (high > HEIGHT);
-    *inside &= (low < -HEIGHT) & (high < -HEIGHT);
+    const lanes low = height + g->low * slope, high = height + g->high * slope;
+    *outside &= (low > ROUNDING) & (high > ROUNDING);
+    *inside &= (low < -ROUNDING) & (high < -ROUNDING);
 }
 
 /* Discards triangles whose whole line is on one side of the surface by the normals of all three corners. Further clipping cannot change
  * this. An end that no point clips is inside if it is the low one, else outside. */
 ISA_INLINE void drop_one_sided(const triangle_filter *s, uint32_t at, const batch *t, lines *g)
 {
-    const lane_values low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2,
-                      deep2 = (1 - SURE) * g->deep2;
-    const lane_mask low_ends = (low2 < g->far2) & (g->wide | (low2 < deep2)),
-                    high_ends = (high2 < g->far2) & (g->wide | (high2 < deep2));
-    const lane_values turned = (g->fx * g->wx + g->fy * g->wy + g->fz * g->wz);
-    const lane_mask backward = turned<-TURNED, forward = turned> TURNED;
-    lane_mask outside = (low_ends | backward) & (high_ends | forward),
-              inside = (low_ends | forward) & (high_ends | backward);
-    const lane_values a[3] = {{0}}, an[3] = {ALL(s->own_nx), ALL(s->own_ny), ALL(s->own_nz)};
-    const lane_values b[3] = {g->ux, g->uy, g->uz}, bn[3] = {ALL(s->nx[at]), ALL(s->ny[at]), ALL(s->nz[at])};
-    const lane_values c[3] = {t->x, t->y, t->z}, cn[3] = {t->nx, t->ny, t->nz};
+    const lanes low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2,
+                deep2 = (1 - SURE) * g->deep2;
+    const lanes_mask low_ends = (low2 < g->far2) & (g->wide | (low2 < deep2)),
+                     high_ends = (high2 < g->far2) & (g->wide | (high2 < deep2));
+    const lanes turned = (g->fx * g->wx + g->fy * g->wy + g->fz * g->wz);
+    const lanes_mask backward = turned<-ROUNDING, forward = turned> ROUNDING;
+    lanes_mask outside = (low_ends | backward) & (high_ends | forward),
+               inside = (low_ends | forward) & (high_ends | backward);
+    const lanes a[3] = {{0}}, an[3] = {ALL(s->own_nx), ALL(s->own_ny), ALL(s->own_nz)};
+    const lanes b[3] = {g->ux, g->uy, g->uz}, bn[3] = {ALL(s->nx[at]), ALL(s->ny[at]), ALL(s->nz[at])};
+    const lanes c[3] = {t->x, t->y, t->z}, cn[3] = {t->nx, t->ny, t->nz};
     judge_ends(g, a, an, &outside, &inside);
     judge_ends(g, b, bn, &outside, &inside);
     judge_ends(g, c, cn, &outside, &inside);
@@ -185,11 +176,11 @@ ISA_INLINE void drop_one_sided(const triangle_filter *s, uint32_t at, const batc
 }
 
 /* Sets t->stays: the triangles that are not discarded. */
-ISA_CLONES static void filter(const triangle_filter *s, uint32_t at, uint32_t cutters, batch *t)
+ISA_CLONES static void filter(const triangle_filter *s, uint32_t at, batch *t)
 {
     lines g;
     span_lines(s, at, t, &g);
-    cut_lines(s, at, cutters, t, &g);
+    cut_lines(s, at, t, &g);
     drop_one_sided(s, at, t, &g);
     t->stays = ~g.gone | g.thin;
 }
@@ -197,11 +188,10 @@ ISA_CLONES static void filter(const triangle_filter *s, uint32_t at, uint32_t cu
 uint32_t triangle_filter_third_corners(const triangle_filter *s, uint32_t at, uint32_t count,
                                        uint32_t third[VORONOI_STAR_MAX], int32_t by[VORONOI_STAR_MAX][2])
 {
-    const uint32_t cutters = s->count < CUTTERS ? s->count : CUTTERS;
     uint32_t kept = 0;
     batch t;
-    for (uint32_t first = 0; first < count; first += SIDE_BY_SIDE) {
-        for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) {
+    for (uint32_t first = 0; first < count; first += LANES) {
+        for (uint32_t l = 0; l < LANES; l++) {
             const uint32_t k = third[first + l < count ? first + l : count - 1];
             t.x[l] = s->x[k];
             t.y[l] = s->y[k];
@@ -213,8 +203,8 @@ uint32_t triangle_filter_third_corners(const triangle_filter *s, uint32_t at, ui
             t.finest[l] = s->finest[k] < s->finest[at] ? s->finest[k] : s->finest[at];
             t.third[l] = (int32_t)k;
         }
-        filter(s, at, cutters, &t);
-        for (uint32_t l = 0; l < SIDE_BY_SIDE && first + l < count; l++) {
+        filter(s, at, &t);
+        for (uint32_t l = 0; l < LANES && first + l < count; l++) {
             third[kept] = (uint32_t)t.third[l];
             by[kept][0] = t.low_by[l];
             by[kept][1] = t.high_by[l];

@@ -32,7 +32,7 @@ static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32
     vec3 across = vec3_cross(vec3_sub(x[b], x[a]), vec3_sub(x[c], x[a]));
     bool outwards = vec3_dot(across, vec3_add(n[a], vec3_add(n[b], n[c]))) >= 0;
     if (out->count == out->capacity) {
-        out->capacity = out->capacity > 0 ? 2 * out->capacity : 3 * CHUNK;
+        out->capacity = out->capacity > 0 ? 2 * out->capacity : CHUNK;
         out->corner = mem_resize(out->corner, out->capacity * sizeof *out->corner);
     }
     uint32_t *corner = out->corner[out->count++];

@@ -4,15 +4,15 @@
 #include <string.h>
 
 #include "base/compare.h"
-#include "base/isa.h"
+#include "base/lanes.h"
 #include "packing/packing.h"
+#include "packing/pair.h"
 #include "voronoi/triangle_filter.h"
 
 /* Maximum displacement of points along their normals, in spacings. Points on a plane or a sphere have no unique triangulation; the
- * displacement makes it unique. */
+ * displacement makes it unique. Also the sine of an angle below which three points are collinear, and a relative margin of distances for
+ * rounding errors, which are much smaller. */
 static const double JITTER = 1e-5;
-/* Three points are collinear below this sine of their angle at the first. */
-static const double FLATTEST = 1e-6;
 
 /* A displaced point with its normal turned to the side of the triangle. */
 typedef struct site {
@@ -21,16 +21,11 @@ typedef struct site {
     double spacing;
 } site;
 
-/* Sites that are tested together. */
-enum { SIDE_BY_SIDE = 8 };
-/* Relative margin for rounding errors of a distance that is computed in two ways. */
-static const double MARGIN = 1e-9;
-
 /* A point and the points of its list, nearest first. */
 typedef struct surroundings {
     uint32_t count;
     site own, near[VORONOI_STAR_MAX];
-    /* copies of their positions and normals; the last one is repeated up to a multiple of SIDE_BY_SIDE */
+    /* copies of their positions and normals; the last one is repeated up to a multiple of LANES */
     double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
     double nx[VORONOI_STAR_MAX], ny[VORONOI_STAR_MAX], nz[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
     double square[VORONOI_STAR_MAX]; /* lower bound of the squared distance of it and of all later ones */
@@ -96,7 +91,7 @@ static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
     out->own = site_at(in, a, 0, in->normal[a]);
     out->count = listed;
     for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k], in->normal[a]);
-    for (uint32_t k = 0; listed > 0 && k < (listed + SIDE_BY_SIDE - 1) / SIDE_BY_SIDE * SIDE_BY_SIDE; k++) {
+    for (uint32_t k = 0; listed > 0 && k < (listed + LANES - 1) / LANES * LANES; k++) {
         const site *of = &out->near[k < listed ? k : listed - 1];
         out->x[k] = of->at.x;
         out->y[k] = of->at.y;
@@ -140,7 +135,7 @@ static bool span_triangle(const site *a, const site *b, const site *c, triangle 
     vec3 w = vec3_cross(u, v);
     double w2 = vec3_norm2(w), widest = 2 * TRIANGLE_MAX_CIRCUMRADIUS *
                                         compare_larger(a->spacing, compare_larger(b->spacing, c->spacing));
-    if (!(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
+    if (!(w2 > JITTER * JITTER * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2)) return false;
     vec3 to =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
     double least = compare_smaller(a->spacing, compare_smaller(b->spacing, c->spacing)),
@@ -183,10 +178,10 @@ static inline bool cut_by(const site *d, triangle *t)
 }
 
 /* Sets may[l] for the sites from `first` on that may clip the line. The others cannot, whatever was clipped before. */
-ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t, int64_t may[SIDE_BY_SIDE])
+ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t, int64_t may[LANES])
 {
     int64_t any = 0;
-    for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) {
+    for (uint32_t l = 0; l < LANES; l++) {
         const uint32_t k = first + l;
         double facing = s->nx[k] * t->facing.x + s->ny[k] * t->facing.y + s->nz[k] * t->facing.z;
         double x = s->x[k] - t->centre.x, y = s->y[k] - t->centre.y, z = s->z[k] - t->centre.z;
@@ -204,16 +199,16 @@ ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t
 /* Clips the line by all points of the surroundings. False: nothing is left. */
 ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
 {
-    const double across2 = 4 * (1 + MARGIN) * vec3_norm2(t->across), least2 = 4 * (1 + MARGIN) * t->radius2;
-    int64_t may[SIDE_BY_SIDE];
-    for (uint32_t first = 0; first < s->count; first += SIDE_BY_SIDE) {
+    const double across2 = 4 * (1 + JITTER) * vec3_norm2(t->across), least2 = 4 * (1 + JITTER) * t->radius2;
+    int64_t may[LANES];
+    for (uint32_t first = 0; first < s->count; first += LANES) {
         /* a point that clips the line lies in a ball about one of its ends, whose sphere passes through the own point */
         const double end = -t->low > t->high ? -t->low : t->high;
         if (s->square[first] > least2 + across2 * end * end) return true;
         if (!may_cut(s, first, t, may)) continue;
         uint32_t bits = 0; /* unpredictable: no branches */
-        for (uint32_t l = 0; l < SIDE_BY_SIDE; l++) bits |= (uint32_t)may[l] << l;
-        if (s->count - first < SIDE_BY_SIDE) bits &= (1u << (s->count - first)) - 1;
+        for (uint32_t l = 0; l < LANES; l++) bits |= (uint32_t)may[l] << l;
+        if (s->count - first < LANES) bits &= (1u << (s->count - first)) - 1;
         for (; bits; bits &= bits - 1)
             if (!cut_by(&s->near[first + (uint32_t)__builtin_ctz(bits)], t)) return false;
     }
@@ -230,18 +225,16 @@ static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle
     return rest >= along * t->low && rest >= along * t->high;
 }
 
-/* Size of a table of points that have clipped the triangle's line already, by their lowest bits. Lists of neighbours have nearly the same
+/* `seen`: a table of points that have clipped the triangle's line already, by their lowest bits. Lists of neighbours have nearly the same
  * points. */
-enum { SEEN = 256 };
-
-static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[SEEN], triangle *t)
+static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[VORONOI_STAR_MAX], triangle *t)
 {
     const uint32_t *list = neighbours_list(in->near, of);
     const double across = vec3_norm(t->across);
     for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
         const double end = -t->low > t->high ? -t->low : t->high;
-        if (seen[list[k] % SEEN] == list[k]) continue;
-        seen[list[k] % SEEN] = list[k];
+        if (seen[list[k] % VORONOI_STAR_MAX] == list[k]) continue;
+        seen[list[k] % VORONOI_STAR_MAX] = list[k];
         if (is_beyond(in, list[k], t, across * end)) continue;
         site d = site_at(in, list[k], k, t->facing);
         if (!cut_by(&d, t)) return false;
@@ -287,8 +280,8 @@ static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, u
  * The list of `at_hand` has been used already. */
 static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, triangle *t)
 {
-    uint32_t seen[SEEN];
-    memset(seen, 0xff, sizeof seen); /* no point */
+    uint32_t seen[VORONOI_STAR_MAX];
+    memset(seen, UINT8_MAX, sizeof seen); /* no point */
     for (int corner = 0; corner < 3; corner++) {
         const uint32_t i = t->corner[corner]->index;
         if ((i != at_hand || in->flags) && !cut_by_list(in, i, seen, t)) return false;
@@ -332,16 +325,14 @@ static bool is_opposite(const site *a, const site *b)
  *
  * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point. Distances are those in space.
  * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they differ by terms of second order
- * in the bend of the surface within the list, which MIN_COSINE and MAX_SLOPE bound. The neighbours equal those of
+ * in the bend of the surface within the list, which MIN_COSINE bounds. The neighbours equal those of
  * voronoi_star_triangles if every edge of the polygon is longer than MIN_EDGE, and every other point would have to come nearer by as
  * much to get an edge. Otherwise the planar star is not used. */
 
-/* Minimum cosine between the normal of the point and those of its list, and maximum height of a listed point over the tangent plane, divided
- * by its distance: the sine of half of that angle. */
-static const double MIN_COSINE = 0.9, MAX_SLOPE = 0.22;
-/* Points whose normals have a smaller cosine are on opposite walls, whatever the other normals of the list are: VORONOI_OPPOSITE_COSINE
- * less half of the angle of MIN_COSINE. */
-static const double OPPOSITE_COSINE = -0.77;
+/* Minimum cosine between the normal of the point and those of its list. The height of a listed point over the tangent plane, divided by its
+ * distance, is at most the sine of half of that angle. Points whose normals have a cosine of at most PAIR_FACING_NONE are on opposite
+ * walls, whatever the other normals of the list are: it is below VORONOI_OPPOSITE_COSINE by more than half of that angle. */
+static const double MIN_COSINE = 0.9;
 /* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests' sets differs from that by triangles. */
 static const double MIN_EDGE = 0.225;
 /* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
@@ -370,10 +361,10 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
         double facing = vec3_dot(n, normal_towards(in, c, n));
-        if (facing <= OPPOSITE_COSINE) continue;
+        if (facing <= PAIR_FACING_NONE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        bent |= (facing < MIN_COSINE) | (height * height > MAX_SLOPE * MAX_SLOPE * square) | (square == 0);
+        bent |= (facing < MIN_COSINE) | (2 * height * height > (1 - MIN_COSINE) * square) | (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
         int within = square < reach2;
@@ -551,7 +542,7 @@ ISA_CLONES static uint32_t find_thirds(const surroundings *s, const site *b, con
         double reach = VORONOI_REACH * 0.5 * (b->spacing + s->spacing[k]);
         double facing = b->normal.x * s->nx[k] + b->normal.y * s->ny[k] + b->normal.z * s->nz[k];
         may[k] =
-            (x * x + y * y + z * z <= (1 + MARGIN) * (reach * reach)) & (facing > VORONOI_OPPOSITE_COSINE);
+            (x * x + y * y + z * z <= (1 + JITTER) * (reach * reach)) & (facing > VORONOI_OPPOSITE_COSINE);
     }
     uint32_t count = 0;
     for (uint32_t k = 0; k < s->count; k++) {
