@@ -9,6 +9,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+/* Elements of an array that mem_grow allocates first. */
+enum { FIRST_CAPACITY = 256 };
+
 static void *not_null(void *p)
 {
     if (!p) {
@@ -153,11 +156,10 @@ static void move_bytes(char *to, char *from, size_t bytes)
     }
 }
 
-void *mem_grow(void *array, size_t count, size_t *capacity, size_t first, size_t size, const char *what,
-               error *e)
+void *mem_grow(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e)
 {
     if (count < *capacity) return array;
-    size_t larger = *capacity ? 2 * *capacity : first;
+    size_t larger = *capacity ? 2 * *capacity : FIRST_CAPACITY;
     void *moved = mem_array(larger, size, what, e);
     if (!moved) return NULL;
     if (count) move_bytes(moved, array, count * size);

@@ -22,10 +22,9 @@ char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void *mem_array(size_t count, size_t size, const char *what, error *e);
 
 /* Grows an array of mem_array for one more element. Returns `array` if count < *capacity. Otherwise allocates twice the
- * size, at first `first` elements, moves the elements, frees `array`, and sets *capacity. Error: limit_memory, NULL;
+ * size, at first 256 elements, moves the elements, frees `array`, and sets *capacity. Error: limit_memory, NULL;
  * `array` is unchanged. */
-void *mem_grow(void *array, size_t count, size_t *capacity, size_t first, size_t size, const char *what,
-               error *e);
+void *mem_grow(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e);
 
 /* For a program with large arrays; call it before starting threads. Arrays of 2 MB and more are returned to the kernel
  * when freed, whatever was allocated after them; by default the C library raises this size. The first 12 MB are in huge

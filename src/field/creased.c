@@ -231,7 +231,7 @@ static vec3 find_root(const builder *b, int leaf, vec3 inside, vec3 outside, dou
 static void add_segment(builder *b, const node *p, const node *q, int other, uint64_t sides)
 {
     crease_segment *more =
-        mem_grow(b->segment, b->segment_count, &b->segment_capacity, 1024, sizeof *more, WHAT, b->e);
+        mem_grow(b->segment, b->segment_count, &b->segment_capacity, sizeof *more, WHAT, b->e);
     b->failed |= !more;
     if (!more) return;
     b->segment = more;
@@ -263,7 +263,7 @@ static void emit(builder *b, const node t[3], uint64_t sides)
     int sign = solid_surface(b->solid, b->leaf, sides);
     if (sign == 0) return;
     note_segments(b, t, sides);
-    cut_triangle *more = mem_grow(b->triangle, b->count, &b->capacity, 4096, sizeof *b->triangle, WHAT, b->e);
+    cut_triangle *more = mem_grow(b->triangle, b->count, &b->capacity, sizeof *b->triangle, WHAT, b->e);
     b->failed |= !more;
     if (!more) return;
     b->triangle = more;
@@ -385,9 +385,9 @@ static void end_cell(builder *b)
         if (k > b->first && k - b->cell[b->cell_count - 1] < FIELD_CELL_TRIANGLES &&
             b->triangle[k].key == b->triangle[k - 1].key)
             continue;
-        size_t *cells = mem_grow(b->cell, b->cell_count, &b->cell_capacity, 1024, sizeof *cells, WHAT, b->e);
+        size_t *cells = mem_grow(b->cell, b->cell_count, &b->cell_capacity, sizeof *cells, WHAT, b->e);
         uint32_t *keys =
-            cells ? mem_grow(b->key, b->cell_count, &b->key_capacity, 1024, sizeof *keys, WHAT, b->e) : NULL;
+            cells ? mem_grow(b->key, b->cell_count, &b->key_capacity, sizeof *keys, WHAT, b->e) : NULL;
         if (cells) b->cell = cells;
         if (keys) b->key = keys;
         b->failed |= !keys;

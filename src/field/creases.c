@@ -69,7 +69,7 @@ static bool unite_corners(crease_segment *segment, size_t count, double toleranc
             *x = corner[n];
             continue;
         }
-        vec3 *more = mem_grow(corner, found, &room, 64, sizeof *more, WHAT, e);
+        vec3 *more = mem_grow(corner, found, &room, sizeof *more, WHAT, e);
         ok = more != NULL;
         if (!ok) break;
         corner = more;
@@ -164,7 +164,7 @@ static bool find_joints(graph *g, error *e)
 
 static bool add_vertex(graph *g, vec3 x, field_patches *out, error *e)
 {
-    vec3 *more = mem_grow(out->vertex, g->vertex_count, &g->vertices, 256, sizeof *more, WHAT, e);
+    vec3 *more = mem_grow(out->vertex, g->vertex_count, &g->vertices, sizeof *more, WHAT, e);
     if (!more) return false;
     out->vertex = more;
     out->vertex[g->vertex_count++] = x;
@@ -175,7 +175,7 @@ static bool add_vertex(graph *g, vec3 x, field_patches *out, error *e)
 static field_curve *add_curve(graph *g, const solid *s, const uint32_t *patch_of, size_t segment,
                               field_patches *out, error *e)
 {
-    field_curve *curves = mem_grow(out->curve, out->curve_count, &g->curves, 64, sizeof *curves, WHAT, e);
+    field_curve *curves = mem_grow(out->curve, out->curve_count, &g->curves, sizeof *curves, WHAT, e);
     if (!curves) return NULL;
     out->curve = curves;
     ends end = ends_of(s, &g->segment[segment], patch_of);
@@ -183,7 +183,7 @@ static field_curve *add_curve(graph *g, const solid *s, const uint32_t *patch_of
     *c = (field_curve){.first = g->vertex_count, .patch_first = g->patch_count};
     for (int k = 0; k < 2; k++) c->on[k] = &s->leaf[g->segment[segment].leaf[k]].base;
     for (int k = 0; k < end.count; k++) {
-        uint32_t *more = mem_grow(out->curve_patch, g->patch_count, &g->patches, 64, sizeof *more, WHAT, e);
+        uint32_t *more = mem_grow(out->curve_patch, g->patch_count, &g->patches, sizeof *more, WHAT, e);
         if (!more) return NULL;
         out->curve_patch = more;
         out->curve_patch[g->patch_count++] = end.patch[k];

@@ -77,7 +77,7 @@ bool block_map_copy(const block_map *m, block_map *out, error *e)
 /* Returns its number, or BLOCK_MAP_NONE where memory is out. */
 static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {
-    void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, 0, sizeof *m->nodes, what, e);
+    void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, sizeof *m->nodes, what, e);
     if (!nodes) return BLOCK_MAP_NONE;
     m->nodes = nodes;
     const size_t slots = (size_t)m->mask + 1;
@@ -103,7 +103,7 @@ static bool add(block_map *m, const int32_t block[3], error *e)
             e, ERROR_LIMIT_MEMORY,
             "the table of %u blocks of 8^3 voxels takes too much of the memory limit: raise limits.memory_mb",
             m->count);
-    void *blocks = mem_grow(m->blocks, m->count, &m->room, 0, sizeof *m->blocks, what, e);
+    void *blocks = mem_grow(m->blocks, m->count, &m->room, sizeof *m->blocks, what, e);
     if (!blocks) return false;
     m->blocks = blocks;
     uint32_t node = block_map_slot_of(m, key)->node;

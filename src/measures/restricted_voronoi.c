@@ -120,7 +120,7 @@ static bool add_area(descent *d, uint32_t site, double area)
         t->area[t->area_count - 1].area += area;
         return true;
     }
-    area_record *grown = mem_grow(t->area, t->area_count, &t->area_room, 256, sizeof *grown, what, &t->why);
+    area_record *grown = mem_grow(t->area, t->area_count, &t->area_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
     t->area = grown;
     t->area[t->area_count++] = (area_record){site, area};
@@ -130,7 +130,7 @@ static bool add_area(descent *d, uint32_t site, double area)
 static bool add_side(descent *d, uint32_t a, uint32_t b, double length)
 {
     task *t = d->to;
-    voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, 256, sizeof *grown, what, &t->why);
+    voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
     t->side = grown;
     t->side[t->side_count++] = (voronoi_side){a, b, length};

@@ -104,7 +104,7 @@ static places places_on(const mesh *m, uint32_t n)
 
 static bool note_deviation(tally *t, uint32_t n, int place, double area)
 {
-    deviation *deviations = mem_grow(t->deviations, t->deviation_count, &t->deviation_capacity, 64,
+    deviation *deviations = mem_grow(t->deviations, t->deviation_count, &t->deviation_capacity,
                                      sizeof *deviations, "the thin parts of the mesh", &t->fault);
     if (!deviations) return false;
     t->deviations = deviations;

@@ -109,8 +109,8 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e
         size_t needed = room * 4 * sizeof *k->near + k->map.count * (size_t)(VOXELS * sizeof(float));
         if (needed > k->limit) return over_limit(k, needed, e);
     }
-    uint32_t(*pairs)[2] = mem_grow(k->pairs, k->pair_count, &k->pair_room, 1 << 16, sizeof *pairs,
-                                   "the blocks around the mesh", e);
+    uint32_t(*pairs)[2] =
+        mem_grow(k->pairs, k->pair_count, &k->pair_room, sizeof *pairs, "the blocks around the mesh", e);
     if (!pairs) return false;
     k->pairs = pairs;
     if (!block_map_find_or_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
@@ -271,8 +271,7 @@ static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_
         size_t room = t->room ? 2 * t->room : 1024;
         if (2 * room * sizeof *t->tiles > k->limit) return over_limit(k, 2 * room * sizeof *t->tiles, e);
     }
-    vdb_tile *tiles =
-        mem_grow(t->tiles, t->count, &t->room, 1024, sizeof *tiles, "the inside of the mesh", e);
+    vdb_tile *tiles = mem_grow(t->tiles, t->count, &t->room, sizeof *tiles, "the inside of the mesh", e);
     if (!tiles) return false;
     t->tiles = tiles;
     t->tiles[t->count++] =

@@ -587,7 +587,7 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
     }
     if (s->piece_count % BLOCK == 0) {
         const size_t block = s->piece_count / BLOCK;
-        piece **grown = mem_grow(s->pieces, block, &s->block_room, 64, sizeof *grown, what, e);
+        piece **grown = mem_grow(s->pieces, block, &s->block_room, sizeof *grown, what, e);
         if (grown) s->pieces = grown;
         if (!grown || !(grown[block] = mem_array(BLOCK, sizeof **grown, what, e))) return false;
     }

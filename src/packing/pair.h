@@ -31,6 +31,32 @@ typedef struct pair_list {
     double *amplitude;    /* (alpha_i + alpha_j) / 2 of (13), used by pair_weigh only */
 } pair_list;
 
+/* The number of arrays of a pair_list. */
+enum { PAIR_LIST_ARRAYS = 9 };
+
+/* A list without neighbours whose arrays are in `number`, PAIR_LIST_ARRAYS times `length` doubles. `length`: a multiple of PAIR_LANES. */
+static inline pair_list pair_list_in(double *number, size_t length)
+{
+    pair_list list = {0};
+    double **array[PAIR_LIST_ARRAYS] = {&list.x,  &list.y,  &list.z,  &list.weight,   &list.size2,
+                                        &list.nx, &list.ny, &list.nz, &list.amplitude};
+    for (size_t k = 0; k < PAIR_LIST_ARRAYS; k++) *array[k] = number + k * length;
+    return list;
+}
+
+/* Sets entry k: position, unit normal, amplitude and size of the pair. The weight is the amplitude until pair_weigh. */
+static inline void pair_list_set(pair_list *list, size_t k, vec3 x, vec3 n, double amplitude, double size)
+{
+    list->x[k] = x.x;
+    list->y[k] = x.y;
+    list->z[k] = x.z;
+    list->nx[k] = n.x;
+    list->ny[k] = n.y;
+    list->nz[k] = n.z;
+    list->amplitude[k] = list->weight[k] = amplitude;
+    list->size2[k] = size * size;
+}
+
 /* Facing weight of a pair, by the cosine of the normals: 1 above -0.5 (120 degrees), 0 below PAIR_FACING_NONE (143 degrees: opposite
  * walls of a thin part), with a smooth step between. At a sharp edge, where the normals of a spline differ by up to 112 degrees, the
  * weight is 1. Otherwise both sides of the edge would place particles along it. */

@@ -60,7 +60,7 @@ static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error 
         *s = (side){low, high, WHOLE};
         if (needs_halving(h, m->vertex[low], m->vertex[high], middle)) {
             if (m->vertex_count >= WHOLE) return too_many(e);
-            vec3 *grown = mem_grow(m->vertex, m->vertex_count, &h->vertex_room, 4096, sizeof *grown, what, e);
+            vec3 *grown = mem_grow(m->vertex, m->vertex_count, &h->vertex_room, sizeof *grown, what, e);
             if (!grown) return false;
             m->vertex = grown;
             s->middle = (uint32_t)m->vertex_count;
@@ -105,7 +105,7 @@ static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32
 static bool keep_triangle(mesh *m, const uint32_t t[3], size_t *room, error *e)
 {
     if (m->triangle_count >= WHOLE) return too_many(e);
-    uint32_t(*grown)[3] = mem_grow(m->triangle, m->triangle_count, room, 4096, sizeof *grown, what, e);
+    uint32_t(*grown)[3] = mem_grow(m->triangle, m->triangle_count, room, sizeof *grown, what, e);
     if (!grown) return false;
     m->triangle = grown;
     memcpy(m->triangle[m->triangle_count++], t, sizeof *m->triangle);

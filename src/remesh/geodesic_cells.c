@@ -32,7 +32,7 @@ static bool comes_before(const reach *a, const reach *b)
 
 static bool push(growth *g, reach r, error *e)
 {
-    reach *grown = mem_grow(g->heap, g->count, &g->room, 4096, sizeof *grown, what, e);
+    reach *grown = mem_grow(g->heap, g->count, &g->room, sizeof *grown, what, e);
     if (!grown) return false;
     g->heap = grown;
     size_t at = g->count++;

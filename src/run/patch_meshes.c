@@ -239,11 +239,10 @@ static void put_triangle(const uint32_t vertex[3], uint32_t out[3])
 static bool keep_piece(repair *m, uint32_t patch, const piece *p, error *e)
 {
     for (size_t k = 0; k < p->triangles; k++) {
-        uint32_t(*corner)[3] =
-            mem_grow(m->corner, m->count, &m->corner_capacity, 4096, sizeof *corner, what, e);
+        uint32_t(*corner)[3] = mem_grow(m->corner, m->count, &m->corner_capacity, sizeof *corner, what, e);
         if (!corner) return false;
         m->corner = corner;
-        uint32_t *label = mem_grow(m->label, m->count, &m->label_capacity, 4096, sizeof *label, what, e);
+        uint32_t *label = mem_grow(m->label, m->count, &m->label_capacity, sizeof *label, what, e);
         if (!label) return false;
         m->label = label;
         uint32_t vertex[3];

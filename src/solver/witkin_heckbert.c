@@ -40,19 +40,24 @@ double witkin_heckbert_radius_rate(const witkin_heckbert_params *params, const v
     return sigma[i] * rate / (terms->growth + params->beta);
 }
 
+/* The sum of Gaussians over the points of a hexagonal lattice with the distance u of neighbours, within the cut-off for u >= 1. */
+static double lattice_sum(double u)
+{
+    const int most = (int)WITKIN_HECKBERT_REACH;
+    double sum = -1; /* without the particle itself */
+    for (int a = -most; a <= most; a++)
+        for (int b = -most; b <= most; b++) sum += exp(-0.5 * (a * a + a * b + b * b) * u * u);
+    return sum;
+}
+
 double witkin_heckbert_packing(const witkin_heckbert_params *params)
 {
-    /* shells of the hexagonal lattice: squared distance, number of points */
-    static const double shell[][2] = {{1, 6}, {3, 6}, {4, 6}, {7, 12}, {9, 6}, {12, 6}, {13, 12}, {16, 6}};
-    double low = 0.5, high = WITKIN_HECKBERT_REACH;
-    for (int k = 0; k < 60; k++) {
-        double u = 0.5 * (low + high), sum = 0;
-        for (size_t n = 0; n < sizeof shell / sizeof shell[0]; n++)
-            sum += shell[n][1] * exp(-0.5 * shell[n][0] * u * u);
-        if (sum > params->e_hat)
+    double low = 0.5, high = WITKIN_HECKBERT_REACH, u = 0.5 * (low + high);
+    for (; low < u && u < high; u = 0.5 * (low + high)) {
+        if (lattice_sum(u) > params->e_hat)
             low = u;
         else
             high = u;
     }
-    return 0.5 * (low + high);
+    return u;
 }

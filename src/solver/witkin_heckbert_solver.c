@@ -31,6 +31,16 @@ enum { ROUND_STEPS = 50 };
 /* Number of samples of the amplitude for the scale of varied radii. */
 enum { SCALE_SAMPLES = 2000 };
 
+/* A particle within one step, and what the step decides about it. */
+typedef struct particle_step {
+    vec3 place, normal; /* of the next step; place: the new position */
+    vec3 anchor;        /* position at the last list build */
+    double grown;       /* the next sigma */
+    witkin_heckbert_terms terms;
+    bool splits;
+    bool refused; /* the step failed: the particle does not move */
+} particle_step;
+
 typedef struct witkin_heckbert_state {
     witkin_heckbert_params params;
     energy_function energy; /* Gaussian; its ideal is the desired energy */
@@ -40,12 +50,9 @@ typedef struct witkin_heckbert_state {
     double sigma_max;
     size_t capacity;
     double *sigma;
-    vec3 *velocity, *place, *normal; /* of the next step; place: the new position */
-    vec3 *anchor;                    /* position at the last list build */
-    double *grown;                   /* the next sigma */
-    witkin_heckbert_terms *terms;
-    bool *dies, *splits;
-    bool *refused; /* the step failed: the particle does not move */
+    vec3 *velocity;
+    particle_step *of;
+    bool *dies; /* in this step */
     neighbours *near;
     double cutoff; /* of the lists */
     bool lists_stale;
@@ -58,14 +65,8 @@ static void free_columns(witkin_heckbert_state *w)
 {
     free(w->sigma);
     free(w->velocity);
-    free(w->place);
-    free(w->normal);
-    free(w->grown);
-    free(w->terms);
-    free(w->anchor);
-    free(w->refused);
+    free(w->of);
     free(w->dies);
-    free(w->splits);
     neighbours_free(w->near);
 }
 
@@ -78,7 +79,7 @@ static void release(solver *s)
     s->state.witkin_heckbert = NULL;
 }
 
-/* Increases the capacity; keeps sigma, splits and dies. Other arrays are valid within one step only. */
+/* Increases the capacity; keeps sigma and the steps. Velocities are valid within one step only. */
 static bool reserve(solver *s, size_t capacity, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert, larger = *w;
@@ -90,23 +91,15 @@ static bool reserve(solver *s, size_t capacity, error *e)
     larger.capacity = extended;
     larger.sigma = mem_array(extended, sizeof *larger.sigma, what, e);
     larger.velocity = mem_array(extended, sizeof *larger.velocity, what, e);
-    larger.place = mem_array(extended, sizeof *larger.place, what, e);
-    larger.normal = mem_array(extended, sizeof *larger.normal, what, e);
-    larger.grown = mem_array(extended, sizeof *larger.grown, what, e);
-    larger.terms = mem_array(extended, sizeof *larger.terms, what, e);
+    larger.of = mem_array(extended, sizeof *larger.of, what, e);
     larger.dies = mem_array(extended, sizeof *larger.dies, what, e);
-    larger.splits = mem_array(extended, sizeof *larger.splits, what, e);
-    larger.anchor = mem_array(extended, sizeof *larger.anchor, what, e);
-    larger.refused = mem_array(extended, sizeof *larger.refused, what, e);
     larger.near = neighbours_new(extended, s->setup.params.list_limit, e);
-    if (!larger.sigma || !larger.velocity || !larger.place || !larger.normal || !larger.grown ||
-        !larger.terms || !larger.dies || !larger.splits || !larger.anchor || !larger.refused ||
-        !larger.near) {
+    if (!larger.sigma || !larger.velocity || !larger.of || !larger.dies || !larger.near) {
         free_columns(&larger);
         return false;
     }
     if (w->sigma) memcpy(larger.sigma, w->sigma, s->state.p->count * sizeof *w->sigma);
-    if (w->splits) memcpy(larger.splits, w->splits, w->capacity * sizeof *w->splits);
+    if (w->of) memcpy(larger.of, w->of, w->capacity * sizeof *w->of);
     if (w->dies) memcpy(larger.dies, w->dies, w->capacity * sizeof *w->dies);
     free_columns(w);
     *w = larger;
@@ -177,14 +170,14 @@ static bool update_lists(solver *s, error *e)
     double reach = WITKIN_HECKBERT_REACH * widest_radius(s), moved2 = 0;
     if (!w->lists_stale) {
         for (size_t i = 0; i < s->state.p->count; i++)
-            moved2 = fmax(moved2, vec3_norm2(vec3_sub(s->state.p->position[i], w->anchor[i])));
+            moved2 = fmax(moved2, vec3_norm2(vec3_sub(s->state.p->position[i], w->of[i].anchor)));
         if (reach + 2 * sqrt(moved2) < w->cutoff) return true;
     }
     w->cutoff = reach + SKIN * s->state.sigma;
     if (!neighbours_build(w->near, s->state.p->count, s->state.p->position, NULL, w->cutoff, s->setup.pool,
                           e))
         return false;
-    memcpy(w->anchor, s->state.p->position, s->state.p->count * sizeof *w->anchor);
+    for (size_t i = 0; i < s->state.p->count; i++) w->of[i].anchor = s->state.p->position[i];
     w->lists_stale = false;
     return true;
 }
@@ -197,7 +190,7 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         field_sample sample;
-        witkin_heckbert_terms *t = &w->terms[i];
+        witkin_heckbert_terms *t = &w->of[i].terms;
         witkin_heckbert_sum(&w->params, s->state.p->position, w->sigma, i, neighbours_list(w->near, i),
                             w->near->list_count[i], t);
         s->state.p->energy[i] = (float)t->energy;
@@ -227,11 +220,11 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
         const projection_limits limits = {MAX_PROJECTION_STEPS, MAX_OFF_SURFACE * sigma, 0,
                                           MAX_OFF_SURFACE * sigma};
         vec3 old = s->state.p->position[i], x = vec3_axpy(share * w->params.dt, w->velocity[i], old);
-        w->normal[i] = s->state.p->normal[i];
-        w->refused[i] = !projection_find(s->setup.field, &limits, &x, &w->normal[i]) ||
-                        vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
-        if (w->refused[i]) x = old;
-        w->place[i] = x;
+        w->of[i].normal = s->state.p->normal[i];
+        w->of[i].refused = !projection_find(s->setup.field, &limits, &x, &w->of[i].normal) ||
+                           vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
+        if (w->of[i].refused) x = old;
+        w->of[i].place = x;
         w->velocity[i] = vec3_scale(vec3_sub(x, old), 1 / w->params.dt);
     }
 }
@@ -245,9 +238,9 @@ static void grow_chunk(void *context, int worker, size_t begin, size_t end)
         double sigma = w->sigma[i];
         double rate =
             witkin_heckbert_radius_rate(&w->params, s->state.p->position, w->velocity, w->sigma, i,
-                                        neighbours_list(w->near, i), w->near->list_count[i], &w->terms[i]);
+                                        neighbours_list(w->near, i), w->near->list_count[i], &w->of[i].terms);
         double grown = fmin(fmax(sigma + w->params.dt * rate, sigma / RADIUS_FACTOR), sigma * RADIUS_FACTOR);
-        w->grown[i] = fmin(grown, MAX_RADIUS * w->sigma_max);
+        w->of[i].grown = fmin(grown, MAX_RADIUS * w->sigma_max);
     }
 }
 
@@ -255,9 +248,9 @@ static void take_step(solver *s)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;
     for (size_t i = 0; i < s->state.p->count; i++) {
-        if (!w->refused[i]) s->state.p->normal[i] = w->normal[i];
-        s->state.p->position[i] = w->place[i];
-        w->sigma[i] = w->grown[i];
+        if (!w->of[i].refused) s->state.p->normal[i] = w->of[i].normal;
+        s->state.p->position[i] = w->of[i].place;
+        w->sigma[i] = w->of[i].grown;
     }
 }
 
@@ -271,10 +264,10 @@ static void choose_fission_and_death(solver *s, size_t *splits, size_t *deaths)
         double sigma = w->sigma[i], target = target_radius(s, i);
         bool is_slow = vec3_norm(w->velocity[i]) < params->gamma * sigma;
         bool filled = (double)s->state.p->energy[i] > params->nu * w->energy.ideal && sigma > target;
-        w->splits[i] = is_slow && (sigma > w->sigma_max || filled);
+        w->of[i].splits = is_slow && (sigma > w->sigma_max || filled);
         w->dies[i] = is_slow && sigma < params->delta * target &&
                      rng_uniform(&w->life) > sigma / (params->delta * target);
-        *splits += w->splits[i];
+        *splits += w->of[i].splits;
         *deaths += w->dies[i];
     }
 }
@@ -290,7 +283,7 @@ static bool fission_and_death(solver *s, size_t *inserted, size_t *deleted, erro
     if (splits + deaths == 0) return true;
     if (!reserve(s, before + splits, e)) return false;
     for (size_t i = 0; i < before; i++) {
-        if (!w->splits[i] ||
+        if (!w->of[i].splits ||
             !population_split(s->setup.field, s->state.p, i, TWIN_OFFSET * w->sigma[i], &w->life))
             continue;
         w->sigma[i] /= sqrt(2);
@@ -343,7 +336,7 @@ static bool step(solver *s, error *e)
         energy += (double)s->state.p->energy[i];
         squares += vec3_norm2(w->velocity[i]);
         radii += w->sigma[i];
-        rejected += w->refused[i];
+        rejected += w->of[i].refused;
     }
     double rms = w->params.dt * sqrt(squares / n) / s->state.spacing;
     s->state.sigma = radii / n;
@@ -376,10 +369,10 @@ static bool describe(solver *s, error *e)
     s->record.out.mean_energy = 0;
     s->record.out.step_left = s->record.out.step_without_kinks = NAN; /* there are no Newton steps (12) */
     for (size_t i = 0; i < n; i++) {
-        s->record.out.mean_energy += w->terms[i].energy / (double)n;
-        near += w->terms[i].near;
+        s->record.out.mean_energy += w->of[i].terms.energy / (double)n;
+        near += w->of[i].terms.near;
         spacing[i] = w->packing * w->band * target_radius(s, i);
-        energy[i] = w->terms[i].energy;
+        energy[i] = w->of[i].terms.energy;
     }
     s->record.out.mean_neighbours = (double)near / (double)n;
     return true;

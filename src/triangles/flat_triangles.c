@@ -106,7 +106,7 @@ static bool comes_before(entry a, entry b)
 
 static bool push(removing *r, entry added, error *e)
 {
-    entry *heap = mem_grow(r->heap, r->count, &r->room, 256, sizeof *heap, what, e);
+    entry *heap = mem_grow(r->heap, r->count, &r->room, sizeof *heap, what, e);
     if (!heap) return false;
     r->heap = heap;
     size_t k = r->count++;

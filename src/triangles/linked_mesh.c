@@ -30,7 +30,7 @@ static void unlink_corner(linked_mesh *l, uint32_t c)
 
 static bool grow(void **items, size_t count, size_t *room, size_t size, error *e)
 {
-    void *larger = mem_grow(*items, count, room, 256, size, what, e);
+    void *larger = mem_grow(*items, count, room, size, what, e);
     if (!larger) return false;
     *items = larger;
     return true;

@@ -92,7 +92,7 @@ bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance,
 
 static bool add_cut(cutting *c, cut added, error *e)
 {
-    cut *cuts = mem_grow(c->cuts, c->cut_count, &c->cut_room, 256, sizeof *cuts, what, e);
+    cut *cuts = mem_grow(c->cuts, c->cut_count, &c->cut_room, sizeof *cuts, what, e);
     if (!cuts) return false;
     c->cuts = cuts;
     c->cuts[c->cut_count++] = added;

@@ -283,8 +283,7 @@ bool plain_vdb_list_grids(int fd, vdb_listing *out)
         const metadata m = take_metadata(c);
         go_to(c, d.end);
         vdb_entry *entries =
-            c->failed ? NULL
-                      : mem_grow(list.entries, list.count, &room, 16, sizeof *entries, "the grids", NULL);
+            c->failed ? NULL : mem_grow(list.entries, list.count, &room, sizeof *entries, "the grids", NULL);
         require(c, entries != NULL);
         if (c->failed) break;
         list.entries = entries;
@@ -478,7 +477,7 @@ static void add_tile(reading *r, const int32_t origin[3], int32_t side, float va
     vdb_grid *g = r->grid;
     if (active) g->active_voxels += (uint64_t)side * (uint64_t)side * (uint64_t)side;
     if (value == g->background) return;
-    vdb_tile *tiles = mem_grow(g->tiles, g->tile_count, &r->tile_room, 256, sizeof *tiles, "tiles", NULL);
+    vdb_tile *tiles = mem_grow(g->tiles, g->tile_count, &r->tile_room, sizeof *tiles, "tiles", NULL);
     require(r->from, tiles && g->tile_count < r->memory_limit / (4 * sizeof *tiles));
     if (!tiles) return;
     g->tiles = tiles;
@@ -490,10 +489,10 @@ static void take_leaf(reading *r, const int32_t origin[3])
     vdb_grid *g = r->grid;
     const size_t each = VDB_LEAF_VOXELS * sizeof(float) + 256;
     int32_t(*origins)[3] =
-        mem_grow(g->leaf_origin, g->leaf_count, &r->leaf_room, 256, sizeof *origins, "leaves", NULL);
+        mem_grow(g->leaf_origin, g->leaf_count, &r->leaf_room, sizeof *origins, "leaves", NULL);
     if (origins) g->leaf_origin = origins;
     uint64_t *active =
-        mem_grow(g->leaf_active, 8 * g->leaf_count, &r->active_room, 2048, sizeof *active, "leaves", NULL);
+        mem_grow(g->leaf_active, 8 * g->leaf_count, &r->active_room, sizeof *active, "leaves", NULL);
     if (active) g->leaf_active = active;
     require(r->from, origins && active && g->leaf_count < r->memory_limit / each);
     if (r->from->failed) return;

@@ -21,8 +21,8 @@ void crossings_free(crossings *c)
 
 static bool append(crossings *c, const crossing_block *b, error *e)
 {
-    crossing_block *blocks = mem_grow(c->blocks, c->count, &c->room, 256, sizeof *blocks,
-                                      "the blocks that the surface crosses", e);
+    crossing_block *blocks =
+        mem_grow(c->blocks, c->count, &c->room, sizeof *blocks, "the blocks that the surface crosses", e);
     if (!blocks) return false;
     c->blocks = blocks;
     c->blocks[c->count++] = *b;

@@ -65,7 +65,7 @@ static bool clip_segment(const field *f, int face, segment *s)
 
 static bool add_segment(segments *all, const segment *s, error *e)
 {
-    segment *item = mem_grow(all->item, all->count, &all->capacity, 256, sizeof *item, WHAT, e);
+    segment *item = mem_grow(all->item, all->count, &all->capacity, sizeof *item, WHAT, e);
     if (!item) return false;
     all->item = item;
     all->item[all->count++] = *s;

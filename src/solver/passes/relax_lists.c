@@ -68,12 +68,10 @@ static bool grow(relax *r, error *e)
     size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
     for (int k = 0; k < threads_count(r->pool); k++) {
-        double *m = mem_array(9 * length, sizeof *m, "a gathered list", e);
+        double *m = mem_array(PAIR_LIST_ARRAYS * length, sizeof *m, "a gathered list", e);
         if (!m) return false;
         free(r->scratch[k].memory);
-        r->scratch[k] = (gather){m,
-                                 {0, m, m + length, m + 2 * length, m + 3 * length, m + 4 * length,
-                                  m + 5 * length, m + 6 * length, m + 7 * length, m + 8 * length}};
+        r->scratch[k] = (gather){m, pair_list_in(m, length)};
     }
     r->scratch_entries = length;
     return true;
@@ -234,18 +232,6 @@ bool relax_refresh(relax *r, const particles *p, double sigma)
     return !atomic_load(&job.stale);
 }
 
-static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitude, double size)
-{
-    g->x[k] = x.x;
-    g->y[k] = x.y;
-    g->z[k] = x.z;
-    g->nx[k] = n.x;
-    g->ny[k] = n.y;
-    g->nz[k] = n.z;
-    g->amplitude[k] = g->weight[k] = amplitude;
-    g->size2[k] = size * size;
-}
-
 pair_list *relax_gather_list(const relax *r, const particles *p, int worker, size_t i)
 {
     pair_list *g = &r->scratch[worker].list;
@@ -258,13 +244,13 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
         uint32_t j = list[k];
         vec3 normal = p->normal[j];
         if (one_sided && vec3_dot(normal, p->normal[i]) < 0) normal = vec3_scale(normal, -1);
-        gather_place(g, k, p->position[j], normal,
-                     0.5 * (particles_amplitude(p, i) + particles_amplitude(p, j)),
-                     0.5 * (1 + particles_size(p, j) / particles_size(p, i)));
+        pair_list_set(g, k, p->position[j], normal,
+                      0.5 * (particles_amplitude(p, i) + particles_amplitude(p, j)),
+                      0.5 * (1 + particles_size(p, j) / particles_size(p, i)));
     }
     vec3 away = p->position[i];
     away.x += r->sigma * particles_size(p, i);
-    for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0, 1);
+    for (size_t k = count; k < g->blocks * PAIR_LANES; k++) pair_list_set(g, k, away, p->normal[i], 0, 1);
     if (!r->flat[i] && !r->ignores_normals) pair_weigh(g, p->normal[i]);
     return g;
 }

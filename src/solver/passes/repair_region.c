@@ -69,9 +69,8 @@ void repair_region_list(repair_region *p)
 
 void repair_scratch_init(repair_scratch *b, const solver *s)
 {
-    double(*of)[REPAIR_MAX_PAIRS] = b->number;
     b->s = s;
-    b->pairs = (pair_list){0, of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7], of[8]};
+    b->pairs = pair_list_in(b->number, REPAIR_MAX_PAIRS);
 }
 
 /* The pairs of member i, weighted as in the solve. */
@@ -81,18 +80,11 @@ static const pair_list *gather_pairs(repair_scratch *b, const repair_region *p, 
     const uint32_t *list = p->list + p->begin[i];
     const uint32_t listed = p->listed[i] < REPAIR_MAX_PAIRS ? p->listed[i] : REPAIR_MAX_PAIRS;
     g->blocks = (listed + PAIR_LANES - 1) / PAIR_LANES;
-    for (uint32_t k = 0; k < g->blocks * PAIR_LANES; k++) {
-        const uint32_t j = k < listed ? list[k] : i;
-        const double size = 0.5 * (1 + p->h[j] / p->h[i]);
-        g->x[k] = k < listed ? p->x[j].x : p->x[i].x + 2 * packing_support(p->h[i]);
-        g->y[k] = p->x[j].y;
-        g->z[k] = p->x[j].z;
-        g->nx[k] = p->normal[j].x;
-        g->ny[k] = p->normal[j].y;
-        g->nz[k] = p->normal[j].z;
-        g->size2[k] = size * size;
-        g->amplitude[k] = k < listed;
-    }
+    for (uint32_t k = 0; k < listed; k++)
+        pair_list_set(g, k, p->x[list[k]], p->normal[list[k]], 1, 0.5 * (1 + p->h[list[k]] / p->h[i]));
+    vec3 away = p->x[i];
+    away.x += 2 * packing_support(p->h[i]);
+    for (size_t k = listed; k < g->blocks * PAIR_LANES; k++) pair_list_set(g, k, away, p->normal[i], 0, 1);
     pair_weigh(g, p->normal[i]);
     return g;
 }

@@ -38,7 +38,7 @@ typedef struct repair_scratch {
     double mean; /* mean spacing of the Voronoi cells of the packing over the requested spacing */
     repair_region as_is, current, tried;
     pair_list pairs;
-    double number[9][REPAIR_MAX_PAIRS]; /* arrays of `pairs` */
+    double number[PAIR_LIST_ARRAYS * REPAIR_MAX_PAIRS]; /* arrays of `pairs` */
 } repair_scratch;
 
 void repair_scratch_init(repair_scratch *b, const solver *s);
