@@ -1117,9 +1117,9 @@ export type JobSpec = {
      */
     max_running?: number;
     /**
-     * The number of consecutive frames that run one after another, as the chunk size of render managers. With
-     * Slurm one task of Slurm runs them. Each frame has limits, attempts and a result of its own. Above 1 it
-     * requires frames and excludes coherent. (frames) Default: 1.
+     * The number of consecutive frames that run one after another, as the chunk size of render managers. Each
+     * frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes coherent.
+     * (frames) Default: 1.
      */
     chunk?: number;
     /**
@@ -2245,9 +2245,9 @@ export type AnsweredSpec = {
      */
     max_running?: number;
     /**
-     * The number of consecutive frames that run one after another, as the chunk size of render managers. With
-     * Slurm one task of Slurm runs them. Each frame has limits, attempts and a result of its own. Above 1 it
-     * requires frames and excludes coherent. (frames)
+     * The number of consecutive frames that run one after another, as the chunk size of render managers. Each
+     * frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes coherent.
+     * (frames)
      */
     chunk?: number;
     /**

@@ -1855,8 +1855,7 @@ const spec_row spec_rows[] = {
      AT(chunk),
      .unit = "frames",
      .prose =
-         "The number of consecutive frames that run one after another, as the chunk size of render managers. With Slurm "
-         "one task of Slurm runs them. Each frame has limits, attempts and a result of its own. Above 1 it requires "
+         "The number of consecutive frames that run one after another, as the chunk size of render managers. Each frame has limits, attempts and a result of its own. Above 1 it requires "
          "frames and excludes coherent."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,

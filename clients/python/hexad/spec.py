@@ -1334,8 +1334,8 @@ class Queue(_QueueRest):
     max_running: The maximum number of frames that run at the same time; 0: as many as the service has room
         for. (frames) Default: 0.
     chunk: The number of consecutive frames that run one after another, as the chunk size of render managers.
-        With Slurm one task of Slurm runs them. Each frame has limits, attempts and a result of its own. Above
-        1 it requires frames and excludes coherent. (frames) Default: 1.
+        Each frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes
+        coherent. (frames) Default: 1.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
         the surface and keep their ids. Requires frames and the method sized; excludes features,
         sampling.points, sampling.time_s and sampling.alpha. Default: False.
