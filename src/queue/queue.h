@@ -423,7 +423,7 @@ typedef struct queue_resources {
 #define QUEUE_OVERTAKE_MOST 16
 
 /* Claims a task of a job with the highest priority that fits into the free resources. Owners of such jobs take turns;
- * of the jobs of one owner the oldest comes first. Of its tasks, the first one is claimed that can start and is not in a
+ * of the jobs of one owner the oldest comes first. The claimed task is the first one that can start and is not in a
  * chunk with a running task. The task becomes running with a new attempt number. *found is false if no task may run
  * now. */
 bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e);
