@@ -1117,6 +1117,12 @@ export type JobSpec = {
      */
     max_running?: number;
     /**
+     * The number of consecutive frames that run one after another, as the chunk size of render managers. Each
+     * frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes coherent.
+     * (frames) Default: 1.
+     */
+    chunk?: number;
+    /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
      * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,
      * sampling.time_s and sampling.alpha. Default: false.
@@ -2238,6 +2244,12 @@ export type AnsweredSpec = {
      * (frames)
      */
     max_running?: number;
+    /**
+     * The number of consecutive frames that run one after another, as the chunk size of render managers. Each
+     * frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes coherent.
+     * (frames)
+     */
+    chunk?: number;
     /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
      * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,

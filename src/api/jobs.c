@@ -651,6 +651,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .after_frames_count = s->after_frames_count,
         .accept = job_json_outcomes(s->accept),
         .max_running = s->max_running,
+        .chunk = s->chunk,
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
         .timeout_ms = ms_of(s->timeout_s),

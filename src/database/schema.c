@@ -184,6 +184,9 @@
  * ordered job waits so. */
 #define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"
 #define FIRST_HELD "first_held INTEGER NOT NULL DEFAULT 0"
+/* Number of tasks of a chunk, and whether every task that is ready is in a chunk with a running task (queue/chunks). */
+#define CHUNK "chunk INTEGER NOT NULL DEFAULT 1 CHECK (chunk >= 1)"
+#define CHUNKS_BUSY "chunks_busy INTEGER NOT NULL DEFAULT 0"
 #define WAITS "waits INTEGER NOT NULL DEFAULT 0"
 #define BY_FRAME "by_frame INTEGER NOT NULL DEFAULT 0"
 #define TASK_READY                                                                        \
@@ -244,7 +247,7 @@ static const char tables[] =
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
     "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ", " MAX_RUNNING ","
-    "  " HELD ", " FIRST_HELD ","
+    "  " HELD ", " FIRST_HELD ", " CHUNK ", " CHUNKS_BUSY ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
@@ -490,6 +493,10 @@ static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
                                       "ALTER TABLE task ADD COLUMN " WAITS ";"
                                       "ALTER TABLE dependency ADD COLUMN " BY_FRAME ";"
                                       "DROP INDEX job_ready; DROP INDEX task_ready;" READY TASK_READY;
+/* Migration from version 16, in which arrays had no chunks. */
+static const char add_chunks[] = "ALTER TABLE job ADD COLUMN " CHUNK ";"
+                                 "ALTER TABLE job ADD COLUMN " CHUNKS_BUSY ";";
+static const char renew_ready[] = "DROP INDEX job_ready;" READY;
 /* Migration from versions in which a job failed if its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -513,8 +520,11 @@ static const struct step {
     {1, 4, leave_unnamed},
     {2, 5, add_outbox_event},
     {2, 5, add_state_count},
-    {2, 14, add_max_running}, /* these two before find_owners, whose condition has their columns */
+    {2, 14,
+     add_max_running}, /* these three before indexes and find_owners, whose condition has their columns */
+    {2, 16, add_chunks},
     {2, 15, add_frame_needs},
+    {16, 16, renew_ready},
     {2, 6, add_turns},
     {1, 6, find_owners},
     {2, 7, add_any_end},

@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 16
+#define SCHEMA_VERSION 17
 
 /* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
@@ -21,11 +21,12 @@
 
 /* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a running or delayed task blocks
  * the later ones. max_running 0: any number of tasks may run. A held task waits for frames of other jobs;
- * in an ordered job it blocks the later ones, too. */
+ * in an ordered job it blocks the later ones, too. chunks_busy: all tasks that are ready wait for the running tasks of
+ * their chunks. */
 #define SCHEMA_CLAIMABLE                                      \
     "ready > held AND pending = 0 AND is_paused = 0 AND"      \
     " (is_ordered = 0 OR running + delayed + first_held = 0)" \
-    " AND (max_running = 0 OR running < max_running)"
+    " AND (max_running = 0 OR running < max_running) AND chunks_busy = 0"
 
 /* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has
  * the bit 1 << queue_outcome for each accepted outcome. */

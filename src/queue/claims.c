@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "database/schema.h"
+#include "queue/chunks.h"
 #include "queue/copy.h"
 #include "queue/job_row.h"
 #include "queue/job_state.h"
@@ -19,6 +20,7 @@ typedef struct claiming {
     queue *q;
     const queue_resources *resources; /* NULL: claims a task of the job `id`, whatever the free resources */
     const char *id;
+    int after; /* with `resources` and `id`: claims the next task in the chunk of this one */
     queue_claimed claimed;
     bool found;
 } claiming;
@@ -104,29 +106,42 @@ static bool find_previous(database *d, int64_t seq, int number, int *frame, erro
     return ok;
 }
 
-/* Starts the first queued task of the job. */
+/* Sets the number of the claimed task's chunk, and whether more tasks of the chunk may be claimed. */
+static bool note_chunk(database *d, const job_state *j, claiming *c, error *e)
+{
+    int next = -1;
+    bool may = false;
+    c->claimed.chunk = -1;
+    if (j->chunk == 1) return true;
+    c->claimed.chunk = c->claimed.task.number / j->chunk;
+    if (!c->resources) return true;
+    if (!chunks_find_next(d, j, c->claimed.task.number, &next, e)) return false;
+    if (next >= 0 && !owner_may_continue(c->q, j->seq, c->resources, &may, e)) return false;
+    c->claimed.more = may;
+    return true;
+}
+
+/* Starts a task of the job. */
 static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
 {
-    bool ok = false, any = false;
-    int number = 0, attempt = 0, frame = QUEUE_NO_FRAME;
+    bool ok = false;
+    int number = -1, attempt = 0, frame = QUEUE_NO_FRAME;
     job_state j;
-    sqlite3_stmt *s = ASK(
-        d, e,
-        "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
-        " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
-        " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' AND waits = 0 ORDER BY number LIMIT 1)"
-        " RETURNING number, attempt, frame",
-        integer(seq), integer(now));
+    if (!job_state_load_seq(d, seq, &j, e)) return false;
+    ok = c->resources && c->id ? chunks_find_next(d, &j, c->after, &number, e)
+                               : chunks_find_task(d, &j, &number, e);
+    if (!ok || number < 0) return ok;
+    sqlite3_stmt *s = ASK(d, e,
+                          "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
+                          " started_ms = coalesce(started_ms, ?3) WHERE job = ?1 AND number = ?2"
+                          " RETURNING attempt, frame",
+                          integer(seq), integer(number), integer(now));
     while (database_next(d, s, &ok, e)) {
-        any = true;
-        number = sqlite3_column_int(s, 0);
-        attempt = sqlite3_column_int(s, 1);
-        if (sqlite3_column_type(s, 2) != SQLITE_NULL) frame = sqlite3_column_int(s, 2);
+        attempt = sqlite3_column_int(s, 0);
+        if (sqlite3_column_type(s, 1) != SQLITE_NULL) frame = sqlite3_column_int(s, 1);
     }
-    if (!ok || !any) return ok;
-    ok = RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)",
-             integer(seq), integer(number), integer(attempt), integer(now)) &&
-         job_state_load_seq(d, seq, &j, e);
+    ok = ok && RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)",
+                   integer(seq), integer(number), integer(attempt), integer(now));
     if (!ok) return false;
     job_state before = j;
     j.ready--;
@@ -139,8 +154,20 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
          read_claimed(d, seq, number, &c->claimed, e);
     c->claimed.previous = QUEUE_NO_FRAME;
     if (j.ordered) ok = ok && find_previous(d, seq, number, &c->claimed.previous, e);
+    ok = ok && note_chunk(d, &j, c, e);
     c->found = ok;
     return ok;
+}
+
+/* Finds the job of which another task is claimed; *seq 0: none may be claimed. */
+static bool find_continued(database *d, const claiming *c, int64_t *seq, error *e)
+{
+    bool may = false;
+    if (!database_read_integer(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1", text(c->id)), seq, e))
+        return false;
+    if (*seq && !owner_may_continue(c->q, *seq, c->resources, &may, e)) return false;
+    if (!may) *seq = 0;
+    return true;
 }
 
 static bool claim(database *d, change *asked)
@@ -151,7 +178,8 @@ static bool claim(database *d, change *asked)
     bool ok, held = false, full = false;
     if (c->resources)
         ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, d, &full, e) &&
-             (held || full || owner_choose(c->q, c->resources, &seq, e));
+             (held || full ||
+              (c->id ? find_continued(d, c, &seq, e) : owner_choose(c->q, c->resources, &seq, e)));
     else
         ok = database_read_integer(
             d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)), &seq, e);
@@ -173,6 +201,13 @@ static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found
 bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e)
 {
     claiming c = {.q = q, .resources = resources};
+    return run_claim(q, &c, claimed, found, e);
+}
+
+bool queue_claim_in_chunk(queue *q, const queue_resources *resources, const char *id, int task,
+                          queue_claimed *claimed, bool *found, error *e)
+{
+    claiming c = {.q = q, .resources = resources, .id = id, .after = task};
     return run_claim(q, &c, claimed, found, e);
 }
 

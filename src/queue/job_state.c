@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "database/schema.h"
+#include "queue/chunks.h"
 #include "queue/frame_needs.h"
 #include "queue/job_row.h"
 #include "queue/owner.h"
@@ -13,7 +14,7 @@
 #define STATE_COLUMNS                                                                                   \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
-    "retention_s, is_ordered, unresolved, held"
+    "retention_s, is_ordered, unresolved, held, chunk"
 
 static void read_state(sqlite3_stmt *s, job_state *j)
 {
@@ -40,6 +41,7 @@ static void read_state(sqlite3_stmt *s, job_state *j)
         .ordered = sqlite3_column_int(s, 20),
         .unresolved = sqlite3_column_int(s, 21),
         .held = sqlite3_column_int(s, 22),
+        .chunk = sqlite3_column_int(s, 23),
         .ended = JOB_STATE_NONE_ENDED,
     };
     queue_state_from_name((const char *)sqlite3_column_text(s, 2), &j->state);
@@ -133,7 +135,7 @@ static bool store_error(database *d, const job_state *j, error *e)
     return ok;
 }
 
-static bool store(database *d, const job_state *j, queue_outcome outcome, error *e)
+static bool store(database *d, const job_state *j, queue_outcome outcome, bool chunks_busy, error *e)
 {
     bool final = queue_state_is_final(j->state);
     int64_t expires = j->finished_ms + j->retention_s * 1000;
@@ -142,7 +144,7 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
         " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
         " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
-        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, held = ?22, first_held = ?23, error_code = NULL, error_message = NULL,"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, held = ?22, first_held = ?23, chunks_busy = ?24, error_code = NULL, error_message = NULL,"
         " delivered_ms = iif(?18 IS NOT NULL AND delivered >= ?11, coalesce(delivered_ms, ?18), NULL)"
         " WHERE seq = ?1",
         integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
@@ -151,7 +153,7 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         integer(j->failed), integer(j->cancelled_tasks), integer(j->timed_out), integer(j->not_converged),
         integer(j->attempts), integer_if(j->started_ms, j->started_ms > 0), integer_if(j->finished_ms, final),
         integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved),
-        integer(j->held), integer(j->first_held));
+        integer(j->held), integer(j->first_held), integer(chunks_busy));
 }
 
 /* Adds the notification of the job's end to the outbox, if the job has a webhook. */
@@ -181,7 +183,9 @@ void job_state_count_outcome(job_state *j, queue_outcome outcome)
 /* Stores one job; its dependents are not updated. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
+    bool chunks_busy = false;
     j->first_held = false;
+    if (!chunks_are_busy(d, j, &chunks_busy, e)) return false;
     if (j->ordered && j->held && !frame_needs_hold_first(d, j, &j->first_held, e)) return false;
     j->state = job_state_derive(j);
     j->revision = before->revision + 1;
@@ -192,7 +196,7 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
                                                         : QUEUE_CONVERGED;
     if (is_final && !was_final) j->finished_ms = now;
     if (j->running && !j->started_ms) j->started_ms = now;
-    bool ok = store(d, j, outcome, e);
+    bool ok = store(d, j, outcome, chunks_busy, e);
     if (is_final && j->state != QUEUE_SUCCEEDED) ok = ok && store_error(d, j, e);
     if (is_final && !was_final) ok = ok && put_into_outbox(d, j->seq, now, e);
     if (j->state != before->state)

@@ -20,6 +20,7 @@ typedef struct job_state {
         not_converged;
     int attempts;
     int64_t started_ms, finished_ms, retention_s;
+    int chunk;       /* tasks of a chunk (queue/chunks); 1: there are no chunks */
     int held;        /* ready tasks that wait for frames of other jobs (queue/frame_needs) */
     bool first_held; /* set by job_state_save: in an ordered job the first queued task is held */
     int ended;       /* the frame that has ended since the job state was loaded, see job_state_note_ended */

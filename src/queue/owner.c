@@ -9,7 +9,8 @@
 #define USERS_AHEAD "64"
 #define JOBS_AHEAD "64"
 
-#define MAY_CLAIM "owner.priority IS NOT NULL AND (?1 = 0 OR owner.running < ?1) AND " USAGE_BELOW
+#define BELOW_LIMITS "(?1 = 0 OR owner.running < ?1) AND " USAGE_BELOW
+#define MAY_CLAIM "owner.priority IS NOT NULL AND " BELOW_LIMITS
 #define IN_TURN "owner.priority DESC, owner.pass, owner.first"
 
 static bool count(database *d, int64_t seq, int unfinished, int running, error *e)
@@ -105,6 +106,23 @@ static bool find_fitting(database *d, const queue_resources *resources, const qu
             integer(resources->memory_mb), integer(resources->all_memory_mb), integer(bound->bytes),
             integer(bound->results)),
         seq, e);
+}
+
+bool owner_may_continue(queue *q, int64_t seq, const queue_resources *resources, bool *may, error *e)
+{
+    database *d = q->database;
+    int64_t found = 0;
+    bool ok = database_read_integer(
+        d,
+        ASK(d, e,
+            "SELECT 1 FROM job CROSS JOIN owner ON owner.name = job.owner WHERE job.seq = ?8 AND is_paused = 0"
+            " AND (max_running = 0 OR job.running < max_running) AND " BELOW_LIMITS " AND " FITS,
+            integer(resources->most_of_owner), integer(resources->all_threads), integer(resources->threads),
+            integer(resources->memory_mb), integer(resources->all_memory_mb), integer(q->bounds.user.bytes),
+            integer(q->bounds.user.results), integer(seq)),
+        &found, e);
+    *may = found != 0;
+    return ok;
 }
 
 bool owner_choose(queue *q, const queue_resources *resources, int64_t *seq, error *e)

@@ -24,6 +24,10 @@ bool owner_update(database *d, int64_t seq, int unfinished, int running, error *
 /* Records a turn of the owner of the job. `weights` may be NULL. */
 bool owner_take_turn(database *d, int64_t seq, const user_numbers *weights, error *e);
 
+/* Whether another task of the job, of which a task runs, may be claimed: the job and its owner are below their limits, and
+ * it fits into the free resources. */
+bool owner_may_continue(queue *q, int64_t seq, const queue_resources *resources, bool *may, error *e);
+
 /* Chooses the job to claim from; *seq 0: none. Others may overtake a job that does not fit, at most QUEUE_OVERTAKE_MOST
  * times. */
 bool owner_choose(queue *q, const queue_resources *resources, int64_t *seq, error *e);

@@ -169,8 +169,9 @@ typedef struct queue_submission {
      * succeeded and were accepted */
     const char *const *after_frames;
     size_t after_frames_count;
-    unsigned accept;           /* set of outcomes with which jobs that depend on this one start; 0: all */
-    int max_running;           /* tasks of the job that run at the same time; 0: any number */
+    unsigned accept; /* set of outcomes with which jobs that depend on this one start; 0: all */
+    int max_running; /* tasks of the job that run at the same time; 0: any number */
+    int chunk; /* consecutive tasks that run one after another (queue_claim); 0 and 1: none. 1 if `ordered` */
     const char *const *inputs; /* names of the uploaded files that the job reads */
     size_t input_count;
     int64_t timeout_ms, stall_ms; /* limits of an attempt; 0: the service's own */
@@ -402,6 +403,8 @@ typedef struct queue_claimed {
     char **inputs;
     size_t input_count;
     int previous; /* in an ordered job: the last earlier frame that succeeded; QUEUE_NO_FRAME: none */
+    int chunk;    /* number of its chunk in the job; -1: none */
+    bool more;    /* queue_claim_in_chunk would find another task now */
 } queue_claimed;
 
 void queue_claimed_clear(queue_claimed *claimed);
@@ -420,9 +423,15 @@ typedef struct queue_resources {
 #define QUEUE_OVERTAKE_MOST 16
 
 /* Claims a task of a job with the highest priority that fits into the free resources. Owners of such jobs take turns;
- * of the jobs of one owner the oldest comes first. The task becomes running with a new attempt number. *found is false
- * if no task may run now. */
+ * of the jobs of one owner the oldest comes first. The claimed task is the first one that can start and is not in a
+ * chunk with a running task. The task becomes running with a new attempt number. *found is false if no task may run
+ * now. */
 bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e);
+
+/* Claims the next task that can start in the chunk of the task with the number `task`, which was claimed before, for an
+ * engine that runs the claimed tasks of a chunk one after another. Other limits are those of queue_claim. */
+bool queue_claim_in_chunk(queue *q, const queue_resources *resources, const char *id, int task,
+                          queue_claimed *claimed, bool *found, error *e);
 
 /* Claims the first queued task of one job, whatever the free resources. */
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e);

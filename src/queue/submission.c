@@ -174,19 +174,19 @@ static bool check_needs(database *d, submitting *s, int *pending, job_state_need
 static bool insert_job(database *d, const submitting *s, job_state *j, int64_t now, error *e)
 {
     const queue_submission *in = s->in;
-    bool ok =
-        RUN(d, e,
-            "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
-            " is_array, is_ordered, pending, tasks, ready, created_ms, name, labels, trace, webhook, key,"
-            " body_hash, accept, max_running)"
-            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?19, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17,"
-            " ?18, ?20, ?21)",
-            text(s->receipt.id), text(s->owner), text(queue_state_name(j->state)), integer(in->priority),
-            integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
-            integer(j->array), integer(j->pending), integer(j->tasks), integer(now), text(in->name),
-            text(in->labels), text(in->trace), text(in->webhook), text(in->key),
-            text(in->key ? in->body_hash : NULL), integer(j->ordered),
-            integer(in->accept ? in->accept : QUEUE_ANY_OUTCOME), integer(in->max_running));
+    bool ok = RUN(
+        d, e,
+        "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
+        " is_array, is_ordered, pending, tasks, ready, created_ms, name, labels, trace, webhook, key,"
+        " body_hash, accept, max_running, chunk)"
+        " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?19, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17,"
+        " ?18, ?20, ?21, ?22)",
+        text(s->receipt.id), text(s->owner), text(queue_state_name(j->state)), integer(in->priority),
+        integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
+        integer(j->array), integer(j->pending), integer(j->tasks), integer(now), text(in->name),
+        text(in->labels), text(in->trace), text(in->webhook), text(in->key),
+        text(in->key ? in->body_hash : NULL), integer(j->ordered),
+        integer(in->accept ? in->accept : QUEUE_ANY_OUTCOME), integer(in->max_running), integer(j->chunk));
     j->seq = database_last_row(d);
     return ok &&
            RUN(d, e,
@@ -244,6 +244,7 @@ static bool put(database *d, change *c)
                    .array = s->in->frames != NULL,
                    .ordered = s->in->ordered,
                    .pending = pending,
+                   .chunk = s->in->chunk > 1 ? s->in->chunk : 1,
                    .tasks = tasks,
                    .ready = tasks,
                    .ended = JOB_STATE_NONE_ENDED,

@@ -517,6 +517,13 @@ static void check_frames(reading *r, const json_at *at)
         json_at after = json_member(at, "after_frames");
         reading_add_fault(r, &after, "requires queue.frames; for a job without frames use depends_on");
     }
+    if (s->chunk > 1 && (!s->frames || s->coherent)) {
+        json_at chunk = json_member(at, "chunk");
+        reading_add_fault(
+            r, &chunk, "%s",
+            s->frames ? "excludes queue.coherent, whose frames run one after another: remove one of the two"
+                      : "requires queue.frames: remove chunk, or add frames");
+    }
     if (!s->frames) return;
     all = strcmp(s->frames, FRAMES_ALL) == 0;
     if (!all && !(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {

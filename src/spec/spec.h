@@ -325,6 +325,7 @@ typedef struct spec {
     size_t frame_count;
     bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */
     int max_running;       /* frames at once; 0: any number */
+    int chunk;             /* consecutive frames that run one after another */
     bool coherent;         /* each frame begins with the points of the one before */
     int64_t retention_s;   /* 0: the service's */
     char *webhook;         /* NULL: none */

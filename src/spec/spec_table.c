@@ -1847,6 +1847,16 @@ const spec_row spec_rows[] = {
      .unit = "frames",
      .prose =
          "The maximum number of frames that run at the same time; 0: as many as the service has room for."},
+    {.pointer = "/queue/chunk",
+     .type = SPEC_TYPE_INTEGER,
+     .low = 1,
+     .high = 1000,
+     .otherwise = "1",
+     AT(chunk),
+     .unit = "frames",
+     .prose =
+         "The number of consecutive frames that run one after another, as the chunk size of render managers. Each frame has limits, attempts and a result of its own. Above 1 it requires "
+         "frames and excludes coherent."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",

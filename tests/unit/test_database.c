@@ -298,8 +298,18 @@ static void test_an_older_schema_is_migrated(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* Removes the additions of version 17. */
+#define BEFORE_17                                                                   \
+    "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN chunk;"                      \
+    "ALTER TABLE job DROP COLUMN chunks_busy;"                                      \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
+    "  WHERE ready > held AND pending = 0 AND is_paused = 0 AND"                    \
+    "  (is_ordered = 0 OR running + delayed + first_held = 0)"                      \
+    "  AND (max_running = 0 OR running < max_running);"
+
 /* Removes the additions of version 16. */
 #define BEFORE_16                                                                                       \
+    BEFORE_17                                                                                           \
     "DROP INDEX job_ready; DROP INDEX task_ready; DROP INDEX task_held;"                                \
     "ALTER TABLE job DROP COLUMN held; ALTER TABLE job DROP COLUMN first_held;"                         \
     "ALTER TABLE task DROP COLUMN waits; ALTER TABLE dependency DROP COLUMN by_frame;"                  \
@@ -597,6 +607,26 @@ static void test_jobs_of_version_15_wait_for_no_frames(void **state)
     assert_true(finish(p, first, 1, claim(p, first), &success));
     claim(p, second);
     claim(p, second);
+}
+
+/* Version 16 claimed any tasks of an array. */
+static void test_arrays_of_version_16_have_no_chunks(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE];
+    s.frames = (const int[]){1, 2, 3};
+    s.frame_count = 3;
+    submit_for(p, &s, id);
+    claim(p, id);
+    alter_database(p, BEFORE_17 "PRAGMA user_version = 16;");
+    claim(p, id);
+    claim(p, id);
+    s.chunk = 2;
+    submit_for(p, &s, id);
+    claim(p, id);
+    claim(p, id);
+    claim(p, NULL);
 }
 
 /* Version 14 did not limit the running tasks of a job. */
@@ -941,6 +971,7 @@ int main(void)
         CASE(test_an_older_schema_is_migrated),
         CASE(test_storage_is_added_to_version_4),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
+        CASE(test_arrays_of_version_16_have_no_chunks),
         CASE(test_jobs_of_version_14_have_no_max_running),
         CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
         CASE(test_dependencies_of_version_7_are_on_success),

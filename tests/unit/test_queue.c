@@ -4,9 +4,12 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <inttypes.h>
+
 #include "queue_place.h"
 
 #include "base/clock.h"
+#include "base/rng.h"
 
 static void test_a_job_survives_a_reopening(void **state)
 {
@@ -789,6 +792,265 @@ static void test_a_job_runs_at_most_max_running_tasks(void **state)
     claim(p, NULL);
 }
 
+/* Submits an array of `count` frames, the first of which is frame 1. */
+static void submit_chunks(place *p, int count, int chunk, int priority, char id[ULID_SIZE])
+{
+    int *numbers = mem_alloc((size_t)count * sizeof *numbers);
+    queue_submission s = plain;
+    for (int i = 0; i < count; i++) numbers[i] = i + 1;
+    s.frames = numbers;
+    s.frame_count = (size_t)count;
+    s.chunk = chunk;
+    s.priority = priority;
+    submit_for(p, &s, id);
+    free(numbers);
+}
+
+static int claim_number(place *p, const char *id)
+{
+    return claim_in(p, &wide, id).number;
+}
+
+static void test_frames_of_a_chunk_run_one_after_another(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    submit_chunks(p, 7, 3, 0, id);
+    put(p, "other", -1, other);
+    assert_int_equal(claim_number(p, id), 0);
+    assert_int_equal(claim_number(p, id), 3);
+    assert_int_equal(claim_number(p, id), 6); /* the last chunk is shorter */
+    claim(p, other);                          /* frames that wait for their chunk do not block it */
+    claim(p, NULL);
+    expect_state(p, id, QUEUE_RUNNING);
+    reopen(p);
+    claim(p, NULL);
+    assert_true(finish(p, id, 3, 1, &success));
+    assert_int_equal(claim_number(p, id), 4);
+    claim(p, NULL);
+    assert_true(finish(p, id, 4, 1, &crash)); /* a failed frame ends like any other */
+    assert_true(finish(p, id, 0, 1, &success));
+    assert_int_equal(claim_number(p, id), 1);
+    assert_int_equal(claim_number(p, id), 5);
+    claim(p, NULL);
+    assert_int_equal(apply_command(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    claim(p, NULL);
+}
+
+static void test_a_frame_that_is_tried_again_waits_for_its_chunk(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    submit_chunks(p, 4, 2, 0, id);
+    assert_int_equal(claim_number(p, id), 0);
+    assert_true(requeue(p, id, 1, true, clock_wall_ms() + 3600 * 1000, &crash));
+    assert_int_equal(claim_number(p, id), 1); /* meanwhile the chunk goes on */
+    assert_int_equal(claim_number(p, id), 2);
+    claim(p, NULL);
+    assert_true(finish(p, id, 1, 1, &success));
+    assert_true(finish(p, id, 2, 1, &success));
+    assert_int_equal(claim_number(p, id), 3);
+    claim(p, NULL);
+    assert_true(finish(p, id, 3, 1, &success));
+    expect_state(p, id, QUEUE_RUNNING); /* the delayed frame is left */
+
+    submit_chunks(p, 4, 2, 1, id);
+    assert_int_equal(claim_number(p, id), 0);
+    assert_true(requeue(p, id, 1, false, 0, &crash)); /* the daemon or the host has ended */
+    assert_int_equal(claim_number(p, id), 0);
+}
+
+static void test_urgent_jobs_come_between_frames_of_a_chunk(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], urgent[ULID_SIZE];
+    submit_chunks(p, 4, 2, 0, id);
+    assert_int_equal(claim_number(p, id), 0);
+    put(p, "urgent", 1, urgent);
+    assert_true(finish(p, id, 0, 1, &success));
+    claim(p, urgent);
+    assert_int_equal(claim_number(p, id), 1); /* the chunk is free again */
+}
+
+static void test_max_running_counts_frames_of_chunks(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_submission s = plain;
+    s.frames = (const int[]){1, 2, 3, 4, 5, 6};
+    s.frame_count = 6;
+    s.chunk = 2;
+    s.max_running = 2;
+    submit_for(p, &s, id);
+    assert_int_equal(claim_number(p, id), 0);
+    assert_int_equal(claim_number(p, id), 2);
+    claim(p, NULL);
+    assert_true(finish(p, id, 0, 1, &success));
+    assert_int_equal(claim_number(p, id), 1);
+    claim(p, NULL);
+    assert_true(finish(p, id, 1, 1, &success));
+    assert_int_equal(claim_number(p, id), 4);
+    claim(p, NULL);
+}
+
+static void test_frames_of_chunks_wait_for_frames(void **state)
+{
+    place *p = *state;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    submit_chunks(p, 4, 1, 0, first);
+    queue_submission s = plain;
+    s.frames = (const int[]){1, 2, 3, 4};
+    s.frame_count = 4;
+    s.chunk = 2;
+    s.priority = 1;
+    s.after_frames = &(const char *){first};
+    s.after_frames_count = 1;
+    submit_for(p, &s, second);
+    for (int i = 0; i < 4; i++) claim(p, first);
+    assert_true(finish(p, first, 1, 1, &success));
+    assert_int_equal(claim_number(p, second), 1); /* frame 1 is passed over */
+    assert_true(finish(p, first, 0, 1, &success));
+    claim(p, NULL); /* its chunk runs */
+    assert_true(finish(p, first, 2, 1, &success));
+    assert_int_equal(claim_number(p, second), 2);
+    assert_true(finish(p, second, 1, 1, &success));
+    assert_int_equal(claim_number(p, second), 0);
+    claim(p, NULL);
+}
+
+/* Claims the next task of the chunk of `task`; its number, -1: there is none. *more: see queue_claimed. */
+static int claim_in_chunk(place *p, const queue_resources *resources, const char *id, int task, bool *more)
+{
+    queue_claimed claimed = {0};
+    bool found = false;
+    error e = {0};
+    if (!queue_claim_in_chunk(p->q, resources, id, task, &claimed, &found, &e)) fail_msg("%s", e.message);
+    int number = found ? claimed.task.number : -1;
+    if (found) assert_string_equal(claimed.job.id, id);
+    *more = claimed.more;
+    queue_claimed_clear(&claimed);
+    return number;
+}
+
+static void test_a_chunk_is_claimed_as_a_whole(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], single[ULID_SIZE];
+    bool more = false;
+    queue_resources one_each = wide;
+    submit_chunks(p, 6, 4, 0, id);
+    put(p, "single", 1, single);
+    claim(p, single);
+    assert_int_equal(claim_in_chunk(p, &wide, single, 0, &more), -1);
+    queue_claimed claimed = {0};
+    bool found = false;
+    assert_true(queue_claim(p->q, &wide, &claimed, &found, NULL) && found);
+    assert_true(claimed.more && claimed.chunk == 0 && claimed.task.number == 0);
+    queue_claimed_clear(&claimed);
+    assert_int_equal(claim_in_chunk(p, &wide, id, 0, &more), 1);
+    assert_true(more);
+    apply_command(p, id, QUEUE_PAUSE, true);
+    assert_int_equal(claim_in_chunk(p, &wide, id, 1, &more), -1);
+    apply_command(p, id, QUEUE_RESUME, true);
+    one_each.most_of_owner = 3;
+    assert_int_equal(claim_in_chunk(p, &one_each, id, 1, &more), -1);
+    one_each = wide;
+    one_each.memory_mb = 99;
+    assert_int_equal(claim_in_chunk(p, &one_each, id, 1, &more), -1);
+    queue_edited edited;
+    assert_true(queue_change(p->q, id, -1, &(queue_edit){.max_running = &(const int){2}}, &edited, NULL));
+    assert_int_equal(claim_in_chunk(p, &wide, id, 1, &more), -1);
+    assert_true(queue_change(p->q, id, -1, &(queue_edit){.max_running = &(const int){3}}, &edited, NULL));
+    assert_int_equal(claim_in_chunk(p, &wide, id, 1, &more), 2);
+    assert_false(more); /* max_running is reached */
+    assert_true(queue_change(p->q, id, -1, &(queue_edit){.max_running = &(const int){0}}, &edited, NULL));
+    assert_true(queue_hold(p->q, true, NULL));
+    assert_int_equal(claim_in_chunk(p, &wide, id, 2, &more), -1);
+    assert_true(queue_hold(p->q, false, NULL));
+    assert_int_equal(claim_in_chunk(p, &wide, id, 2, &more), 3);
+    assert_false(more); /* the chunk has ended */
+    assert_int_equal(claim_in_chunk(p, &wide, id, 3, &more), -1);
+    assert_int_equal(claim_number(p, id), 4);
+}
+
+/* What a test knows of an array: the state of each of its tasks. */
+enum { CHUNK_TASKS = 24 };
+typedef struct chunk_model {
+    int chunk;
+    char state[CHUNK_TASKS + 1]; /* queued, running, delayed, over: the first letter of each; a string */
+    int attempt[CHUNK_TASKS];
+} chunk_model;
+
+/* The first ready task of a chunk without a running one; -1: none. */
+static int expect_next(const chunk_model *m)
+{
+    for (int i = 0; i < CHUNK_TASKS; i++) {
+        bool busy = false;
+        int first = i - i % m->chunk;
+        for (int k = first; k < first + m->chunk && k < CHUNK_TASKS; k++) busy |= m->state[k] == 'r';
+        if (m->state[i] == 'q' && !busy) return i;
+    }
+    return -1;
+}
+
+static int draw(rng *r, int below)
+{
+    return (int)(rng_uniform(r) * below);
+}
+
+static void step_chunks(place *p, const char *id, chunk_model *m, rng *r)
+{
+    int task = draw(r, CHUNK_TASKS);
+    bool accepted = false;
+    if (m->state[task] != 'r') {
+        int next = expect_next(m);
+        queue_task claimed = claim_in(p, &wide, next >= 0 ? id : NULL);
+        if (next < 0) return;
+        assert_int_equal(claimed.number, next);
+        m->state[next] = 'r';
+        m->attempt[next] = claimed.attempt;
+        return;
+    }
+    const queue_fence fence = {id, task, m->attempt[task]};
+    switch (draw(r, 4)) {
+    case 0: /* a wait that outlasts the test */
+        assert_true(
+            queue_requeue(p->q, &fence, false, clock_wall_ms() + 3600 * 1000, &crash, &accepted, NULL));
+        m->state[task] = 'd';
+        break;
+    case 1:
+        assert_true(queue_requeue(p->q, &fence, false, 0, &crash, &accepted, NULL));
+        m->state[task] = 'q';
+        break;
+    default:
+        assert_true(queue_finish(p->q, &fence, draw(r, 2) ? &success : &crash, &accepted, NULL));
+        m->state[task] = 'o';
+    }
+    assert_true(accepted);
+}
+
+/* Any order of ends, retries and restarts: a claim takes the first task that can start of a chunk without a running
+ * task. */
+static void test_chunks_in_any_order(void **state)
+{
+    place *p = *state;
+    const char *given = getenv("HEXAD_TEST_SEED");
+    uint64_t seed = given ? strtoull(given, NULL, 10) : (uint64_t)clock_wall_ms();
+    print_message("HEXAD_TEST_SEED=%" PRIu64 "\n", seed);
+    rng r = rng_seed(seed, 0);
+    for (int round = 0; round < 12; round++) {
+        char id[ULID_SIZE];
+        chunk_model m = {.chunk = 1 + draw(&r, CHUNK_TASKS + 2)};
+        memset(m.state, 'q', CHUNK_TASKS);
+        submit_chunks(p, CHUNK_TASKS, m.chunk, round, id);
+        for (int step = 0; step < 150; step++) {
+            step_chunks(p, id, &m, &r);
+            if (draw(&r, 50) == 0) reopen(p);
+        }
+        apply_command(p, id, QUEUE_CANCEL, m.state[strspn(m.state, "o")]); /* it waits no more */
+    }
+}
+
 static void test_cancel_of_an_array(void **state)
 {
     place *p = *state;
@@ -1542,6 +1804,13 @@ int main(void)
         CASE(test_a_retry_includes_failed_dependents),
         CASE(test_an_array_has_one_state),
         CASE(test_a_job_runs_at_most_max_running_tasks),
+        CASE(test_frames_of_a_chunk_run_one_after_another),
+        CASE(test_a_frame_that_is_tried_again_waits_for_its_chunk),
+        CASE(test_urgent_jobs_come_between_frames_of_a_chunk),
+        CASE(test_max_running_counts_frames_of_chunks),
+        CASE(test_frames_of_chunks_wait_for_frames),
+        CASE(test_a_chunk_is_claimed_as_a_whole),
+        CASE(test_chunks_in_any_order),
         CASE(test_frames_start_after_the_same_frames_of_another_job),
         CASE(test_a_retried_frame_waits_again),
         CASE(test_frames_in_order_wait_for_the_first),

@@ -162,6 +162,8 @@ static json *document_for(const spec_row *row)
          SPHERE ",\"output\":{\"points_usda\":true,\"usd\":{\"instancer\":{\"prototype\":\"a\"}}}}"},
         {"/output/order", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},"
                           "\"sampling\":{\"count\":100},\"queue\":{\"frames\":\"1-2\",\"coherent\":true}}"},
+        {"/queue/chunk", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},"
+                         "\"sampling\":{\"count\":100},\"queue\":{\"frames\":\"1-2\"}}"},
         {"/solver/witkin_heckbert", SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}"},
         {"/sampling/m", GRADED("\"curvature\":{\"ratio\":2}")},
         {"/sampling/gradation", GRADED("\"curvature\":{\"ratio\":2}")},
@@ -681,7 +683,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"after_frames\":[],"
-        "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"max_running\":0,\"coherent\":false,"
+        "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"max_running\":0,\"chunk\":1,\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");
     free(text);
     spec_free(s);
@@ -954,6 +956,27 @@ static void test_coherent_sequences(void **state)
     assert_non_null(strstr(e.message, "queue.frames"));
 }
 
+static void test_chunks(void **state)
+{
+    (void)state;
+    error e = {0};
+    static const char *const wrong[][2] = {
+        {SPHERE ",\"queue\":{\"chunk\":2}}", "requires queue.frames"},
+        {"{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":{\"count\":9},"
+         "\"queue\":{\"frames\":\"1-9\",\"chunk\":3,\"coherent\":true}}",
+         "excludes queue.coherent"},
+        {SPHERE ",\"queue\":{\"chunk\":0}}", "from 1 to 1000"},
+        {SPHERE ",\"queue\":{\"chunk\":1001}}", "from 1 to 1000"},
+        {SPHERE ",\"queue\":{\"chunk\":1.5}}", "integer"},
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        spec_faults faults = bad(wrong[i][0], &e);
+        assert_int_equal(faults.count, 1);
+        assert_string_equal(faults.item[0].pointer, "/queue/chunk");
+        if (!strstr(e.message, wrong[i][1])) fail_msg("%s", e.message);
+    }
+}
+
 static void test_frames(void **state)
 {
     (void)state;
@@ -961,7 +984,7 @@ static void test_frames(void **state)
     static const char sequence[] =
         "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":"
         "{\"count\":9},\"queue\":{\"frames\":\"8-12x2\",\"depends_on\":[\"x\"],"
-        "\"retention_s\":60}}";
+        "\"retention_s\":60,\"chunk\":2}}";
     json *document = json_parse(sequence, sizeof sequence - 1, NULL);
     spec *s = spec_parse(document, NULL, &e);
     json_free(document);
@@ -971,6 +994,7 @@ static void test_frames(void **state)
     assert_int_equal(s->depends_on_count, 1);
     assert_string_equal(s->depends_on[0], "x");
     assert_int_equal(s->retention_s, 60);
+    assert_int_equal(s->chunk, 2);
     spec_set_frame(s, 10);
     assert_string_equal(s->surface.vdb.path, "a.0010.vdb");
     spec_free(s);
@@ -1343,6 +1367,7 @@ int main(void)
         cmocka_unit_test(test_values_by_frame),
         cmocka_unit_test(test_faults_of_values_by_frame),
         cmocka_unit_test(test_a_later_frame_is_checked),
+        cmocka_unit_test(test_chunks),
         cmocka_unit_test(test_coherent_sequences),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),

@@ -1300,6 +1300,7 @@ class _QueueRest(TypedDict, total=False):
     frames: str
     by_frame: Mapping[str, Union[Sequence[Any], QueueByFrameValue]]
     max_running: int
+    chunk: int
     coherent: bool
     retention_s: int
     webhook: str
@@ -1332,6 +1333,9 @@ class Queue(_QueueRest):
         output.directory may not. At most 10000 frames.
     max_running: The maximum number of frames that run at the same time; 0: as many as the service has room
         for. (frames) Default: 0.
+    chunk: The number of consecutive frames that run one after another, as the chunk size of render managers.
+        Each frame has limits, attempts and a result of its own. Above 1 it requires frames and excludes
+        coherent. (frames) Default: 1.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
         the surface and keep their ids. Requires frames and the method sized; excludes features,
         sampling.points, sampling.time_s and sampling.alpha. Default: False.
