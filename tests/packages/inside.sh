@@ -51,7 +51,7 @@ is_upgraded() {
     systemctl restart hexad.service
     job=$(submit_long) && until_true state_is "$job" running || return 1
     daemon=$(main_pid)
-    install /srv/new/*.deb && [ "$(main_pid)" != "$daemon" ] && grep -q '^drain_s = 1' /etc/hexad.conf &&
+    install /srv/new/*.deb && [ "$(main_pid)" -gt 0 ] && [ "$(main_pid)" != "$daemon" ] && grep -q '^drain_s = 1' /etc/hexad.conf &&
         until_true state_is "$job" running && hexadctl cancel "$job" && until_true state_is "$job" cancelled &&
         ! dpkg-query -W -f '${Version}\n' hexad | grep earlier && dpkg -S /usr/bin/hexad-worker | grep '^hexad-worker:'
 }
