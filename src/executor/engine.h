@@ -33,6 +33,8 @@ typedef struct engine_request {
     sandbox_mode sandbox;    /* sandbox that the worker enters */
     int threads;             /* > 0 */
     int frame;               /* QUEUE_NO_FRAME: none */
+    int chunk; /* attempts of a job with the same number run one after another on one host; -1: none */
+    bool more; /* another attempt of the chunk is started next */
     const char *trace;    /* traceparent of the submission, passed to the worker as TRACEPARENT; NULL: none */
     const char *previous; /* directory of the results from which this frame starts; NULL: none */
     const char *instance; /* id of this service; "": no attempt, such as an estimate */

@@ -147,6 +147,7 @@ estimator_outcome estimator_run(estimator *m, const char *command, const char *s
         char **roots = input_permissions_list(inputs, input_count, settings->inputs, settings->input_roots,
                                               settings->input_root_count, &root_count);
         engine_request request = {
+            .chunk = -1,
             .worker = settings->worker,
             .command = command,
             .directory = directory,

@@ -93,6 +93,11 @@ struct executor {
     size_t slot_count;
     slot **slots;
 
+    /* supervisor: a task whose chunk has more to claim, for an engine that runs the tasks of a chunk; id "": none */
+    struct {
+        char id[ULID_SIZE];
+        int number;
+    } chunk;
     bool may_claim;        /* supervisor: something may have become claimable */
     clock_watch watch;     /* supervisor */
     int64_t due_ms;        /* supervisor: time at which the next delayed task is due, wall clock */
@@ -167,6 +172,21 @@ static queue_resources find_free(const executor *x)
     return free_now;
 }
 
+/* Claims the next task of the chunk that was begun, otherwise the next task in turn. */
+static bool claim_next(executor *x, const queue_resources *free_now, queue_claimed *claimed, bool *found,
+                       error *e)
+{
+    bool ok = !*x->chunk.id ||
+              queue_claim_in_chunk(x->q, free_now, x->chunk.id, x->chunk.number, claimed, found, e);
+    if (ok && !*found) ok = queue_claim(x->q, free_now, claimed, found, e);
+    *x->chunk.id = '\0';
+    if (ok && *found && claimed->more && x->settings.engine->resume) {
+        memcpy(x->chunk.id, claimed->job.id, sizeof x->chunk.id);
+        x->chunk.number = claimed->task.number;
+    }
+    return ok;
+}
+
 /* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds either a
  * queued task or its slot. */
 static bool claim(executor *x, slot *s, queue_resources *free_now)
@@ -175,7 +195,7 @@ static bool claim(executor *x, slot *s, queue_resources *free_now)
     bool found = false;
     queue_claimed claimed = {0};
     pthread_mutex_lock(&x->order);
-    if (queue_claim(x->q, free_now, &claimed, &found, &e)) {
+    if (claim_next(x, free_now, &claimed, &found, &e)) {
         if (found) {
             int width = claimed.job.threads;
             int64_t memory_mb = claimed.job.memory_mb;
@@ -213,20 +233,21 @@ static void fill_slots(executor *x)
     for (size_t i = 0; x->may_claim && i < x->workers && claims < CLAIMS_A_TURN; i++) {
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
-        if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
+        if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) break;
         if (!storage_has_space(&x->storage)) {
             x->claim_ms = clock_monotonic_ms() + SPACE_WAIT_MS;
-            return;
+            break;
         }
-        if (claim(x, s, &free_now)) {
-            claims++;
-            serve(x, s);
-            if (slot_is_free(s)) free_now = find_free(x);
-        } else {
+        if (!claim(x, s, &free_now)) {
             if (!x->claim_ms) note_due(x); /* otherwise the claim failed and is tried again at claim_ms */
-            return;
+            break;
         }
+        claims++;
+        serve(x, s);
+        if (slot_is_free(s)) free_now = find_free(x);
     }
+    /* the tasks of a chunk that are claimed later run when these have ended */
+    if (claims < CLAIMS_A_TURN) *x->chunk.id = '\0';
 }
 
 /* Takes the next offered job. False: there is none. */

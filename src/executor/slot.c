@@ -266,6 +266,8 @@ static bool start_worker(slot *s, error *e)
         .groups = x->groups,
         .threads = w->threads,
         .frame = c->task.frame,
+        .chunk = c->chunk,
+        .more = c->more,
         .previous = previous,
         .trace = c->job.trace,
         .file_mb = x->file_mb,

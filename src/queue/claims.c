@@ -229,7 +229,7 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
         if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
-        read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it will not be started */
+        read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME, .chunk = -1}; /* it will not be started */
         read_row(s, &read[used++]);
     }
     database_end_read(d);

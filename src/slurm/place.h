@@ -52,6 +52,7 @@ struct engine_attempt {
     /* options of sbatch, one per line; attempts with equal options may be submitted together */
     char *needs;
     double timeout_s;                 /* 0: none */
+    int chunk;                        /* see engine_request; -1: none */
     bool small, alone;                /* may share a task; must be submitted separately */
     int64_t since_ms;                 /* arrival, monotonic */
     bool resumed;                     /* an earlier daemon had started it */
@@ -97,6 +98,7 @@ struct slurm {
     bool sharing;               /* at the last inspection a task of a shared batch ran */
     uint64_t serial;            /* next serial number for names of jobs */
     int64_t newest_ms;          /* arrival of the last attempt, monotonic */
+    bool more;                  /* more attempts of the chunk of the last one arrive */
     bool news;                  /* the commands thread must check for work */
     int64_t list_due_ms;        /* monotonic */
     int quiet;                  /* number of listings without attempts or jobs */

@@ -172,7 +172,8 @@ static engine_attempt *make(slurm *s, const engine_request *r)
     a->out = mem_strdup(r->directory);
     a->needs = describe_needs(&s->settings, r, &root);
     a->timeout_s = r->timeout_s > 0 ? r->timeout_s + MORE_TIME_S : 0;
-    a->small = is_small(&s->settings, &root);
+    a->chunk = r->chunk;
+    a->small = r->chunk < 0 && is_small(&s->settings, &root);
     a->began_ms = INT64_MAX;
     a->ending = (engine_ending){.exit_status = -1, .signal = -1};
     json_free(document);
@@ -206,6 +207,7 @@ static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const 
     s->last = &a->next;
     s->attempt_count++;
     a->since_ms = s->newest_ms = clock_monotonic_ms();
+    s->more = r->more;
     s->news = true;
     pthread_cond_signal(&s->commands_due);
     pthread_mutex_unlock(&s->mutex);

@@ -19,8 +19,9 @@
 /* Wait, in ms, before the next command after Slurm could not be reached. */
 #define AWAY_MS 2000
 /* Attempts are gathered, because a call of sbatch costs Slurm more than an attempt: until none has arrived for
- * PAUSE_MS, and at most for GATHER_MS. If no attempt is in Slurm, its nodes are idle, and the limit is PAUSE_MS. If
- * more small attempts wait in Slurm than here, the limit is GATHER_MORE_MS. */
+ * PAUSE_MS, and at most for GATHER_MS. While attempts of a chunk are missing, none may arrive for GATHER_MS. If no
+ * attempt is in Slurm, its nodes are idle, and the limit is PAUSE_MS. If more small attempts wait in Slurm than here,
+ * the limit is GATHER_MORE_MS. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
 #define GATHER_MORE_MS 10000
@@ -52,9 +53,11 @@ typedef struct load {
     slurm_batch *batch;
     char *needs;
     char **names;
+    size_t *tasks; /* of each attempt */
     size_t count, task_count;
     attempt_files_names open;        /* the new contents of the list */
-    size_t together;                 /* number of attempts per task */
+    bool chunks;                     /* each task runs a chunk */
+    size_t together;                 /* number of attempts per task; with chunks: of the longest */
     double more_s;                   /* time in which a task takes attempts of other tasks */
     double timeout_s;                /* of a task; 0: none */
     char avoided[AVOIDED_MOST * 66]; /* nodes, separated by commas */
@@ -64,6 +67,7 @@ static void load_clear(load *l)
 {
     for (size_t i = 0; i < l->count; i++) free(l->names[i]);
     free(l->names);
+    free(l->tasks);
     free(l->needs);
     attempt_files_clear_names(&l->open);
 }
@@ -75,8 +79,37 @@ static bool waits(const engine_attempt *a, int64_t now)
 
 static bool goes_with(const engine_attempt *head, const engine_attempt *a)
 {
-    return a == head || (!head->alone && !a->alone && a->small == head->small &&
-                         strcmp(a->needs, head->needs) == 0 && (a->timeout_s > 0) == (head->timeout_s > 0));
+    return a == head ||
+           (!head->alone && !a->alone && a->small == head->small && (a->chunk < 0) == (head->chunk < 0) &&
+            strcmp(a->needs, head->needs) == 0 && (a->timeout_s > 0) == (head->timeout_s > 0));
+}
+
+/* Whether two attempts belong to one chunk of a job. */
+static bool is_same_chunk(const engine_attempt *a, const engine_attempt *b)
+{
+    return a->chunk == b->chunk && strncmp(a->name, b->name, ULID_SIZE - 1) == 0;
+}
+
+/* Adds `head` and the attempts that can be submitted with it. The caller holds the mutex. */
+static void add_members(load *l, engine_attempt *head, size_t waiting, int64_t now)
+{
+    const engine_attempt *last = NULL;
+    size_t in_task = 0;
+    l->names = mem_alloc(waiting * sizeof *l->names);
+    l->tasks = mem_alloc(waiting * sizeof *l->tasks);
+    for (engine_attempt *a = head; a; a = a->next) {
+        if (!waits(a, now) || !goes_with(head, a)) continue;
+        bool next = !last || (l->chunks ? !is_same_chunk(a, last) : in_task == l->together);
+        if (next && (l->task_count == SLURM_TASKS_MOST || l->count >= MOST_MEMBERS)) break;
+        in_task = next ? 1 : in_task + 1;
+        l->task_count += next;
+        if (in_task > l->together) l->together = in_task;
+        slurm_enter(a, l->batch, l->task_count - 1);
+        l->tasks[l->count] = l->task_count - 1;
+        l->names[l->count++] = mem_strdup(a->name);
+        if (a->timeout_s > l->timeout_s) l->timeout_s = a->timeout_s;
+        last = a;
+    }
 }
 
 /* Lists the excluded nodes. The caller holds the mutex. */
@@ -123,31 +156,25 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
     }
     if (!head) return false;
     int64_t patience_ms = idle ? PAUSE_MS : head->small && s->open > waiting ? GATHER_MORE_MS : GATHER_MS;
-    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < patience_ms) { /* more attempts may arrive */
-        if (s->newest_ms + PAUSE_MS < *due_ms) *due_ms = s->newest_ms + PAUSE_MS;
+    int64_t pause_ms = s->more ? GATHER_MS : PAUSE_MS;
+    if (now - s->newest_ms < pause_ms && (s->more || now - head->since_ms < patience_ms)) {
+        if (s->newest_ms + pause_ms < *due_ms)
+            *due_ms = s->newest_ms + pause_ms; /* more attempts may arrive */
         return false;
     }
     size_t together = head->small ? 1 + waiting / SPREAD : 1, most = (size_t)s->settings.together;
     if (together > most) together = most;
-    if (waiting > MOST_MEMBERS) waiting = MOST_MEMBERS;
-    if (waiting > SLURM_TASKS_MOST * together) waiting = SLURM_TASKS_MOST * together;
     char *name = mem_printf("%s%s-%" PRIx64, s->prefix, head->name, s->serial++);
     *l = (load){.batch = slurm_batch_new(s, name, together > 1),
                 .needs = mem_strdup(head->needs),
+                .chunks = head->chunk >= 0,
                 .together = together};
     free(name);
     l->batch->users++;
-    l->names = mem_alloc(waiting * sizeof *l->names);
-    for (engine_attempt *a = head; a && l->count < waiting; a = a->next) {
-        if (!waits(a, now) || !goes_with(head, a)) continue;
-        slurm_enter(a, l->batch, l->count / together);
-        l->names[l->count++] = mem_strdup(a->name);
-        if (a->timeout_s > l->timeout_s) l->timeout_s = a->timeout_s;
-    }
-    l->task_count = l->batch->task_count;
+    add_members(l, head, waiting, now);
     list_avoided(s, now, l);
-    if (together > 1) share(s, l);
-    if (l->timeout_s > 0) l->timeout_s = fmax(l->timeout_s * (double)together, l->timeout_s + l->more_s);
+    if (l->batch->shared) share(s, l);
+    if (l->timeout_s > 0) l->timeout_s = fmax(l->timeout_s * (double)l->together, l->timeout_s + l->more_s);
     return true;
 }
 
@@ -155,11 +182,11 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
 static bool note_batch(slurm *s, const load *l, error *e)
 {
     if (l->batch->list && !attempt_files_write_list(s->farm, l->batch->list, &l->open, e)) return false;
-    attempt_files_batch note = {.number = l->together > 1};
+    attempt_files_batch note = {.number = l->batch->shared};
     snprintf(note.name, sizeof note.name, "%s", l->batch->name);
     for (size_t i = 0; i < l->count; i++) {
         char *directory = mem_printf("%s/%s", s->farm, l->names[i]);
-        note.task = (int)(i / l->together);
+        note.task = (int)l->tasks[i];
         bool ok = attempt_files_write_batch(directory, &note, e);
         free(directory);
         if (!ok) return false;
@@ -167,6 +194,7 @@ static bool note_batch(slurm *s, const load *l, error *e)
     return true;
 }
 
+/* A line has one attempt, or the attempts of a chunk. */
 static char *write_script(const slurm *s, const load *l)
 {
     size_t capacity = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
@@ -174,9 +202,12 @@ static char *write_script(const slurm *s, const load *l)
     char *script = mem_alloc(capacity);
     size_t used = (size_t)sprintf(
         script, "#!/bin/sh\n# attempts of hexad\nexec '%s' '%s' %s $SLURM_ARRAY_TASK_ID %zu %.3f %s <<END\n",
-        s->settings.node, s->farm, l->batch->name, l->together, l->more_s,
+        s->settings.node, s->farm, l->batch->name, l->chunks ? 1 : l->together, l->more_s,
         l->batch->list ? l->batch->list : "-");
-    for (size_t i = 0; i < l->count; i++) used += (size_t)sprintf(script + used, "%s\n", l->names[i]);
+    for (size_t i = 0; i < l->count; i++) {
+        bool goes_on = l->chunks && i + 1 < l->count && l->tasks[i + 1] == l->tasks[i];
+        used += (size_t)sprintf(script + used, "%s%c", l->names[i], goes_on ? ' ' : '\n');
+    }
     sprintf(script + used, "END\n");
     return script;
 }

@@ -158,3 +158,32 @@ def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_far
         error = farm.wait_state(job, "failed")["error"]
         assert error["code"] == "not_supported" and "invalid partition" in error["message"].lower()
         assert len(attempts(farm, job)) == 1 and not slurm.jobs()
+
+
+def test_the_frames_of_a_chunk_share_a_task(slurm, new_farm, tmp_path):
+    """Frames 4 and 9 have no file: their attempts fail, the other frames of their chunks have results."""
+    footage = make_footage(tmp_path, (1, 2, 3, 5, 6, 7, 8, 10))
+    farm = new_farm("--input_roots", footage)
+    job = farm.submit(array(footage, "1-10", chunk=4))
+    assert "2 of 10 frames failed" in farm.wait_state(job, "failed")["error"]["message"]
+    assert len(slurm.jobs()) == 3  # frames 1-4, 5-8 and 9-10
+    for frame in (4, 9):
+        os.link(footage / "one.nrrd", footage / f"a.{frame:04d}.nrrd")
+    farm.post(f"/v1/jobs/{job}/retry")
+    farm.wait_state(job, "succeeded")
+    assert attempts_of_frames(farm, job) == {**{frame: 1 for frame in range(1, 11)}, 4: 2, 9: 2}
+    assert len(slurm.jobs()) == 5
+
+
+def test_the_frames_of_a_chunk_run_on_without_the_daemon(slurm, new_farm, gate, tmp_path):
+    footage = make_footage(tmp_path, (1, 2, 3))
+    farm = new_farm("--worker", gate, "--input_roots", footage)
+    job = farm.submit(array(footage, "1-3", chunk=3))
+    wait_running(slurm, farm, job)
+    farm.end(signal.SIGKILL)
+    farm.open_gate(job)
+    wait_until(lambda: all_ended(slurm), "the end of the task")
+    farm.start()
+    farm.wait_state(job, "succeeded")
+    assert attempts_of_frames(farm, job) == {1: 1, 2: 1, 3: 1}
+    assert len(slurm.jobs()) == 1

@@ -70,6 +70,7 @@ static engine_attempt *resume(place *p, double lost_s, const char *text)
                                     .spec = "{}",
                                     .memory_mb = 1,
                                     .threads = 1,
+                                    .chunk = -1,
                                     .instance = "x",
                                     .wake_fd = -1};
     if (!attempt_files_begin(p->directory, &request, &e)) fail_msg("%s", e.message);
