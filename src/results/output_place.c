@@ -49,6 +49,7 @@ typedef struct look {
     int users; /* references: the thread and the submission */
     bool done;
     char *root, *path; /* path NULL: the root is checked */
+    bool of_user;      /* below the root, only directories of users are written to */
     store_outputs outputs;
     char *name; /* name_with_report of the directory */
     error fault;
@@ -217,7 +218,7 @@ static void *run(void *argument)
                             : store_output_open_root(l->root, &e);
     char *name = directory >= 0 && whole ? name_with_report(directory, l->path) : NULL;
     if (directory >= 0) {
-        store_output_try(directory, l->path ? l->path : l->root, &e);
+        if (l->path || !l->of_user) store_output_try(directory, l->path ? l->path : l->root, &e);
         close(directory);
     }
     pthread_mutex_lock(&l->mutex);
@@ -243,7 +244,8 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
                 .root_index = index,
                 .users = 2,
                 .root = mem_strdup(root),
-                .path = path ? mem_strdup(path) : NULL};
+                .path = path ? mem_strdup(path) : NULL,
+                .of_user = p->outputs->of_user && p->outputs->of_user[index]};
     l->outputs = *p->outputs;
     l->outputs.roots = (const char *const *)&l->root;
     l->outputs.root_count = 1;

@@ -1,4 +1,5 @@
 """What one user can learn of another, or do to another, through the cache and through output directories."""
+import getpass
 import hashlib
 import json
 import os
@@ -283,6 +284,15 @@ def test_an_unwritable_output_root_is_told_and_jobs_for_it_are_refused(new_servi
     assert "ReadWritePaths" in told
     service.wait_state(service.submit(some(directory=f"{tmp_path}/a/b")), "succeeded")
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["b"] and delivered(tmp_path / "a" / "b")
+
+
+def test_a_parent_of_user_directories_need_not_be_writable(new_service):
+    """With %u in a root, hexad writes to the directories of users only."""
+    service = new_service("--output_roots", f"{UNWRITABLE}/%u").start()
+    assert service.get("/readyz").json["checks"]["outputs"] == "ok"
+    assert UNWRITABLE not in service.log.read_text()
+    reply = service.post("/v1/jobs", some(directory=f"{UNWRITABLE}/{getpass.getuser()}/film"))
+    assert reply.json["code"] in ("output_unwritable", "path_forbidden")
 
 
 def test_writable_output_roots_are_ready(new_service, tmp_path):
