@@ -20,8 +20,10 @@ static const char *rule_of(queue_command command)
     return command == QUEUE_CANCEL   ? "Cancel only jobs that have not ended"
            : command == QUEUE_PAUSE  ? "Pause only jobs that have not ended"
            : command == QUEUE_RESUME ? "Resume only paused jobs"
-           : command == QUEUE_RETRY  ? "Retry only ended jobs with tasks that did not succeed"
-                                     : "Deliver only results of jobs with output.directory";
+           : command == QUEUE_RETRY
+               ? "Retry only ended jobs with tasks that did not succeed; a job that failed because of another one is "
+                 "retried with that one (`hexadctl retry ID --dependents`)"
+               : "Deliver only results of jobs with output.directory";
 }
 
 static void tell(const http_context *c, const http_request *request, queue_command command, const char *what,

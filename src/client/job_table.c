@@ -153,7 +153,7 @@ static void print_words(const char *title, json_at list)
 {
     for (size_t i = 0; i < json_size(list); i++) {
         if (i == 0)
-            printf("  %-10s", title);
+            printf("  %-9s ", title);
         else
             fputs(", ", stdout);
         print_text(stdout, json_string(json_element(&list, i), "?"));

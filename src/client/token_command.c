@@ -138,8 +138,15 @@ int command_token_revoke(client *c, const char *argument, const command_options 
                 "hexadctl: the token %s is not in %s: run hexadctl token list --file %s for the IDs\n",
                 argument, options->file, options->file);
         code = COMMAND_MISSING;
+    } else if (!token_set_write(options->file, &set, options->file_group, &e)) {
+        code = fail(&e);
     } else {
-        code = token_set_write(options->file, &set, options->file_group, &e) ? COMMAND_OK : fail(&e);
+        code = COMMAND_OK;
+        if (set.count == 0)
+            fprintf(stderr,
+                    "hexadctl: %s contains no tokens now: a daemon that listens on a TCP port will not start "
+                    "again without a token. Create one, or remove the port from listen or tcp.conf\n",
+                    options->file);
     }
     close(lock);
     token_set_clear(&set);

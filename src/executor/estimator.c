@@ -110,6 +110,21 @@ static estimator_outcome decide(const engine_ending *ending, const engine_reques
     return ESTIMATOR_NONE;
 }
 
+static void tell_late(const char *command, double timeout_s, bool asked, error *e)
+{
+    bool inspects = strcmp(command, WORKER_COMMAND_INSPECT) == 0;
+    const char *what = inspects ? "inspection" : "estimate";
+    if (asked)
+        error_set(e, ERROR_INTERNAL, "the %s took longer than %g s: raise within_ms of the request", what,
+                  timeout_s);
+    else
+        error_set(e, ERROR_INTERNAL,
+                  "the %s took longer than %g s: run `hexad-worker %s`, which has no limit, or ask the "
+                  "administrator to raise the setting estimate_timeout_s%s",
+                  what, timeout_s, inspects ? "inspect FILE" : "estimate SPEC.json --output DIR",
+                  inspects ? "" : ". The job can be submitted without an estimate");
+}
+
 static estimator_outcome ask(estimator *m, engine_request *request, double within_s, char **document,
                              error *e)
 {
@@ -124,12 +139,7 @@ static estimator_outcome ask(estimator *m, engine_request *request, double withi
     if (ended)
         outcome = decide(&ending, request, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s: %s", timeout_s,
-                  asked
-                      ? "raise within_ms of the request"
-                      : "run `hexad-worker estimate SPEC.json --output DIR`, which has no limit, or ask the "
-                        "administrator to raise the setting estimate_timeout_s. The job can be submitted "
-                        "without an estimate");
+        tell_late(request->command, timeout_s, asked, e);
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return outcome;

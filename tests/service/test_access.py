@@ -178,6 +178,8 @@ def test_a_revoked_token_is_worth_nothing(closed_service):
     # the client shows one that it is given
     environment = {**service.environment(), "HEXAD_TOKEN": service.token}
     assert subprocess.run([service.build / "hexadctl", "list"], env=environment, capture_output=True).returncode == 0
+    last = subprocess.run([*control, "revoke", listed[0]["id"], *file], capture_output=True, text=True)
+    assert last.returncode == 0 and "contains no tokens now" in last.stderr
     environment["HEXAD_TOKEN"] = token
     done = subprocess.run([service.build / "hexadctl", "list"], env=environment, capture_output=True, text=True)
     assert done.returncode == 2 and "token" in done.stderr

@@ -129,11 +129,14 @@ def test_a_check_tells_it(new_service, tmp_path):
 
 
 def test_it_takes_a_time_and_no_more(new_service, tmp_path):
-    service = new_service("--worker", gated_worker(tmp_path, deaf=True), "--estimate_timeout_s", "0.2").start()
+    service = new_service("--worker", gated_worker(tmp_path, deaf=True), "--estimate_timeout_s", "0.2", "--input_roots", tmp_path).start()
     reply = service.post("/v1/jobs:validate", sphere())
     assert reply.status == 200 and reply.json["estimate"] is None
     missing = reply.json["estimate_missing"]
     assert missing.startswith("the estimate took longer than 0.2 s: run `hexad-worker estimate") and "estimate_timeout_s" in missing
+    (tmp_path / "a.ply").write_text("ply\n")
+    inspection = service.post("/v1/inputs:inspect", {"path": f"{tmp_path}/a.ply"})
+    assert "the inspection took longer than 0.2 s: run `hexad-worker inspect FILE`" in inspection.json["detail"], inspection.body
     reply = service.post("/v1/jobs:validate?within_ms=1", sphere())
     assert reply.json["estimate_missing"] == "the estimate took longer than 0.001 s: raise within_ms of the request"
     wait_until(lambda: not service.children(), "its worker to go")

@@ -236,6 +236,9 @@ def test_a_retry_with_dependents(run, tmp_path, service):
     second = service.submit(sphere(queue={"depends_on": [first]}))
     third = service.submit(sphere(queue={"depends_on": [second]}))
     assert service.job(third)["error"]["code"] == "dependency_failed"
+    assert f"depends on {second}" in run("show", third).stdout
+    alone = run("retry", third)
+    assert alone.returncode == 4 and "--dependents" in alone.stderr
     done = run("retry", first, "--dependents")
     assert done.returncode == 0 and "2 dependent jobs retried" in done.stdout, done
     service.wait_state(third, "failed")
