@@ -14,7 +14,7 @@ FRAMES = (8, 9, 11)
 PARTLY_UNRESOLVED = sphere(
     100, surface={"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.4}},
     outcome={"require": {"hex_fraction": 0.5}}, output={"preview": False},
-    queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.1, 0.4, 0.1, 0.1]}})
+    queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.02, 0.4, 0.02, 0.02]}})
 
 
 @pytest.fixture(scope="module")

@@ -325,7 +325,7 @@ def test_without_a_daemon_all_is_the_same(client, local, tmp_path):
 
 def test_outcomes_are_accepted_as_the_spec_says(client, local):
     thin = {"surface": {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.1}},
-            "sampling": {"count": 100}, "outcome": {"require": {"hex_fraction": 0.5}}, "output": {"preview": False}}
+            "sampling": {"count": 100}, "outcome": {"require": {"hex_fraction": 0.99}}, "output": {"preview": False}}
     for service in (client, local):
         for accept in (["converged"], ["unresolved"]):
             job = service.submit({**thin, "queue": {"accept": accept}}, wait=True)
