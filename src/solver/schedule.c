@@ -14,7 +14,7 @@ static const double LAMBDA_BEGINS = -3;
 #define COMMON                                                                                               \
     .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5,   \
     .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .defects_least = 0.03, \
-    .defects_most = 0.25, .limited_share = 0.01, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,      \
+    .defects_most = 0.25, .limited_share = 0.05, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,      \
     .divergent_share = 0.9
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
