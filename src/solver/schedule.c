@@ -14,8 +14,8 @@ static const double LAMBDA_BEGINS = -3;
 #define COMMON                                                                                               \
     .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5,   \
     .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .defects_least = 0.03, \
-    .defects_most = 0.25, .limited_share = 0.05, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,      \
-    .divergent_share = 0.9
+    .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2,   \
+    .skin_steps = 6, .divergent_share = 0.9
 
 /* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
@@ -163,7 +163,7 @@ bool schedule_is_impatient(const schedule *s, const schedule_position *at, doubl
 
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t limited, int age)
 {
-    return (double)limited * age > s->limited_share * (double)at->count;
+    return (double)limited > s->limited_share * (double)at->count || (limited > 0 && age >= s->limited_wait);
 }
 
 double schedule_skin(const schedule *s, double rms_step)

@@ -56,9 +56,10 @@ typedef struct schedule {
      *   triangle soup of 1 000 points is a tenth larger; between 1.75 and 7 no case of doc/measured/sensitivity.md changes. */
     double rest_lambda, finest_rest;
 
-    /* Neighbour lists of an age of k sweeps are rebuilt if their validity limits the steps of more than limited_share / k
-     * of the particles. */
+    /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the particles, or if it
+     * limits any step and the lists are at least limited_wait sweeps old. */
     double limited_share;
+    int limited_wait;
     /* Verlet skin over h: the reach of the lists beyond the support. It is skin_steps times the rms step, clamped to
      * skin_narrow .. skin_wide. */
     double skin_wide, skin_narrow, skin_steps;

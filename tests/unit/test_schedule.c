@@ -225,10 +225,9 @@ static void lists_are_rebuilt_for_many_limited_particles_or_at_an_age(void **sta
     const schedule *s = &schedule_multilevel;
     const schedule_position at = finest(10, 10000);
     assert_false(schedule_wants_lists(s, &at, 0, 1000));
-    assert_false(schedule_wants_lists(s, &at, 500, 1));
-    assert_true(schedule_wants_lists(s, &at, 501, 1));
-    assert_false(schedule_wants_lists(s, &at, 50, 10));
-    assert_true(schedule_wants_lists(s, &at, 51, 10));
+    assert_false(schedule_wants_lists(s, &at, 100, 1));
+    assert_true(schedule_wants_lists(s, &at, 101, 1));
+    assert_true(schedule_wants_lists(s, &at, 1, s->limited_wait));
     assert_true(schedule_skin(s, 0) == s->skin_narrow && schedule_skin(s, 1) == s->skin_wide);
 }
 
