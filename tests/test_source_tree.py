@@ -24,12 +24,16 @@ PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"bench/README\.md", r"
 
 
 def files_of(root, folders, endings):
-    """Paths, relative to root, of the files that git tracks; in a tree without git, of all files."""
+    """Paths, relative to root, of the files that git tracks; in a tree without git, of all files that are not in a build directory."""
     listed = subprocess.run(["git", "-C", root, "ls-files", "--", *folders], capture_output=True, text=True)
     names = [n for n in listed.stdout.splitlines() if (root / n).is_file()]  # not those about to be removed
     if not names:
-        names = [os.path.relpath(os.path.join(at, name), root) for folder in folders
-                 for at, _, found in os.walk(root / folder) if "node_modules" not in at for name in found]
+        for folder in folders:
+            for at, below, found in os.walk(root / folder):
+                if at != str(root) and "config.status" in found or "node_modules" in at:  # a build directory, or installed packages
+                    below.clear()
+                else:
+                    names += [os.path.relpath(os.path.join(at, name), root) for name in found]
         names += [folder for folder in folders if (root / folder).is_file()]
     return sorted(n for n in names if n.endswith(endings))
 
