@@ -41,16 +41,19 @@ typedef enum field_bend { FIELD_BENT, FIELD_GENTLE, FIELD_FLAT } field_bend;
 #define FIELD_FLAT_MOST 0.01
 #define FIELD_GENTLE_MOST 0.125
 
+enum {
+    FIELD_CELL_CORNERS = 8,
+    FIELD_CELL_TRIANGLES = 12 /* maximum per cell: two in each of six tetrahedra */
+};
+
 /* A grid cell that the surface may cross: a parallelepiped (an affine image of a box). Bits 0, 1 and 2 of k are the
  * position of corner k along the first, second and third axis. */
 typedef struct field_cell {
-    vec3 corner[8];
-    double value[8];      /* F at the corners */
-    bool hidden_crossing; /* the surface crosses a face whose corners have one sign */
+    vec3 corner[FIELD_CELL_CORNERS];
+    double value[FIELD_CELL_CORNERS]; /* F at the corners */
+    bool hidden_crossing;             /* the surface crosses a face whose corners have one sign */
     field_bend bend;
 } field_cell;
-
-enum { FIELD_CELL_TRIANGLES = 12 }; /* maximum per cell: two in each of six tetrahedra */
 
 typedef struct field_ops {
     /* F and its derivatives at x. False (*out is unchanged) if the field is not defined at x: outside the band of a

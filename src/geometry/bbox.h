@@ -11,6 +11,8 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
+enum { BBOX_FACES = 6 };
+
 typedef struct bbox {
     vec3 min, max;
 } bbox;

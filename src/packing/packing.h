@@ -47,6 +47,9 @@ static inline double packing_count_of_support(double area, double support)
     return 6 * area / (sqrt(3) * support * support);
 }
 
+/* Number of neighbours of a point of the hexagonal packing. */
+enum { PACKING_IDEAL_DEGREE = 6 };
+
 /* Flags of a point. */
 enum {
     PACKING_FIXED = 1,     /* it is fixed on a curve, where its patch ends */

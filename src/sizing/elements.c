@@ -1,6 +1,5 @@
 #include "sizing/elements.h"
 
-#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -27,33 +26,6 @@ uint32_t elements_find(const elements *s, vec3 x, vec3 normal, uint32_t patch)
     return k;
 }
 
-/* Adds a cube to its group, whose coordinates are those of the cube over four, rounded down. */
-static bool note_cube(elements *s, elements_cube at, error *e)
-{
-    int32_t low[3];
-    uint32_t number;
-    for (int a = 0; a < 3; a++) low[a] = at.at[a] >> 2;
-    if (!block_map_find_or_add(&s->group, low[0], low[1], low[2], &number, e)) return false;
-    s->cubes[number] |=
-        (uint64_t)1 << (at.at[0] - 4 * low[0] + 4 * (at.at[1] - 4 * low[1]) + 16 * (at.at[2] - 4 * low[2]));
-    return true;
-}
-
-void elements_find_around(const elements *s, elements_cube from, int reach, elements_around *out)
-{
-    int groups[3];
-    assert(reach <= ELEMENTS_REACH);
-    for (int a = 0; a < 3; a++) {
-        out->low[a] = (from.at[a] - reach) >> 2;
-        groups[a] = ((from.at[a] + reach) >> 2) - out->low[a] + 1;
-    }
-    for (int k = 0; k < groups[0] * groups[1] * groups[2]; k++) {
-        const int x = k % groups[0], y = k / groups[0] % groups[1], z = k / (groups[0] * groups[1]);
-        const uint32_t n = block_map_find(&s->group, out->low[0] + x, out->low[1] + y, out->low[2] + z);
-        out->cubes[x + 4 * y + 16 * z] = n == BLOCK_MAP_NONE ? 0 : s->cubes[n];
-    }
-}
-
 /* The first element of a cube and a patch, for reading and writing. NULL: out of memory. */
 static uint32_t *first_of_pair(elements *s, uint32_t cube, uint32_t patch, error *e)
 {
@@ -71,10 +43,7 @@ static element *element_of(elements *s, vec3 position, vec3 normal, uint32_t pat
     uint32_t before = s->map.count, number;
     int direction = direction_of(normal);
     if (!block_map_find_or_add(&s->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
-    if (number == before) {
-        s->first[number] = BLOCK_MAP_NONE;
-        if (!note_cube(s, at, e)) return NULL;
-    }
+    if (number == before) s->first[number] = BLOCK_MAP_NONE;
     uint32_t *first = first_of_pair(s, number, patch, e);
     if (!first) return NULL;
     for (uint32_t k = *first; k != BLOCK_MAP_NONE; k = s->element[k].next_of_patch)
@@ -94,16 +63,14 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
     const char *what = "the surface's elements";
     elements *s = out;
     *s = (elements){.edge = edge, .origin = scan->box.min, .by_patch = scan->field->patches != NULL};
-    if (!block_map_init(&s->map, scan->cells / 2, e) || !block_map_init(&s->group, scan->cells / 8, e))
-        return false;
+    if (!block_map_init(&s->map, scan->cells / 2, e)) return false;
     if (s->by_patch) {
         s->first_of_pair = mem_array(scan->cells, sizeof *s->first_of_pair, what, e);
         if (!s->first_of_pair || !block_map_init(&s->pairs, scan->cells / 2, e)) return false;
     }
     s->element = mem_array(scan->cells, sizeof *s->element, what, e);
     s->first = mem_array(scan->cells, sizeof *s->first, what, e);
-    s->cubes = mem_array(scan->cells, sizeof *s->cubes, what, e);
-    if (!s->element || !s->first || !s->cubes) return false;
+    if (!s->element || !s->first) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         double area = surface_cell_area(scan, k);
         if (!sample->found[k] || !(area > 0)) continue;
@@ -124,8 +91,6 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
 void elements_free(elements *s)
 {
     block_map_free(&s->map);
-    block_map_free(&s->group);
-    free(s->cubes);
     free(s->element);
     free(s->first);
     block_map_free(&s->pairs);

@@ -26,8 +26,6 @@ typedef struct elements {
     double edge; /* edge of a cube */
     vec3 origin;
     block_map map;   /* cubes that the surface crosses */
-    block_map group; /* groups of 4^3 cubes that contain one of these */
-    uint64_t *cubes; /* per group: one bit for each cube that the surface crosses */
     uint32_t *first; /* first element of each cube */
     bool by_patch;   /* There are patches: `pairs` has the first element of each cube and patch. */
     block_map pairs;
@@ -45,22 +43,6 @@ bool elements_make(const surface *scan, const cell_samples *sample, double edge,
 void elements_free(elements *s);
 
 elements_cube elements_cube_of(const elements *s, vec3 x);
-
-/* The cubes that the surface crosses up to `reach` <= ELEMENTS_REACH cubes from a cube: a cheap test before the lookup
- * of each. */
-#define ELEMENTS_REACH 5
-typedef struct elements_around {
-    int32_t low[3];     /* lowest group */
-    uint64_t cubes[64]; /* cubes of the groups within reach */
-} elements_around;
-void elements_find_around(const elements *s, elements_cube from, int reach, elements_around *out);
-
-static inline bool elements_passes(const elements_around *a, elements_cube from, const int offset[3])
-{
-    const int x = from.at[0] + offset[0] - 4 * a->low[0], y = from.at[1] + offset[1] - 4 * a->low[1],
-              z = from.at[2] + offset[2] - 4 * a->low[2];
-    return a->cubes[x / 4 + 4 * (y / 4) + 16 * (z / 4)] >> (x % 4 + 4 * (y % 4) + 16 * (z % 4)) & 1;
-}
 
 /* The first element of the cube at the offset (i, j, k); continue with `next`. BLOCK_MAP_NONE: there is none. */
 static inline uint32_t elements_first(const elements *s, elements_cube from, int i, int j, int k)

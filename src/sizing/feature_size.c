@@ -14,8 +14,8 @@ static const double PATCH = 0.9;
 static const double HALF_DIAGONAL = 0.8660254037844386;
 /* Balls are searched within REACH cubes, and cubes grow by the factor GROWTH: except at the first level a ball is at
  * least two cubes wide. */
-enum { REACH = ELEMENTS_REACH - 1, GROWTH = 2 };
-enum { MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
+enum { REACH = 4, GROWTH = 2 };
+enum { OFFSETS_SIDE = 2 * (REACH + 1) + 1, MOST_OFFSETS = OFFSETS_SIDE * OFFSETS_SIDE * OFFSETS_SIDE };
 
 /* A cube relative to another one. */
 typedef struct offset {
@@ -87,14 +87,12 @@ static double find_ball(const measuring *m, vec3 x, vec3 normal)
 {
     const elements *s = &m->elements;
     elements_cube from = elements_cube_of(s, x);
-    elements_around around;
     double best = 0.5 * REACH * s->edge;
     bool found = false;
-    elements_find_around(s, from, ELEMENTS_REACH, &around);
     for (size_t k = 0; k < m->offsets; k++) {
         const offset *o = &m->offset[k];
         if ((o->distance - 2 * HALF_DIAGONAL - PATCH) * s->edge > 2 * best) break;
-        if (!elements_passes(&around, from, o->at) || !is_in_cone(o, normal)) continue;
+        if (!is_in_cone(o, normal)) continue;
         for (uint32_t n = elements_first(s, from, o->at[0], o->at[1], o->at[2]); n != BLOCK_MAP_NONE;
              n = s->element[n].next) {
             double radius = ball_radius(s, &s->element[n], x, normal);

@@ -37,14 +37,11 @@ static void visit_around(const scaled_curvature *c, vec3 x, uint32_t patch, int 
     const elements *s = &c->elements;
     const bool all = patch == SCALED_CURVATURE_ALL;
     const elements_cube at = elements_cube_of(s, x);
-    elements_around around;
-    elements_find_around(s, at, reach, &around);
     for (int k = -reach; k <= reach; k++)
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++)
-                for (uint32_t n = !elements_passes(&around, at, (const int[3]){i, j, k}) ? BLOCK_MAP_NONE
-                                  : all ? elements_first(s, at, i, j, k)
-                                        : elements_first_of(s, at, i, j, k, patch);
+                for (uint32_t n = all ? elements_first(s, at, i, j, k)
+                                      : elements_first_of(s, at, i, j, k, patch);
                      n != BLOCK_MAP_NONE; n = all ? s->element[n].next : s->element[n].next_of_patch) {
                     double squared = vec3_norm2(vec3_sub(s->element[n].position, x));
                     if (squared < farthest * farthest) visit(context, n, squared);

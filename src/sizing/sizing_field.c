@@ -52,9 +52,9 @@ typedef struct node {
 /* Iterations for a request that depends on the spacing. */
 enum { IMPLICIT_PASSES = 4 };
 
-/* Maximum bytes per cell during the construction: its sample and value, and a node of its own with its links. */
-static const double CELL_BYTES =
-    SPACING_REQUEST_CELL_BYTES + 2 * 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
+/* The cube of a node and those that touch it, by three coordinates each of which is 0 to 2. */
+enum { ROW = 3, AROUND = ROW * ROW * ROW };
+typedef uint32_t node_links[AROUND]; /* NO_NODE: the surface does not pass there */
 
 struct sizing_field {
     sizing_field_params params;
@@ -64,7 +64,7 @@ struct sizing_field {
     node *node;
     uint32_t *table; /* open addressing: node + 1, or 0 */
     size_t table_size;
-    uint32_t *beside;      /* 27 per node: adjacent nodes, or NO_NODE */
+    node_links *beside;    /* of each node */
     double *points_before; /* cells + 1 entries, cumulated like area_before */
     sizing_field_facts facts;
 };
@@ -102,10 +102,10 @@ static uint64_t key_beside(uint64_t key, int i, int j, int k)
     return key + (uint64_t)i + ((uint64_t)j << AXIS_BITS) + ((uint64_t)k << 2 * AXIS_BITS);
 }
 
-/* The k-th of the 27 nodes around a node. */
+/* The k-th of the nodes around a node. */
 static uint32_t node_beside(const sizing_field *g, const node *n, int k)
 {
-    return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+    return node_at(g, key_beside(n->key, k % ROW - 1, k / ROW % ROW - 1, k / (ROW * ROW) - 1));
 }
 
 static bool make_nodes(sizing_field *g, const spacing_request *r, const double *spacing, error *e)
@@ -166,14 +166,14 @@ static void link_chunk(void *context, int worker, size_t begin, size_t end)
     const sizing_field *g = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        for (int i = 0; i < 27; i++) g->beside[27 * k + (size_t)i] = node_beside(g, &g->node[k], i);
+        for (int i = 0; i < AROUND; i++) g->beside[k][i] = node_beside(g, &g->node[k], i);
 }
 
 static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
 {
     const char *what = "the grading";
     *m = (making){.g = g, .pool = pool};
-    g->beside = mem_array(27 * g->count, sizeof *g->beside, what, e);
+    g->beside = mem_array(g->count, sizeof *g->beside, what, e);
     m->heap = mem_array(g->count, sizeof *m->heap, what, e);
     m->at = mem_array(g->count, sizeof *m->at, what, e);
     m->from = mem_array(g->count, sizeof *m->from, what, e);
@@ -226,8 +226,8 @@ static uint32_t heap_take(making *m)
 static bool limit_neighbours(making *m, uint32_t k, bool only_test)
 {
     const node *n = &m->g->node[k];
-    for (int i = 0; i < 27; i++) {
-        uint32_t other = m->g->beside[27 * (size_t)k + (size_t)i];
+    for (int i = 0; i < AROUND; i++) {
+        uint32_t other = m->g->beside[k][i];
         if (other == NO_NODE) continue;
         node *o = &m->g->node[other];
         double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
@@ -326,8 +326,8 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
-        for (int i = 0; i < 27; i++) {
-            uint32_t other = m->g->beside[27 * k + (size_t)i];
+        for (int i = 0; i < AROUND; i++) {
+            uint32_t other = m->g->beside[k][i];
             if (other == NO_NODE) continue;
             sum += nodes[other].area * m->from[other];
             weights += nodes[other].area;
@@ -362,8 +362,8 @@ static void model_node(const making *links, size_t index)
     node *n = &g->node[index];
     sym3 m = {0};
     vec3 b = {0, 0, 0};
-    for (int k = 0; k < 27; k++) {
-        uint32_t other = g->beside[27 * index + (size_t)k];
+    for (int k = 0; k < AROUND; k++) {
+        uint32_t other = g->beside[index][k];
         if (other == NO_NODE || other == index) continue;
         vec3 d = vec3_sub(g->node[other].position, n->position);
         double weight = g->node[other].area / vec3_norm2(d);
@@ -409,13 +409,13 @@ static const node *nearest_node(const sizing_field *g, vec3 x)
 
 /* The eight cubes whose centres surround a place. */
 typedef struct spot {
-    bool inside;        /* the place is inside the grid; otherwise the next members are not set */
-    uint64_t low;       /* key of the lowest cube */
-    double t[3];        /* position between the centres of the lowest and the highest cube, 0 .. 1 */
-    uint64_t own;       /* key of the cube that contains the place, one of the eight */
-    int beside;         /* index of the lowest cube among the 27 around that */
-    uint32_t node;      /* node of that cube, or NO_NODE */
-    uint32_t around[8]; /* nodes of the eight cubes, or NO_NODE */
+    bool inside;   /* the place is inside the grid; otherwise the next members are not set */
+    uint64_t low;  /* key of the lowest cube */
+    double t[3];   /* position between the centres of the lowest and the highest cube, 0 .. 1 */
+    uint64_t own;  /* key of the cube that contains the place, one of the eight */
+    int beside;    /* index of the lowest cube among the 27 around that */
+    uint32_t node; /* node of that cube, or NO_NODE */
+    uint32_t around[FIELD_CELL_CORNERS]; /* nodes of the eight cubes, or NO_NODE */
 } spot;
 
 static void find_cubes(const sizing_field *g, vec3 x, spot *s)
@@ -433,17 +433,17 @@ static void find_cubes(const sizing_field *g, vec3 x, spot *s)
         int high = s->t[a] >= 0.5; /* the place is in the higher cube */
         s->low |= low << a * AXIS_BITS;
         s->own |= (low + (uint64_t)high) << a * AXIS_BITS;
-        s->beside = 3 * s->beside + 1 - high;
+        s->beside = ROW * s->beside + 1 - high;
     }
 }
 
 /* Finds the nodes of the eight cubes, through the links of the place's own node if it exists. */
 static void find_nodes(const sizing_field *g, spot *s)
 {
-    const uint32_t *row = g->beside + (s->node == NO_NODE ? 0 : 27 * (size_t)s->node + (size_t)s->beside);
-    for (int c = 0; c < 8; c++)
+    const uint32_t *row = s->node == NO_NODE ? NULL : g->beside[s->node] + s->beside;
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++)
         s->around[c] = s->node == NO_NODE ? node_at(g, key_beside(s->low, c & 1, c >> 1 & 1, c >> 2))
-                                          : row[(c & 1) + 3 * (c >> 1 & 1) + 9 * (c >> 2)];
+                                          : row[(c & 1) + ROW * (c >> 1 & 1) + ROW * ROW * (c >> 2)];
 }
 
 /* The interpolated value of the models at a place. */
@@ -480,7 +480,7 @@ static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 
 ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
 {
     blend b = {0};
-    for (int c = 0; s->inside && c < 8; c++) {
+    for (int c = 0; s->inside && c < FIELD_CELL_CORNERS; c++) {
         double weight = (c & 1 ? s->t[0] : 1 - s->t[0]) * (c & 2 ? s->t[1] : 1 - s->t[1]) *
                         (c & 4 ? s->t[2] : 1 - s->t[2]);
         bool missing = s->around[c] == NO_NODE;
@@ -608,7 +608,9 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
 /* Every node has at least one cell. */
 static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
-    double bytes = (double)cells * CELL_BYTES;
+    /* Of the spacings before and after an iteration, the points before a cell, and smoothing; of the table and the heap. */
+    const size_t node_bytes = sizeof(node) + sizeof(node_links) + sizeof(double[6]) + sizeof(uint32_t[6]);
+    const double bytes = (double)cells * (double)(SPACING_REQUEST_CELL_BYTES + node_bytes);
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -727,7 +729,7 @@ sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t c
     *copy = *g;
     copy->node = copy_array(g->node, g->count, sizeof *g->node, e);
     copy->table = copy_array(g->table, g->table_size, sizeof *g->table, e);
-    copy->beside = copy_array(g->beside, 27 * g->count, sizeof *g->beside, e);
+    copy->beside = copy_array(g->beside, g->count, sizeof *g->beside, e);
     copy->points_before = copy_array(g->points_before, cells + 1, sizeof *g->points_before, e);
     if (!copy->node || !copy->table || !copy->beside || !copy->points_before) {
         sizing_field_free(copy);

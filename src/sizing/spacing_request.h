@@ -19,7 +19,8 @@
 /* Number of distances over which curvature is computed, an octave apart. */
 #define SPACING_REQUEST_OCTAVES 6
 /* Maximum bytes per cell: sample, value, curvatures, cap. */
-#define SPACING_REQUEST_CELL_BYTES (24 + 24 + 1 + 8 + 8 * SPACING_REQUEST_OCTAVES + 8)
+#define SPACING_REQUEST_CELL_BYTES \
+    (sizeof(vec3[2]) + sizeof(bool) + sizeof(double[1 + SPACING_REQUEST_OCTAVES + 1]))
 
 typedef struct spacing_request {
     const sizing_field_params *params; /* not owned, as the surface */

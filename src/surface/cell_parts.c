@@ -216,7 +216,8 @@ static void cut_part(const field *f, const part_nodes *n, int first, edge_lanes 
 {
     crossed_edge at[FIELD_CELL_TRIANGLES][3];
     unsigned inside = 0;
-    for (int c = 0; c < 8; c++) inside |= (unsigned)(n->value[first + step_along(c)] < 0) << c;
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++)
+        inside |= (unsigned)(n->value[first + step_along(c)] < 0) << c;
     if (inside == 0 || inside == UINT8_MAX) return;
     const int count = cell_cut(inside, at);
     for (int i = 0; i < count; i++, out->count++) {

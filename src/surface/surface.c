@@ -150,7 +150,7 @@ static clip_corner cut_side(const field *f, const clip_corner *p, const clip_cor
     clip_corner c = {.faces = (p->faces & q->faces) | 1u << face};
     c.corner.position = vec3_axpy((plane - from) / (to - from), side, p->corner.position);
     unsigned fixed = 0;
-    for (int k = 0; k < 6; k++)
+    for (int k = 0; k < BBOX_FACES; k++)
         if (c.faces >> k & 1) fixed |= 1u << (k >> 1);
     vec3_set(&c.corner.position, axis, plane);
     c.corner.smooth =
@@ -179,7 +179,7 @@ static double clip_small(const field *f, const corner *t, bbox *box)
     clip_corner polygon[2][CLIP_CORNERS + 1];
     int count = 3, at = 0;
     for (int k = 0; k < 3; k++) polygon[0][k] = (clip_corner){t[k], 0};
-    for (int face = 0; face < 6 && count > 0; face++, at = !at)
+    for (int face = 0; face < BBOX_FACES && count > 0; face++, at = !at)
         count = clip_at_face(f, face, polygon[at], count, polygon[!at]);
     const clip_corner *c = polygon[at];
     double sum = 0;
@@ -222,7 +222,7 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
 /* Whether the domain ends nowhere in the cell. */
 static bool is_whole(const field *f, const field_cell *cell)
 {
-    for (int k = 0; f->open && k < 8; k++)
+    for (int k = 0; f->open && k < FIELD_CELL_CORNERS; k++)
         if (!bbox_contains(f->domain, cell->corner[k])) return false;
     return true;
 }
@@ -235,7 +235,7 @@ static void join_roots(const field_cell *cell, root_table root, triangulation *o
 {
     unsigned inside = 0;
     crossed_edge at[FIELD_CELL_TRIANGLES][3];
-    for (int k = 0; k < 8; k++) inside |= (unsigned)(cell->value[k] < 0) << k;
+    for (int k = 0; k < FIELD_CELL_CORNERS; k++) inside |= (unsigned)(cell->value[k] < 0) << k;
     out->count = cell_cut(inside, at);
     for (int i = 0; i < out->count; i++)
         for (int c = 0; c < 3; c++) out->at[i][c] = *root[at[i][c].inside][at[i][c].outside];
@@ -273,9 +273,10 @@ vec3 surface_cell_middle(const surface *s, size_t k, double *radius)
     vec3 sum = {0, 0, 0};
     double most2 = 0;
     surface_cell(s, k, &cell);
-    for (int c = 0; c < 8; c++) sum = vec3_add(sum, cell.corner[c]);
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++) sum = vec3_add(sum, cell.corner[c]);
     const vec3 middle = vec3_scale(sum, 0.125);
-    for (int c = 0; c < 8; c++) most2 = fmax(most2, vec3_norm2(vec3_sub(cell.corner[c], middle)));
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++)
+        most2 = fmax(most2, vec3_norm2(vec3_sub(cell.corner[c], middle)));
     *radius = sqrt(most2);
     return middle;
 }
@@ -734,7 +735,7 @@ vec3 surface_bisect(const surface *s, size_t k, vec3 x)
     vec3 other = x;
     double nearest2 = INFINITY;
     surface_cell(s, k, &cell);
-    for (int c = 0; c < 8; c++) {
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++) {
         const double away2 = vec3_norm2(vec3_sub(cell.corner[c], x));
         if (!(away2 < nearest2) || !field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &at) ||
             (at.value < 0) == inside)

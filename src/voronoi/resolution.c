@@ -48,7 +48,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
             continue;
         voronoi_star_at(&job->sites, i, &star);
         atomic_fetch_add(&job->inner, 1);
-        atomic_fetch_add(&job->hex, star.count == 6);
+        atomic_fetch_add(&job->hex, star.count == PACKING_IDEAL_DEGREE);
         atomic_fetch_add(&job->resolved, is_resolved(&job->sites, i, &star));
     }
 }

@@ -53,7 +53,7 @@ static vec3 cross_face(const field *f, int face, vec3 p, vec3 q)
 /* Clips a segment to the domain's extent along the two other axes. False if nothing remains. */
 static bool clip_segment(const field *f, int face, segment *s)
 {
-    for (int other = 0; other < 6; other++) {
+    for (int other = 0; other < BBOX_FACES; other++) {
         if (other >> 1 == face >> 1) continue;
         double a = distance_inside(f, other, s->end[0]), b = distance_inside(f, other, s->end[1]);
         if (a <= 0 && b <= 0) return false;
@@ -93,7 +93,7 @@ static bool cell_straddles_face(const surface *s, size_t cell, int face)
     field_cell c;
     bool inside = false, outside = false;
     surface_cell(s, cell, &c);
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < FIELD_CELL_CORNERS; k++) {
         double h = distance_inside(s->field, face, c.corner[k]);
         inside |= h > 0;
         outside |= h <= 0;
@@ -204,7 +204,7 @@ static bool project_in_faces(const sampling *w, vec3 *x, vec3 *normal)
 {
     const field *f = w->s->field;
     unsigned fixed = 0;
-    for (int face = 0; face < 6; face++)
+    for (int face = 0; face < BBOX_FACES; face++)
         if (distance_inside(f, face, *x) == 0) fixed |= 1u << (face >> 1);
     return surface_slide(f, fixed, w->spacing * relative_spacing(w->request, *x), x, normal) &&
            bbox_contains(f->domain, *x);
@@ -330,7 +330,7 @@ bool boundary_find(const surface *s, const boundary_request *request, boundary *
     bool ok = true;
     *out = (boundary){0};
     if (!f->open || request->most == 0) return true;
-    for (int face = 0; ok && face < 6; face++)
+    for (int face = 0; ok && face < BBOX_FACES; face++)
         if (isfinite(vec3_get(face & 1 ? f->boundary_box.max : f->boundary_box.min, face >> 1)))
             ok = find_curves(s, request, face, &list, e);
     ok = ok && sample_all(&list, &w, e);

@@ -124,7 +124,7 @@ static vec3 position_on(const quota_input *in, uint32_t patch)
     field_cell cell;
     vec3 sum = {0, 0, 0};
     surface_cell(in->scan, in->scan->parts.begin[patch], &cell);
-    for (int k = 0; k < 8; k++) sum = vec3_axpy(0.125, cell.corner[k], sum);
+    for (int k = 0; k < FIELD_CELL_CORNERS; k++) sum = vec3_axpy(0.125, cell.corner[k], sum);
     return sum;
 }
 

@@ -266,7 +266,7 @@ static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
         for (uint32_t k = 0; k < job->r->near->list_count[i]; k++)
             own += relax_are_within(p, i, neighbours_list(job->r->near, i)[k], job->reach);
         pairs += own;
-        defects += own != 6 && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
+        defects += own != PACKING_IDEAL_DEGREE && !p->near_boundary[i] && !(job->smooth && !job->r->flat[i]);
     }
     atomic_fetch_add(&job->pairs, pairs);
     atomic_fetch_add(&job->defects, defects);

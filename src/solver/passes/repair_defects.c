@@ -359,7 +359,7 @@ static void find_defects(repair *m)
     m->mean = mean_local(m);
     m->defects = 0;
     for (uint32_t i = 0; i < m->s->state.p->count; i++) {
-        if (m->degree[i] == 6 || particles_is_fixed(m->s->state.p, i) ||
+        if (m->degree[i] == PACKING_IDEAL_DEGREE || particles_is_fixed(m->s->state.p, i) ||
             particles_is_one_sided(m->s->state.p, i))
             continue;
         size_t to = (size_t)(rng_uniform(&r) * (double)(m->defects + 1));

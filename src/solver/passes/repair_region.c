@@ -105,7 +105,8 @@ static int count_shell(const repair_region *p, uint32_t i)
 int repair_region_estimate_defects(const repair_region *p)
 {
     int found = 0;
-    for (uint32_t i = 0; i < p->count; i++) found += p->evaluated[i] && count_shell(p, i) != 6;
+    for (uint32_t i = 0; i < p->count; i++)
+        found += p->evaluated[i] && count_shell(p, i) != PACKING_IDEAL_DEGREE;
     return found;
 }
 
@@ -136,7 +137,7 @@ static uint32_t order_evaluated(const repair_region *p, uint32_t order[REPAIR_MA
     uint32_t count = 0, regular_list[REPAIR_MAX_MEMBERS], regular = 0;
     for (uint32_t i = 0; i < p->count; i++) {
         if (!p->evaluated[i]) continue;
-        if (count_shell(p, i) != 6)
+        if (count_shell(p, i) != PACKING_IDEAL_DEGREE)
             order[count++] = i;
         else
             regular_list[regular++] = i;
@@ -155,15 +156,16 @@ bool repair_region_evaluate(repair_scratch *b, repair_region *p, double limit)
     const voronoi_sites sites = {p->x, p->normal, p->h, &near, NULL, NULL};
     uint32_t order[REPAIR_MAX_MEMBERS];
     const uint32_t evaluated = order_evaluated(p, order);
-    for (uint32_t i = 0; i < p->count; i++) p->degree[i] = 6;
+    for (uint32_t i = 0; i < p->count; i++) p->degree[i] = PACKING_IDEAL_DEGREE;
     p->defects = 0;
     p->cost = ENERGY_COST * excess(b, p);
     for (uint32_t k = 0; k < evaluated && !(p->cost > limit); k++) {
         voronoi_star star;
         voronoi_star_at(&sites, order[k], &star);
         p->degree[order[k]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
-        p->defects += star.count != 6;
-        p->cost += (star.count != 6) + area_cost(voronoi_star_area(&star), p->h[order[k]], b->mean);
+        p->defects += star.count != PACKING_IDEAL_DEGREE;
+        p->cost += (star.count != PACKING_IDEAL_DEGREE) +
+                   area_cost(voronoi_star_area(&star), p->h[order[k]], b->mean);
     }
     return !(p->cost > limit);
 }
@@ -217,7 +219,7 @@ static bool insert_member(repair_region *p, uint32_t beside, rng *r)
     p->h[p->free] = h;
     p->hint[p->free] = FIELD_NO_HINT;
     p->evaluated[p->free] = true;
-    p->degree[p->free++] = 6;
+    p->degree[p->free++] = PACKING_IDEAL_DEGREE;
     activate(p, x, h);
     return true;
 }
@@ -227,7 +229,7 @@ static bool pick(const repair_region *p, rng *r, uint32_t *out)
 {
     uint32_t found = 0;
     for (uint32_t k = 0; k < p->free; k++)
-        if (p->degree[k] != 6 && rng_uniform(r) * ++found < 1) *out = k;
+        if (p->degree[k] != PACKING_IDEAL_DEGREE && rng_uniform(r) * ++found < 1) *out = k;
     return found > 0;
 }
 
