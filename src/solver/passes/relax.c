@@ -8,8 +8,6 @@
 #include "base/memory.h"
 #include "packing/independent_sets.h"
 
-/* Prefetch distances in particles: for the data of a particle, and for what locates them. Their data fit into a first-level cache. */
-static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 /* A particle whose last step was below this is skipped, over h size. */
 static const double SKIP_STEP = 0.01;
 /* Sum of the neighbours' path lengths that reactivates it, over SKIP_STEP. Doubled: a third instead of a quarter is skipped, and
@@ -54,57 +52,13 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < general_count; k++) relax_update_particle(job, worker, general[k], sums);
 }
 
-/* Prefetches the data of particles, whose addresses prefetch_far has prefetched. (Inlined: the compiler removes calls of a function
- * that only prefetches.) */
-ISA_INLINE void prefetch_near(const sweep_job *job, uint32_t at, uint32_t end)
-{
-    const neighbours *near = job->r->near;
-    const neighbours_place *place = near->place;
-    const vec3 *position = job->p->position, *normal = job->p->normal;
-    for (; at < end; at++) {
-        const uint32_t i = independent_sets_point(near, at), *list = neighbours_list(near, i);
-        __builtin_prefetch(list);
-        __builtin_prefetch(list + 12);
-        __builtin_prefetch(&position[i].x, 1);
-        __builtin_prefetch(&position[i].z, 1);
-        __builtin_prefetch(&normal[i].x, 1);
-        __builtin_prefetch(&normal[i].z, 1);
-        __builtin_prefetch(&place[i], 1);
-    }
-}
-
-ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t at, uint32_t end)
-{
-    const neighbours *near = job->r->near;
-    const relax *r = job->r;
-    const particles *p = job->p;
-    const uint32_t *hint = p->patch ? p->hint : NULL;
-    for (; at < end; at++) {
-        const uint32_t i = independent_sets_point(near, at);
-        __builtin_prefetch(&near->list_begin[i]);
-        __builtin_prefetch(&near->list_count[i]);
-        __builtin_prefetch(&r->moved[i], 1);
-        if (hint) __builtin_prefetch(&hint[i], 1);
-        __builtin_prefetch(&r->flat[i]);
-        __builtin_prefetch(&r->flags[i]);
-        __builtin_prefetch(&p->near_boundary[i]);
-        if (p->size) __builtin_prefetch(&p->size[i]);
-    }
-}
-
 /* Moves the points `at` .. `end` - 1 of `bin_item` in independent sets, with prefetching. */
 static void sweep_sets(const sweep_job *job, int worker, uint32_t at, uint32_t end, block_sums *sums)
 {
     const neighbours *near = job->r->near;
-    uint32_t near_end = at, far_end = at, items[INDEPENDENT_SET_MOST];
+    uint32_t items[INDEPENDENT_SET_MOST];
     while (at < end) {
-        const uint32_t count = independent_sets_next(near, at, items), left = end - at - count;
-        const uint32_t far_to = at + count + (left < FAR_AHEAD ? left : FAR_AHEAD),
-                       near_to = at + count + (left < NEAR_AHEAD ? left : NEAR_AHEAD);
-        prefetch_far(job, far_end, far_to);
-        prefetch_near(job, near_end, near_to);
-        far_end = far_to;
-        near_end = near_to;
+        const uint32_t count = independent_sets_next(near, at, items);
         sweep_set(job, worker, items, count, sums);
         at += count;
     }
