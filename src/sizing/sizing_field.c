@@ -6,6 +6,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
+#include "geometry/block_map.h"
 #include "packing/packing.h"
 #include "sizing/spacing_request.h"
 
@@ -32,14 +33,11 @@ static const double BEND_AT_POINTS = 0.08, BEND_OVER_DISTANCE = 0.02;
 static const double AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 
-#define AXIS_BITS 21
-#define NO_NODE UINT32_MAX
-/* Margin around the surface's bounding box, in cubes: for adjacent cubes and for points slightly outside. */
-#define MARGIN_CUBES 16
-enum { SPOTS = 32 }; /* places that are evaluated together */
+#define NO_NODE BLOCK_MAP_NONE
+/* Cubes from the origin to either side: beyond, there is no node. */
+static const double MOST_CUBES = INT32_MAX / 2;
 
 typedef struct node {
-    uint64_t key;
     double area;
     vec3 position;  /* mean of the surface within the cube */
     double request; /* Spacing before the scale: mean of logarithms, at the mean position. */
@@ -62,8 +60,7 @@ struct sizing_field {
     double edge;
     size_t count;
     node *node;
-    uint32_t *table; /* open addressing: node + 1, or 0 */
-    size_t table_size;
+    block_map cubes;       /* with the numbers of their nodes */
     node_links *beside;    /* of each node */
     double *points_before; /* cells + 1 entries, cumulated like area_before */
     sizing_field_facts facts;
@@ -78,55 +75,50 @@ static double spacing_beside(const sizing_field_params *p, double away, double s
 
 /* --- nodes --- */
 
-static uint64_t key_of(const sizing_field *g, vec3 x)
+typedef struct cube {
+    int32_t at[3];
+} cube;
+
+/* The cube that contains a place, and the place's position in it, 0 .. 1. */
+static cube cube_of(vec3 in_cubes, double t[3])
 {
-    vec3 d = vec3_scale(vec3_sub(x, g->origin), 1 / g->edge);
-    return (uint64_t)d.x | (uint64_t)d.y << AXIS_BITS | (uint64_t)d.z << 2 * AXIS_BITS;
+    cube out;
+    for (int a = 0; a < 3; a++) {
+        const double v = fmin(fmax(vec3_get(in_cubes, a), -MOST_CUBES), MOST_CUBES), low = floor(v);
+        out.at[a] = (int32_t)low;
+        t[a] = v - low;
+    }
+    return out;
 }
 
-static size_t slot_of(const sizing_field *g, uint64_t key)
+static vec3 in_cubes(const sizing_field *g, vec3 x)
 {
-    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (g->table_size - 1);
-    while (g->table[slot] && g->node[g->table[slot] - 1].key != key) slot = (slot + 1) & (g->table_size - 1);
-    return slot;
+    return vec3_scale(vec3_sub(x, g->origin), 1 / g->edge);
 }
 
-static uint32_t node_at(const sizing_field *g, uint64_t key)
+static uint32_t node_at(const sizing_field *g, const int32_t from[3], int i, int j, int k)
 {
-    return g->table[slot_of(g, key)] - 1; /* 0 - 1 is NO_NODE */
-}
-
-/* The key of the cube at the offset (i, j, k). The margin keeps coordinates non-negative. */
-static uint64_t key_beside(uint64_t key, int i, int j, int k)
-{
-    return key + (uint64_t)i + ((uint64_t)j << AXIS_BITS) + ((uint64_t)k << 2 * AXIS_BITS);
-}
-
-/* The k-th of the nodes around a node. */
-static uint32_t node_beside(const sizing_field *g, const node *n, int k)
-{
-    return node_at(g, key_beside(n->key, k % ROW - 1, k / ROW % ROW - 1, k / (ROW * ROW) - 1));
+    return block_map_find(&g->cubes, from[0] + i, from[1] + j, from[2] + k);
 }
 
 static bool make_nodes(sizing_field *g, const spacing_request *r, const double *spacing, error *e)
 {
     const surface *scan = r->scan;
     const vec3 *position = r->samples.position;
-    g->table_size = 64;
-    while (g->table_size < 2 * scan->cells) g->table_size *= 2;
     g->node = mem_array(scan->cells, sizeof *g->node, "the grading", e);
-    g->table = mem_array(g->table_size, sizeof *g->table, "the grading", e);
-    if (!g->node || !g->table) return false;
+    if (!g->node || !block_map_init(&g->cubes, 0, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         double area = surface_cell_area(scan, k);
         if (isnan(spacing[k]) || !(area > 0)) continue;
-        uint64_t key = key_of(g, position[k]);
-        size_t slot = slot_of(g, key);
-        if (!g->table[slot]) {
-            g->node[g->count] = (node){.key = key, .cap = INFINITY};
-            g->table[slot] = (uint32_t)++g->count;
+        double t[3];
+        const cube at = cube_of(in_cubes(g, position[k]), t);
+        uint32_t number;
+        if (!block_map_find_or_add(&g->cubes, at.at[0], at.at[1], at.at[2], &number, e)) return false;
+        node *n = &g->node[number];
+        if (number == g->count) {
+            *n = (node){.cap = INFINITY};
+            g->count++;
         }
-        node *n = &g->node[g->table[slot] - 1];
         n->area += area;
         n->position = vec3_axpy(area, position[k], n->position);
         n->request += area * log(spacing[k]);
@@ -166,7 +158,9 @@ static void link_chunk(void *context, int worker, size_t begin, size_t end)
     const sizing_field *g = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        for (int i = 0; i < AROUND; i++) g->beside[k][i] = node_beside(g, &g->node[k], i);
+        for (int i = 0; i < AROUND; i++)
+            g->beside[k][i] =
+                node_at(g, g->cubes.blocks[k], i % ROW - 1, i / ROW % ROW - 1, i / (ROW * ROW) - 1);
 }
 
 static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
@@ -409,30 +403,19 @@ static const node *nearest_node(const sizing_field *g, vec3 x)
 
 /* The eight cubes whose centres surround a place. */
 typedef struct spot {
-    bool inside;   /* the place is inside the grid; otherwise the next members are not set */
-    uint64_t low;  /* key of the lowest cube */
+    cube low, own; /* the lowest of the eight, and the one that contains the place */
     double t[3];   /* position between the centres of the lowest and the highest cube, 0 .. 1 */
-    uint64_t own;  /* key of the cube that contains the place, one of the eight */
-    int beside;    /* index of the lowest cube among the 27 around that */
-    uint32_t node; /* node of that cube, or NO_NODE */
+    int beside;    /* index of the lowest cube among those around `own` */
     uint32_t around[FIELD_CELL_CORNERS]; /* nodes of the eight cubes, or NO_NODE */
 } spot;
 
 static void find_cubes(const sizing_field *g, vec3 x, spot *s)
 {
-    vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
-    s->low = s->own = 0;
+    s->low = s->own = cube_of(vec3_sub(in_cubes(g, x), vec3_make(0.5, 0.5, 0.5)), s->t);
     s->beside = 0;
-    s->inside = true;
     for (int a = 2; a >= 0; a--) {
-        double v = vec3_get(u, a);
-        s->inside = s->inside && v >= 0 && v < (1 << AXIS_BITS) - 2;
-        if (!s->inside) return;
-        uint64_t low = (uint64_t)v;
-        s->t[a] = v - (double)low;
-        int high = s->t[a] >= 0.5; /* the place is in the higher cube */
-        s->low |= low << a * AXIS_BITS;
-        s->own |= (low + (uint64_t)high) << a * AXIS_BITS;
+        const int high = s->t[a] >= 0.5; /* the place is in the higher cube */
+        s->own.at[a] += high;
         s->beside = ROW * s->beside + 1 - high;
     }
 }
@@ -440,10 +423,11 @@ static void find_cubes(const sizing_field *g, vec3 x, spot *s)
 /* Finds the nodes of the eight cubes, through the links of the place's own node if it exists. */
 static void find_nodes(const sizing_field *g, spot *s)
 {
-    const uint32_t *row = s->node == NO_NODE ? NULL : g->beside[s->node] + s->beside;
+    const uint32_t own = node_at(g, s->own.at, 0, 0, 0),
+                   *row = own == NO_NODE ? NULL : g->beside[own] + s->beside;
     for (int c = 0; c < FIELD_CELL_CORNERS; c++)
-        s->around[c] = s->node == NO_NODE ? node_at(g, key_beside(s->low, c & 1, c >> 1 & 1, c >> 2))
-                                          : row[(c & 1) + ROW * (c >> 1 & 1) + ROW * ROW * (c >> 2)];
+        s->around[c] = row ? row[(c & 1) + ROW * (c >> 1 & 1) + ROW * ROW * (c >> 2)]
+                           : node_at(g, s->low.at, c & 1, c >> 1 & 1, c >> 2);
 }
 
 /* The interpolated value of the models at a place. */
@@ -480,7 +464,7 @@ static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 
 ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
 {
     blend b = {0};
-    for (int c = 0; s->inside && c < FIELD_CELL_CORNERS; c++) {
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++) {
         double weight = (c & 1 ? s->t[0] : 1 - s->t[0]) * (c & 2 ? s->t[1] : 1 - s->t[1]) *
                         (c & 4 ? s->t[2] : 1 - s->t[2]);
         bool missing = s->around[c] == NO_NODE;
@@ -494,34 +478,17 @@ ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec
     return g->params.curves ? refine_beside(g, x, spacing, gradient) : spacing;
 }
 
-/* Evaluates several places together, so that their memory accesses overlap. Consecutive places are usually in the same
- * cube. */
-static void find_spots(const sizing_field *g, size_t count, const vec3 *x, spot *s)
-{
-    for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
-    for (size_t k = 0; k < count; k++)
-        if (s[k].inside)
-            s[k].node =
-                k > 0 && s[k - 1].inside && s[k - 1].own == s[k].own ? s[k - 1].node : node_at(g, s[k].own);
-    for (size_t k = 0; k < count; k++)
-        if (s[k].inside) find_nodes(g, &s[k]);
-}
-
 double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient)
 {
     spot s;
-    find_spots(g, 1, &x, &s);
+    find_cubes(g, x, &s);
+    find_nodes(g, &s);
     return blend_models(g, x, &s, gradient);
 }
 
 void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out)
 {
-    spot s[SPOTS];
-    for (size_t first = 0; first < count; first += SPOTS) {
-        size_t spots = count - first < SPOTS ? count - first : SPOTS;
-        find_spots(g, spots, x + first, s);
-        for (size_t k = 0; k < spots; k++) out[first + k] = blend_models(g, x[first + k], &s[k], NULL);
-    }
+    for (size_t k = 0; k < count; k++) out[k] = sizing_field_spacing(g, x[k], NULL);
 }
 
 /* The number of points for the models, summed over the cells. */
@@ -608,9 +575,9 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
 /* Every node has at least one cell. */
 static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
-    /* Of the spacings before and after an iteration, the points before a cell, and smoothing; of the table and the heap. */
-    const size_t node_bytes = sizeof(node) + sizeof(node_links) + sizeof(double[6]) + sizeof(uint32_t[6]);
-    const double bytes = (double)cells * (double)(SPACING_REQUEST_CELL_BYTES + node_bytes);
+    /* Of the spacings before and after an iteration, the points before a cell, and smoothing; and of the heap. */
+    const size_t node_bytes = sizeof(node) + sizeof(node_links) + sizeof(double[6]) + sizeof(uint32_t[2]);
+    const double bytes = (double)(cells * (SPACING_REQUEST_CELL_BYTES + node_bytes) + block_map_bytes(cells));
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -622,11 +589,10 @@ static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 static void empty_field(sizing_field *g)
 {
     free(g->node);
-    free(g->table);
+    block_map_free(&g->cubes);
     free(g->beside);
     free(g->points_before);
     g->node = NULL;
-    g->table = NULL;
     g->beside = NULL;
     g->points_before = NULL;
     g->count = 0;
@@ -704,10 +670,8 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
         if (count == 0)
             even = fmin(packing_spacing(scan->area, g->facts.features.points), bbox_longest(scan->box));
         g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
-        g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
-        const bbox box = bbox_of_points(r.samples.position, scan->cells, pool);
-        /* a margin of two cubes: one for adjacent cubes, one for those adjacent to an evaluated point */
-        g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
+        g->edge = fmax(g->edge, bbox_longest(f->domain) / MOST_CUBES);
+        g->origin = bbox_of_points(r.samples.position, scan->cells, pool).min;
         ok = find_field(g, &r, count, pool, e);
     }
     spacing_request_free(&r);
@@ -728,10 +692,10 @@ sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t c
     double factor = sqrt(g->facts.points / (double)count);
     *copy = *g;
     copy->node = copy_array(g->node, g->count, sizeof *g->node, e);
-    copy->table = copy_array(g->table, g->table_size, sizeof *g->table, e);
+    copy->cubes = (block_map){0};
     copy->beside = copy_array(g->beside, g->count, sizeof *g->beside, e);
     copy->points_before = copy_array(g->points_before, cells + 1, sizeof *g->points_before, e);
-    if (!copy->node || !copy->table || !copy->beside || !copy->points_before) {
+    if (!copy->node || !block_map_copy(&g->cubes, &copy->cubes, e) || !copy->beside || !copy->points_before) {
         sizing_field_free(copy);
         return NULL;
     }
