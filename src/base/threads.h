@@ -25,6 +25,9 @@ typedef void (*threads_work)(void *context, int worker, size_t begin, size_t end
 
 /* Grain for loops whose items take 0.1 microseconds or longer. */
 enum { THREADS_GRAIN = 256 };
+/* Maximum number of parts of a sum. They depend on the number of items only, so that the sum does not depend on the number of
+ * threads. */
+enum { THREADS_SUM_PARTS = 256 };
 
 /* `count` workers, 1 .. THREADS_MAX; 1 starts no thread. `stop` may be NULL. Free it with threads_free. Error:
  * internal. */

@@ -288,10 +288,9 @@ static bool match_curve_samples(candidates *c, error *e)
 /* The requested spacing where the points from `first` on are. */
 static void set_spacings(candidates *c, size_t first)
 {
-    if (c->params->sizing)
-        sizing_field_spacings(c->params->sizing, c->count - first, c->position + first, c->spacing + first);
-    else
-        for (size_t i = first; i < c->count; i++) c->spacing[i] = c->h;
+    for (size_t i = first; i < c->count; i++)
+        c->spacing[i] =
+            c->params->sizing ? sizing_field_spacing(c->params->sizing, c->position[i], NULL) : c->h;
 }
 
 /* Only those that are taken stay, without gaps between them. */

@@ -486,18 +486,12 @@ double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient)
     return blend_models(g, x, &s, gradient);
 }
 
-void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out)
-{
-    for (size_t k = 0; k < count; k++) out[k] = sizing_field_spacing(g, x[k], NULL);
-}
-
 /* The number of points for the models, summed over the cells. */
 static double sum_points(sizing_field *g, const surface *scan, const vec3 *position)
 {
-    sizing_field_spacings(g, scan->cells, position, g->points_before + 1);
     for (size_t k = 0; k < scan->cells; k++) {
-        double area = surface_cell_area(scan, k), spacing = g->points_before[k + 1];
-        double points = area > 0 ? area / packing_cell_area(spacing) : 0;
+        double area = surface_cell_area(scan, k);
+        double points = area > 0 ? area / packing_cell_area(sizing_field_spacing(g, position[k], NULL)) : 0;
         g->points_before[k + 1] = g->points_before[k] + points;
     }
     return g->points_before[scan->cells];

@@ -41,9 +41,6 @@ sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t c
 /* The requested spacing at x, which is on the surface, and its gradient (or NULL), interpolated between nodes. */
 double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient);
 
-/* sizing_field_spacing for `count` places. */
-void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out);
-
 /* Properties of the field: the factor of the request that meets the count, and the range of spacings. */
 typedef struct sizing_field_facts {
     double scale, least, largest;

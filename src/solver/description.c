@@ -62,16 +62,16 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
         kappa[i] = field_curvature(&sample, &kappa1[i], &kappa2[i]);
         if (smooth) worst = fmax(worst, complete_smooth_projection(s, i, &sample));
     }
-    s->scratch.worst[begin / SOLVER_GROUP] = worst;
+    s->scratch.worst[begin / THREADS_GRAIN] = worst;
 }
 
 /* Computes the curvatures and, for smooth fields, the normals and residuals. */
 static bool describe_curvature(solver *s, error *e)
 {
-    const size_t n = s->state.p->count, chunks = n / SOLVER_GROUP + 1;
+    const size_t n = s->state.p->count, chunks = n / THREADS_GRAIN + 1;
     s->scratch.worst = mem_array(chunks, sizeof *s->scratch.worst, "the result", e);
     const bool ok = s->scratch.worst != NULL;
-    if (ok) threads_run(s->setup.pool, n, SOLVER_GROUP, curvature_chunk, s);
+    if (ok) threads_run(s->setup.pool, n, THREADS_GRAIN, curvature_chunk, s);
     for (size_t k = 0; ok && k < chunks; k++)
         s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.worst[k]);
     free(s->scratch.worst);

@@ -29,22 +29,18 @@ bool solver_is_on_target(const solver *s, double energy)
     return fabs(energy / s->setup.params.energy->ideal - 1) < s->setup.params.energy_tolerance;
 }
 
-/* PARTS: sums are made of at most this many parts, which depend on the count alone, so that they do not depend on the number of threads. BATCH:
- * positions whose spacing is computed in one call. */
-enum { PARTS = 256, BATCH = 64 };
-
 typedef struct renewal {
     solver *s;
     size_t grain;
-    double squares[PARTS]; /* sums of squared relative changes, one for each part */
+    double squares[THREADS_SUM_PARTS]; /* sums of squared relative changes, one for each part */
 } renewal;
 
 static double renew(solver *s, threads_work work)
 {
-    renewal job = {s, s->state.p->count / PARTS + 1, {0}};
+    renewal job = {s, s->state.p->count / THREADS_SUM_PARTS + 1, {0}};
     double squares = 0;
     threads_run(s->setup.pool, s->state.p->count, job.grain, work, &job);
-    for (int k = 0; k < PARTS; k++) squares += job.squares[k];
+    for (int k = 0; k < THREADS_SUM_PARTS; k++) squares += job.squares[k];
     return sqrt(squares / (double)s->state.p->count);
 }
 
@@ -82,17 +78,14 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
 {
     renewal *job = context;
     solver *s = job->s;
-    double over_h = 1 / packing_spacing(s->setup.scan->area, (double)s->setup.params.count), squares = 0,
-           spacing[BATCH];
+    double over_h = 1 / packing_spacing(s->setup.scan->area, (double)s->setup.params.count), squares = 0;
     (void)worker;
-    for (size_t first = begin; first < end; first += BATCH) {
-        size_t count = end - first < BATCH ? end - first : BATCH;
-        sizing_field_spacings(s->setup.params.sizing, count, s->state.p->position + first, spacing);
-        for (size_t k = 0; k < count; k++) {
-            double *size = &s->state.p->size[first + k], change = *size / (spacing[k] * over_h) - 1;
-            squares += change * change;
-            *size = spacing[k] * over_h;
-        }
+    for (size_t i = begin; i < end; i++) {
+        const double size =
+                         over_h * sizing_field_spacing(s->setup.params.sizing, s->state.p->position[i], NULL),
+                     change = s->state.p->size[i] / size - 1;
+        squares += change * change;
+        s->state.p->size[i] = size;
     }
     job->squares[begin / job->grain] = squares;
 }

@@ -242,13 +242,13 @@ void level_plan_correct(level_plan *l, size_t edges, size_t on_boundary)
     const double coarsest = (double)l->particles[0],
                  missing = 3 * coarsest - (double)edges - (double)on_boundary;
     for (int k = l->count - 2; k >= 0; k--) {
-        double finer = (double)(l->particles[k + 1] - l->new_parts[k + 1]), count = finer / 4;
+        double finer = (double)(l->particles[k + 1] - l->new_parts[k + 1]), count = finer / REFINEMENT;
         /* fixed point: the number of boundary particles depends on the count */
         for (int step = 0; step < 3; step++)
-            count = (finer + missing + (double)on_boundary * sqrt(fmax(count, 1) / coarsest)) / 4;
+            count = (finer + missing + (double)on_boundary * sqrt(fmax(count, 1) / coarsest)) / REFINEMENT;
         count = ceil(count);
         /* bounds: the number of edges is meaningless if the packing does not resolve the surface */
-        l->particles[k] = (size_t)fmin(fmax(count, finer / 5), finer / 3);
+        l->particles[k] = (size_t)fmin(fmax(count, finer / (REFINEMENT + 1)), finer / (REFINEMENT - 1));
     }
 }
 

@@ -20,8 +20,7 @@ enum {
     /* maximum number of rounds after the first projection. Reasons: particles were relocated, or relax_rms_steps_left
      * exceeds the tolerance. Also the maximum number of times that converged particles of a round go on because their sizes have
      * changed */
-    SOLVER_CONTINUATIONS_MOST = 5,
-    SOLVER_GROUP = 256 /* particles whose worst residual is kept as one number */
+    SOLVER_CONTINUATIONS_MOST = 5
 };
 
 /* What the next step of a solve does, in the order in which a solve does it. */
@@ -107,8 +106,8 @@ typedef struct solver_scratch {
     relax *relax;      /* NULL after solver_describe */
     size_t capacity;   /* of state.p and relax */
     refine_mesh *mesh; /* of the coarsest level, from the count of its edges until it is refined */
-    double *worst;     /* during projection: the largest |F| / |grad F| over h of each group of particles */
-    bool *lost;        /* during projection: the particle is not on the surface */
+    double *worst; /* during projection: the largest |F| / |grad F| over h of each THREADS_GRAIN particles */
+    bool *lost;    /* during projection: the particle is not on the surface */
 } solver_scratch;
 
 /* Results. */

@@ -112,7 +112,7 @@ static void project_chunk(void *context, int worker, size_t begin, size_t end)
     double worst = 0;
     (void)worker;
     for (size_t i = begin; i < end; i++) worst = fmax(worst, project_particle(s, i, &hint));
-    s->scratch.worst[begin / SOLVER_GROUP] = worst;
+    s->scratch.worst[begin / THREADS_GRAIN] = worst;
 }
 
 /* Whether a free particle has converged among the samples of a curve: the particles of its patch push it outwards, and it cannot
@@ -132,7 +132,7 @@ static const double NOT_COMPUTED = -1;
 static void project_again(solver *s, size_t i)
 {
     project_particle(s, i, &(uint32_t){FIELD_NO_HINT});
-    s->scratch.worst[i / SOLVER_GROUP] = NOT_COMPUTED;
+    s->scratch.worst[i / THREADS_GRAIN] = NOT_COMPUTED;
 }
 
 /* Largest residual over h of the projected particles [begin, end). */
@@ -245,8 +245,8 @@ static void count_lost(solver *s)
     s->record.out.lost = 0;
     s->record.out.max_residual = 0;
     for (size_t i = 0; i < n; i++) s->record.out.lost += s->scratch.lost[i];
-    for (size_t k = 0; k < n / SOLVER_GROUP + 1; k++) {
-        const size_t begin = k * SOLVER_GROUP, end = begin + SOLVER_GROUP < n ? begin + SOLVER_GROUP : n;
+    for (size_t k = 0; k < n / THREADS_GRAIN + 1; k++) {
+        const size_t begin = k * THREADS_GRAIN, end = begin + THREADS_GRAIN < n ? begin + THREADS_GRAIN : n;
         const double worst =
             s->scratch.worst[k] == NOT_COMPUTED ? worst_residual(s, begin, end) : s->scratch.worst[k];
         s->record.out.max_residual = fmax(s->record.out.max_residual, worst);
@@ -257,12 +257,12 @@ bool solver_project(solver *s, bool *changed, error *e)
 {
     const size_t before = s->record.removed;
     size_t n = s->state.p->count;
-    s->scratch.worst = mem_array(n / SOLVER_GROUP + 1, sizeof *s->scratch.worst, "the result", e);
+    s->scratch.worst = mem_array(n / THREADS_GRAIN + 1, sizeof *s->scratch.worst, "the result", e);
     s->scratch.lost = mem_array(n, sizeof *s->scratch.lost, "the result", e);
     if (!s->record.replaced) s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
     s->state.is_projected = s->scratch.worst && s->scratch.lost && s->record.replaced;
     if (s->state.is_projected) {
-        threads_run(s->setup.pool, n, SOLVER_GROUP, project_chunk, s);
+        threads_run(s->setup.pool, n, THREADS_GRAIN, project_chunk, s);
         s->state.is_projected = replace_lost(s, e);
     }
     if (s->state.is_projected) count_lost(s);

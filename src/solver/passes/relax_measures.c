@@ -89,18 +89,15 @@ double relax_packing_energy(relax *r, particles *p, double sigma)
 /* Newton step in spacings from which a particle takes guarded steps only. Convergence requires an rms of a few thousandths. */
 static const double GUARDED_STEP = 3e-3;
 
-/* Number of partial sums. They depend on the count only, so that the result does not depend on the number of threads. */
-enum { SUM_PARTS = 256 };
-
 typedef struct steps_job {
     sweep_job sweep;
     double spacing;
     bool watch; /* particles with a long step take guarded steps from now on */
     size_t grain;
-    relax_steps squares[SUM_PARTS]; /* sums of squares */
-    size_t counts[SUM_PARTS];
-    double pairs[SUM_PARTS]; /* neighbours within the support, by the kernel */
-    bool whole[SUM_PARTS];   /* all particles of the part were evaluated by the kernel */
+    relax_steps squares[THREADS_SUM_PARTS]; /* sums of squares */
+    size_t counts[THREADS_SUM_PARTS];
+    double pairs[THREADS_SUM_PARTS]; /* neighbours within the support, by the kernel */
+    bool whole[THREADS_SUM_PARTS];   /* all particles of the part were evaluated by the kernel */
 } steps_job;
 
 /* Whether a guarded particle has found no step that decreases its energy. */
@@ -212,11 +209,11 @@ static relax_steps rms_steps(steps_job *job)
     relax_steps squares = {0, 0};
     size_t count = 0;
     relax *r = job->sweep.r;
-    job->grain = n / SUM_PARTS + 1;
+    job->grain = n / THREADS_SUM_PARTS + 1;
     memset(job->whole, true, sizeof job->whole); /* parts may be empty */
     threads_run(r->pool, n, job->grain, steps_chunk, job);
     r->cached = (cached_steps){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
-    for (int k = 0; k < SUM_PARTS; k++) {
+    for (int k = 0; k < THREADS_SUM_PARTS; k++) {
         r->cached.energies = r->cached.energies && job->whole[k];
         r->cached.pairs += job->pairs[k];
         squares.all += job->squares[k].all;
