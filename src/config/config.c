@@ -139,6 +139,9 @@ static bool set_from(source *s, const config_row *row, const char *value)
         return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice: remove one", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
+    char **place = &s->c->place[row - config_table];
+    free(*place);
+    *place = s->path ? mem_printf("%s:%d", s->path, s->line) : NULL;
     return !refuse_missing(row, value, s->e) && set_value(s->c, row, value, s->e);
 }
 
@@ -353,6 +356,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     source s = {.c = &read, .e = &mine};
     config_action what = CONFIG_RUN;
     bool ok = true;
+    read.place = mem_alloc(config_table_size * sizeof *read.place);
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
     if (ok && maintains_service(argc, argv)) ok = take_file(&s, CONFIG_FILE);
@@ -428,13 +432,22 @@ void config_take_over(config *c, config *fresh)
     }
 }
 
+void config_locate_error(const config *c, error *e)
+{
+    const config_row *row = find_row(e->message, strcspn(e->message, ": "));
+    const char *place = row ? c->place[row - config_table] : NULL;
+    if (place) error_prefix(e, "%s", place);
+}
+
 void config_clear(config *c)
 {
     for (size_t i = 0; i < config_table_size; i++) {
         void *at = (char *)c + config_table[i].offset;
         if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
         if (is_list(&config_table[i])) list_clear(at);
+        if (c->place) free(c->place[i]);
     }
+    free(c->place);
     free(c->file);
     free(c->backup);
     free(c->admit);
@@ -469,8 +482,8 @@ static bool find_program(char **path, const char *name, const char *setting, err
         }
     }
     if (access(*path, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING, "cannot run the program %s: %s. Correct the setting %s.", *path,
-                     strerror(errno), setting);
+    return error_set(e, ERROR_INPUT_MISSING, "%s: cannot run the program %s: %s. Correct this setting.",
+                     setting, *path, strerror(errno));
 }
 
 bool config_find_worker(config *c, error *e)

@@ -812,6 +812,7 @@ static void reload(service *s)
         output_place_check_roots(s->outputs);
         log_write(LOG_LEVEL_INFO, "settings reloaded");
     } else {
+        if (fresh.place) config_locate_error(&fresh, &e);
         log_write(LOG_LEVEL_ERROR, "cannot reload the settings, which are unchanged: %s", e.message);
     }
     config_clear(&fresh);
@@ -868,10 +869,12 @@ static int run(service *s)
     size_t started = 0, count = sizeof steps / sizeof *steps;
     while (started < count && steps[started].init(s, &e)) started++;
     bool ok = started == count;
-    if (ok)
+    if (ok) {
         serve(s);
-    else
+    } else {
+        config_locate_error(&s->settings, &e);
         log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
+    }
     while (started > 0) steps[--started].fini(s);
     if (ok) log_write(LOG_LEVEL_INFO, "hexad: ended");
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;

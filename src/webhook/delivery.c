@@ -106,7 +106,7 @@ static uint8_t *read_key(const char *path, size_t *key_length, error *e)
     int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
     if (fd < 0) {
         if (*path)
-            error_set(e, ERROR_SPEC_INVALID, "cannot read webhook_secret_file %s: %s. Correct this setting.",
+            error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file: cannot read %s: %s. Correct this setting.",
                       path, strerror(errno));
         else
             error_set(e, ERROR_SPEC_INVALID, "webhook_hosts requires webhook_secret_file: set it");

@@ -330,6 +330,20 @@ def test_settings_that_are_refused(build, tmp_path):
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
 
 
+@pytest.mark.parametrize("setting", [
+    "user_weights = alice:200", "user_priorities = alice:5000", "output_mode = 9", "output_group = no-such-group", "output_roots = relative",
+    "input_roots = /nonexistent", "path_mappings = a", "trusted_proxies = a", "page_origins = a", "webhook_hosts = a b", "engine = a",
+    "worker = /nonexistent", "listen = 0.0.0.0:0"])
+def test_a_setting_with_a_value_that_the_service_refuses_is_named_with_its_line(build, tmp_path, setting):
+    bad = tmp_path / "bad.conf"
+    bad.write_text(f"# a comment\nworkers = 2\n{setting}\n")
+    tried = run_hexad(build, "--config", bad, "--state_dir", tmp_path / "state")
+    assert tried.returncode in (1, 2) and f"error hexad: {bad}:3: {setting.split()[0]}" in tried.stderr, tried.stderr
+    key, value = setting.split(" = ")
+    tried = run_hexad(build, "--config", bad, "--state_dir", tmp_path / "state", f"--{key}={value}")
+    assert tried.returncode in (1, 2) and f"error hexad: {key}" in tried.stderr, tried.stderr
+
+
 def test_less_memory_for_all_jobs_than_for_one_is_warned_of(new_service):
     service = new_service("--host_memory_mb", 2048, "--memory_mb", 4096).start()
     assert " warning memory_mb (4096) is more than host_memory_mb (2048)" in service.log.read_text()
