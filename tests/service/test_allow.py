@@ -293,6 +293,21 @@ def other(host):
     return host
 
 
+def test_a_user_who_is_not_root_reads_the_command_with_sudo(host, public_directory):
+    def as_stranger(*words):
+        environment = {**os.environ, "PATH": f"{host.root}/bin:{os.environ['PATH']}", "SYSTEMD_UNIT_PATH": f"{public_directory}/units"}
+        return subprocess.run([sys.executable, "-c", ASK_AS, host.build / "hexad", *words], env=environment, capture_output=True,
+                              text=True, timeout=PATIENCE_S)
+
+    file = f"{public_directory}/hexad.conf"
+    with open(file, "w") as settings:
+        settings.write("workers = 2\n")
+    told = as_stranger("--config", file, "--allow", HERE)
+    assert told.returncode == 1 and told.stderr.endswith(f". Run as root: sudo hexad --config {file} --allow {HERE}\n"), told.stderr
+    told = as_stranger("--config", file, "--deny", "@no-such-group")
+    assert told.returncode == 2 and "sudo" not in told.stderr
+
+
 def test_a_device_is_not_replaced_by_a_file(other):
     device = other.root / "null"
     try:
