@@ -45,7 +45,7 @@ static int lock_file(const command_options *options, error *e)
     return fd;
 }
 
-/* A token may be for a user of another machine, so an unknown name is no error. */
+/* A token may be for a user of another machine, so an unknown name is valid. */
 static void warn_of_unknown_user(const token *t, const char *file)
 {
     if (getpwnam(t->user)) return;

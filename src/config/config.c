@@ -9,6 +9,7 @@
 
 #include <ini.h>
 
+#include "base/denial.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
 #include "config/config_table.h"
@@ -187,9 +188,14 @@ static bool read_file(config *c, const char *path, error *e)
 {
     error mine = {0};
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
-    if (!s.file)
-        return error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
-                         strerror(errno));
+    if (!s.file) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_READ, ". Check --config.");
+        error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s%s", path, strerror(fault),
+                  why);
+        free(why);
+        return false;
+    }
     int line = ini_parse_stream(read_line, &s, take_pair, &s);
     if (ferror(s.file))
         error_set(&mine, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,

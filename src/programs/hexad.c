@@ -21,6 +21,7 @@
 #include "auth/access.h"
 #include "base/clock.h"
 #include "base/control_group.h"
+#include "base/denial.h"
 #include "base/descriptor_wait.h"
 #include "base/log.h"
 #include "base/manager.h"
@@ -124,7 +125,15 @@ static void fini_signals(service *s)
 
 static bool init_state(service *s, error *e)
 {
-    if (!store_directory_create(s->settings.state_dir, e)) return false;
+    const char *wanted = s->settings.state_dir;
+    const bool made = store_directory_create(wanted, e);
+    if ((made ? access(wanted, R_OK | W_OK | X_OK) != 0 : e->code == ERROR_INTERNAL) && errno == EACCES) {
+        char *why = denial_describe(wanted, DENIAL_OWN);
+        error_set(e, ERROR_INTERNAL, "state_dir: cannot write to %s: Permission denied: %s", wanted, why);
+        free(why);
+        return false;
+    }
+    if (!made) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
         return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
@@ -210,6 +219,13 @@ static void fini_inputs(service *s)
 static bool init_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
+    for (size_t i = 0; i < given->count; i++) {
+        if (access(given->item[i], R_OK) == 0 || errno != EACCES) continue;
+        char *why = denial_describe(given->item[i], DENIAL_READ);
+        log_write(LOG_LEVEL_WARNING, "input_roots: cannot read %s: Permission denied: %s", given->item[i],
+                  why);
+        free(why);
+    }
     s->roots = store_roots_open(s->inputs_dir, (const char *const *)given->item, given->count, e);
     return s->roots != NULL;
 }
