@@ -220,6 +220,7 @@ static const struct action {
     {"adopt", CONFIG_ADOPT, NULL, 0},
     {"print-config", CONFIG_SAMPLE, NULL, 0},
     {"check", CONFIG_CHECK, NULL, 0},
+    {"check-settings", CONFIG_CHECK_SETTINGS, NULL, 0},
     {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
     {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
     {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
@@ -341,7 +342,7 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     return true;
 }
 
-/* Whether --check or --backup is meant for the installed service: no other settings file or state directory is
+/* Whether --check, --check-settings or --backup is meant for the installed service: no other settings file or state directory is
  * given. */
 static bool maintains_service(int argc, char *const *argv)
 {
@@ -350,7 +351,8 @@ static bool maintains_service(int argc, char *const *argv)
         const char *key = strncmp(argv[i], "--", 2) == 0 ? argv[i] + 2 : "";
         const size_t length = strcspn(key, "=");
         if (is_named(key, length, "config") || is_named(key, length, "state_dir")) return false;
-        maintains |= is_named(key, length, "check") || is_named(key, length, "backup");
+        maintains |= is_named(key, length, "check") || is_named(key, length, "check-settings") ||
+                     is_named(key, length, "backup");
     }
     return maintains && access(CONFIG_FILE, F_OK) == 0;
 }
@@ -532,6 +534,7 @@ void config_print_help(FILE *file)
     fputs(
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
         "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --check-settings\n"
         "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
@@ -547,7 +550,7 @@ void config_print_help(FILE *file)
         "                   scope admin in $HEXAD_TOKEN\n"
         "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
         "                   jobs. It changes neither and prints a line for each fault.\n"
-        "                   --backup and --check read " CONFIG_FILE " unless --config or\n"
+        "                   --backup, --check and --check-settings read " CONFIG_FILE " unless --config or\n"
         "                   --state_dir is given\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
@@ -556,12 +559,16 @@ void config_print_help(FILE *file)
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"
         "  --deny USER      revokes this access\n"
+        "  --check-settings checks the settings and starts nothing. It warns of users, groups and\n"
+        "                   directories that do not exist, and of directories that the user who types it\n"
+        "                   cannot use: run it as the user of the service\n"
         "  --print-config   prints a sample of the settings file\n"
         "  --help           prints this text\n"
         "  --version        prints the version\n"
         "\n"
         "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
         "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
+        "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings.\n"
         "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",

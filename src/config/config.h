@@ -98,6 +98,7 @@ typedef enum config_action {
     CONFIG_SAMPLE,
     CONFIG_BACKUP,
     CONFIG_CHECK,
+    CONFIG_CHECK_SETTINGS,
     CONFIG_ALLOW,
     CONFIG_DENY
 } config_action;

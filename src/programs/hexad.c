@@ -216,9 +216,9 @@ static void fini_inputs(service *s)
     free(s->inputs_dir);
 }
 
-static bool init_roots(service *s, error *e)
+/* Logs roots that this process cannot list; paths below them can still be open to it. */
+static void warn_of_unreadable_inputs(const config_list *given)
 {
-    const config_list *given = &s->settings.input_roots;
     for (size_t i = 0; i < given->count; i++) {
         if (access(given->item[i], R_OK) == 0 || errno != EACCES) continue;
         char *why = denial_describe(given->item[i], DENIAL_READ);
@@ -226,6 +226,12 @@ static bool init_roots(service *s, error *e)
                   why);
         free(why);
     }
+}
+
+static bool init_roots(service *s, error *e)
+{
+    const config_list *given = &s->settings.input_roots;
+    warn_of_unreadable_inputs(given);
     s->roots = store_roots_open(s->inputs_dir, (const char *const *)given->item, given->count, e);
     return s->roots != NULL;
 }
@@ -383,7 +389,8 @@ static bool read_output_roots(service *s, error *e)
     return true;
 }
 
-static bool init_outputs(service *s, error *e)
+/* Reads the settings of output roots. */
+static bool read_outputs(service *s, error *e)
 {
     const config *c = &s->settings;
     char *end;
@@ -406,6 +413,13 @@ static bool init_outputs(service *s, error *e)
         .mode = (mode_t)mode,
         .group = group ? group->gr_gid : (gid_t)-1,
     };
+    return true;
+}
+
+static bool init_outputs(service *s, error *e)
+{
+    const config *c = &s->settings;
+    if (!read_outputs(s, e)) return false;
     s->outputs = output_place_new(s->q, &s->output_roots, c->share_outputs != 0);
     output_place_check_roots(s->outputs);
     return true;
@@ -896,6 +910,83 @@ static int run(service *s)
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
 }
 
+/* ---- --check-settings */
+
+static void warn(const char *setting, const char *message)
+{
+    fprintf(stderr, "hexad: warning: %s: %s\n", setting, message);
+}
+
+static void warn_of_unknown_users(const config_list *numbers, const char *setting)
+{
+    for (size_t i = 0; i < numbers->count; i++) {
+        char *name = mem_strndup(numbers->item[i], strcspn(numbers->item[i], ":"));
+        char *message =
+            mem_printf("this machine has no user %s: the number applies to tokens of this name only", name);
+        if (strcmp(name, "*") != 0 && !access_check_name(name, false, NULL)) warn(setting, message);
+        free(message);
+        free(name);
+    }
+}
+
+static void warn_of_unknown_names(const config_list *names, bool group, const char *setting)
+{
+    error e = {0};
+    for (size_t i = 0; i < names->count; i++)
+        if (!access_check_name(names->item[i], group, &e)) warn(setting, e.message);
+}
+
+static void warn_of_roots(const service *s)
+{
+    const config_list *inputs = &s->settings.input_roots;
+    error e = {0};
+    for (size_t i = 0; i < inputs->count; i++) {
+        const char *const one = inputs->item[i];
+        store_roots *opened = store_roots_open(NULL, &one, 1, &e);
+        if (!opened) fprintf(stderr, "hexad: warning: %s; without it hexad does not start\n", e.message);
+        store_roots_close(opened);
+    }
+    warn_of_unreadable_inputs(inputs);
+    for (size_t i = 0; i < s->output_roots.root_count; i++) {
+        const char *root = s->output_root[i];
+        int fd = store_output_open_root(root, &e);
+        if (fd < 0 || (!s->output_root_of_user[i] && !store_output_try(fd, root, &e)))
+            warn("output_roots", e.message);
+        if (fd >= 0) close(fd);
+    }
+}
+
+/* Checks the values of the settings, as far as a reload or a start would refuse them, and warns of users and
+ * directories that do not exist. */
+static int check_settings(service *s)
+{
+    const config *c = &s->settings;
+    error e = {0};
+    user_numbers *weights, *priorities;
+    bool ok = read_weights_and_priorities(c, &weights, &priorities, &e);
+    if (ok) user_numbers_free(weights);
+    if (ok) user_numbers_free(priorities);
+    for (size_t i = 0; ok && i < c->input_roots.count; i++)
+        ok = c->input_roots.item[i][0] == '/' ||
+             error_set(&e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
+                       c->input_roots.item[i]);
+    ok = ok && config_find_worker(&s->settings, &e) && read_outputs(s, &e);
+    if (!ok) {
+        config_locate_error(c, &e);
+        fprintf(stderr, "hexad: %s\n", e.message);
+        return EXIT_SETTINGS;
+    }
+    warn_of_unknown_users(&c->user_weights, "user_weights");
+    warn_of_unknown_users(&c->user_priorities, "user_priorities");
+    warn_of_unknown_names(&c->unix_users, false, "unix_users");
+    warn_of_unknown_names(&c->unix_groups, true, "unix_groups");
+    warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
+    warn_of_roots(s);
+    free_output_roots(s);
+    printf("no faults in the settings%s%s\n", c->file ? " of " : "", c->file ? c->file : "");
+    return EXIT_SUCCESS;
+}
+
 int main(int argc, char **argv)
 {
     descriptors_prepare();
@@ -938,6 +1029,9 @@ int main(int argc, char **argv)
     case CONFIG_ALLOW:
     case CONFIG_DENY:
         status = admission_change(&s.settings, action);
+        break;
+    case CONFIG_CHECK_SETTINGS:
+        status = check_settings(&s);
         break;
     case CONFIG_CHECK:
         status = maintenance_check(&s.settings);
