@@ -456,3 +456,19 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
 def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
     told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
     assert told.returncode == 3 and "start hexad" in told.stderr
+
+
+def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):
+    """systemd listens, does not answer for a service that fails, and at last closes the socket."""
+    where = tmp_path / "hexad.sock"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(where))
+        listening.listen()
+        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], stderr=subprocess.PIPE, text=True)
+        accepted, _ = listening.accept()
+        assert accepted.recv(1)
+        accepted.close()
+    told = waiting.communicate(timeout=PATIENCE_S)[1]
+    assert waiting.returncode == 3 and "Connection reset by peer" in told, told
+    after = subprocess.run([build / "hexadctl", "--server", f"unix:{where}", "list"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert after.returncode == 3 and "cannot connect (Connection refused): start hexad" in after.stderr
