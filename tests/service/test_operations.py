@@ -208,6 +208,9 @@ class Story:
     def after_directories_outside_of_the_state(self, shown):
         assert not shown  # `make bootcheck` starts hexad with such drop-ins
 
+    def after_a_directory_for_each_user(self, shown):
+        assert not shown  # test_isolation.py makes such directories
+
     def after_monitoring(self, shown):
         succeeded = self.host.ask("GET", "/v1/jobs?state=succeeded&limit=500")[1]["jobs"]
         assert f'hexad_jobs{{state="succeeded"}} {len(succeeded)}' in shown and "hexad_database_damaged 0" in shown
