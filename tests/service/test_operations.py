@@ -239,6 +239,16 @@ class Story:
         self.late = self.host.submit(count=300)
         assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
 
+    def before_try_a_backup(self):
+        self.backup = {p: p.stat().st_mtime_ns for p in (self.host.root / "var/backups/hexad").rglob("*")}
+        self.process = (self.host.root / "pid").read_text()
+
+    def after_try_a_backup(self, shown):
+        assert "no faults in the database and" in shown and "storage_full" in shown and self.deleted in shown and self.late not in shown
+        assert (self.host.root / "pid").read_text() == self.process and self.host.state_of(self.late) == "succeeded"
+        assert {p: p.stat().st_mtime_ns for p in (self.host.root / "var/backups/hexad").rglob("*")} == self.backup
+        assert not list((self.host.root / "var/backups").glob("hexad-trial-*"))
+
     def after_restore(self, shown):
         self.expect_kept()
         assert self.host.state_of(self.late) is None
