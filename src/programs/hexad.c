@@ -956,22 +956,36 @@ static void warn_of_roots(const service *s)
     }
 }
 
+/* Reads all values that a start reads after the file. The caller frees the output roots. */
+static bool read_values(service *s, error *e)
+{
+    const config *c = &s->settings;
+    user_numbers *weights, *priorities;
+    if (!read_weights_and_priorities(c, &weights, &priorities, e)) return false;
+    user_numbers_free(weights);
+    user_numbers_free(priorities);
+    for (size_t i = 0; i < c->input_roots.count; i++)
+        if (c->input_roots.item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
+                             c->input_roots.item[i]);
+    webhook_hosts *hosts =
+        webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
+    if (!hosts) return false;
+    webhook_hosts_free(hosts);
+    if (!init_mappings(s, e)) return false;
+    fini_mappings(s);
+    if (!init_network(s, e)) return false;
+    fini_network(s);
+    return config_find_worker(&s->settings, e) && read_outputs(s, e);
+}
+
 /* Checks the values of the settings, as far as a reload or a start would refuse them, and warns of users and
  * directories that do not exist. */
 static int check_settings(service *s)
 {
     const config *c = &s->settings;
     error e = {0};
-    user_numbers *weights, *priorities;
-    bool ok = read_weights_and_priorities(c, &weights, &priorities, &e);
-    if (ok) user_numbers_free(weights);
-    if (ok) user_numbers_free(priorities);
-    for (size_t i = 0; ok && i < c->input_roots.count; i++)
-        ok = c->input_roots.item[i][0] == '/' ||
-             error_set(&e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
-                       c->input_roots.item[i]);
-    ok = ok && config_find_worker(&s->settings, &e) && read_outputs(s, &e);
-    if (!ok) {
+    if (!read_values(s, &e)) {
         config_locate_error(c, &e);
         fprintf(stderr, "hexad: %s\n", e.message);
         return EXIT_SETTINGS;

@@ -383,7 +383,8 @@ def test_settings_are_checked_without_a_start(build, tmp_path):
 
     assert check(f"user_weights = {here}:2, *:1\nunix_users = {here}\ninput_roots = {tmp_path}\noutput_roots = {tmp_path}\n") == \
         (0, f"no faults in the settings of {file}\n")
-    for text in ("user_weights = alice:200", "output_group = no-such-group", "wrokers = 2", "user_priorities = a", "input_roots = relative"):
+    for text in ("user_weights = alice:200", "output_group = no-such-group", "wrokers = 2", "user_priorities = a", "input_roots = relative",
+                 "path_mappings = a", "trusted_proxies = a", "page_origins = a", "webhook_hosts = a b"):
         status, told = check(f"workers = 2\n{text}\n")
         assert status == 2 and f"hexad: {file}:2: " in told, told
     status, told = check(f"user_weights = no-such-user:2\nuser_priorities = gone:1\nunix_users = left\n"
