@@ -15,8 +15,10 @@ typedef struct upload {
     error why;
 } upload;
 
-static void refuse(store_upload_outcome outcome, const error *why, reply *r)
+static void refuse(const http_context *c, store_upload_outcome outcome, const error *why, reply *r)
 {
+    store_inputs_space uploads = store_inputs_get_space(c->inputs);
+    executor_space disk = executor_get_space(c->x);
     switch (outcome) {
     case STORE_UPLOAD_GOOD:
         break;
@@ -25,11 +27,19 @@ static void refuse(store_upload_outcome outcome, const error *why, reply *r)
                           "the file exceeds the size of an upload (setting upload_limit_bytes): "
                           "reduce it, or put it below an input root");
         break;
-    case STORE_UPLOAD_NO_SPACE:
+    case STORE_UPLOAD_ALL_FULL:
+        reply_set_problem(r, "storage_full", NULL,
+                          "the file does not fit: all uploads have %lld of %lld bytes (setting "
+                          "upload_total_bytes). Delete uploads that are not needed; unused ones expire after "
+                          "inputs_keep_s.",
+                          (long long)uploads.used_bytes, (long long)uploads.limit_bytes);
+        break;
+    case STORE_UPLOAD_DISK_FULL:
         reply_set_problem(
             r, "storage_full", NULL,
-            "the file does not fit: all uploads together would exceed upload_total_bytes, or the "
-            "disk is full. Delete uploads that are not needed.");
+            "the file does not fit: %lld MiB are free on the disk of %s. Delete uploads and jobs that "
+            "are not needed, or free space on this disk.",
+            (long long)disk.free_bytes >> 20, disk.directory);
         break;
     case STORE_UPLOAD_USER_FULL:
         reply_set_problem(r, "storage_full", NULL,
@@ -125,7 +135,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
         store_upload_outcome outcome =
             store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file, &e);
         if (outcome != STORE_UPLOAD_GOOD) {
-            refuse(outcome, &e, r);
+            refuse(c, outcome, &e, r);
             return NULL;
         }
     }
@@ -144,7 +154,7 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
         !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
         u->outcome = STORE_UPLOAD_FAILED;
     if (u->outcome != STORE_UPLOAD_GOOD) {
-        refuse(u->outcome, &u->why, r);
+        refuse(c, u->outcome, &u->why, r);
         return;
     }
     show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);

@@ -442,6 +442,19 @@ static void refuse_results(const char *owner, bool of_user, reply *r)
     reply_add_header(r, "Retry-After", "30");
 }
 
+static void refuse_full_disk(const http_context *c, reply *r)
+{
+    char detail[1024];
+    executor_space space = executor_get_space(c->x);
+    snprintf(
+        detail, sizeof detail,
+        "the job is not accepted: %lld MiB are free on the disk of %s, and the database keeps the rest (setting "
+        "reserve_mb) for changes of jobs. Delete jobs that are not needed, free space on this disk, or try again "
+        "later.",
+        (long long)space.free_bytes >> 20, space.directory);
+    reply_set_storage_full(r, detail);
+}
+
 /* Sets the reply to a submission. */
 static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
                            const queue_receipt *receipt, reply *r)
@@ -479,9 +492,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         refuse_results(put->owner, receipt->admission == QUEUE_USER_RESULTS_FULL, r);
         break;
     case QUEUE_NO_SPACE:
-        reply_set_storage_full(
-            r, "the disk of the service is full (setting reserve_mb): delete jobs that are not "
-               "needed, or try again later");
+        refuse_full_disk(c, r);
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
     case QUEUE_REPEATED_DEPENDENCY:

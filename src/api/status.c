@@ -62,9 +62,9 @@ static void look_at_storage(const http_context *c, finding *f)
     f->state = "full";
     f->code = "unavailable";
     snprintf(f->detail, sizeof f->detail,
-             "storage_full: %lld MiB are free on the disk of state_dir; jobs start again at %lld"
-             " MiB (setting free_space_mb)",
-             (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
+             "storage_full: %lld MiB are free on the disk of %s, and no job starts below %lld MiB (setting "
+             "free_space_mb): delete files or jobs",
+             (long long)space.free_bytes >> 20, space.directory, (long long)space.floor_bytes >> 20);
 }
 
 static void look_at_results(const http_context *c, finding *f)

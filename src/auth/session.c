@@ -13,6 +13,7 @@
 #include <nettle/hmac.h>
 #include <nettle/memops.h>
 
+#include "base/denial.h"
 #include "store/file.h"
 
 static bool make_key(const char *path, error *e)
@@ -36,7 +37,13 @@ bool session_key_open(const char *path, session_key *key, error *e)
     session_key k = {0};
     if (access(path, F_OK) != 0 && !make_key(path, e)) return false;
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (fd < 0) return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (fd < 0) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_OWN, "");
+        error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s%s", path, strerror(fault), why);
+        free(why);
+        return false;
+    }
     uint8_t more;
     bool ok = store_file_check_private(fd, path, e);
     if (ok && (read(fd, k.bytes, sizeof k.bytes) != sizeof k.bytes || read(fd, &more, 1) != 0))

@@ -14,6 +14,7 @@
 
 #include "auth/scope.h"
 #include "base/clock.h"
+#include "base/denial.h"
 #include "base/memory.h"
 #include "store/file.h"
 
@@ -94,9 +95,13 @@ static bool read_token(char *line, token *t)
 /* Sets the error for an existing file that this process cannot read. */
 static bool fail_to_read(const char *path, error *e)
 {
-    bool lasts = errno == EACCES || errno == EPERM || errno == EISDIR || errno == ENXIO;
-    return error_set(e, lasts ? ERROR_SPEC_INVALID : ERROR_INTERNAL, "%s cannot be read: %s", path,
-                     strerror(errno));
+    const int fault = errno;
+    bool lasts = fault == EACCES || fault == EPERM || fault == EISDIR || fault == ENXIO;
+    char *why = denial_explain(path, fault, DENIAL_SECRET, "");
+    error_set(e, lasts ? ERROR_SPEC_INVALID : ERROR_INTERNAL, "%s cannot be read: %s%s", path,
+              strerror(fault), why);
+    free(why);
+    return false;
 }
 
 static bool read_lines(FILE *file, const char *path, token_set *set, error *e)

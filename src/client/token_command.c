@@ -1,6 +1,7 @@
 /* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes them. */
 #include <errno.h>
 #include <fcntl.h>
+#include <pwd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,6 +45,17 @@ static int lock_file(const command_options *options, error *e)
     return fd;
 }
 
+/* A token may be for a user of another machine, so an unknown name is valid. */
+static void warn_of_unknown_user(const token *t, const char *file)
+{
+    if (getpwnam(t->user)) return;
+    fprintf(
+        stderr,
+        "hexadctl: warning: this machine has no user %s. Clients with the token own the jobs of this name. If the "
+        "name is misspelt, run \"hexadctl token revoke %s --file %s\" and add a token for the right name.\n",
+        t->user, t->id, file);
+}
+
 int command_token_add(client *c, const char *argument, const command_options *options)
 {
     (void)c;
@@ -73,6 +85,7 @@ int command_token_add(client *c, const char *argument, const command_options *op
     if (ok) {
         fprintf(stderr, "hexadctl: token %s of %s was added to %s; it is shown only once\n", t->id, t->user,
                 options->file);
+        warn_of_unknown_user(t, options->file);
         puts(text);
     }
     token_set_clear(&set);

@@ -9,6 +9,7 @@
 
 #include <ini.h>
 
+#include "base/denial.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
 #include "config/config_table.h"
@@ -139,6 +140,9 @@ static bool set_from(source *s, const config_row *row, const char *value)
         return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice: remove one", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
+    char **place = &s->c->place[row - config_table];
+    free(*place);
+    *place = s->path ? mem_printf("%s:%d", s->path, s->line) : NULL;
     return !refuse_missing(row, value, s->e) && set_value(s->c, row, value, s->e);
 }
 
@@ -184,9 +188,14 @@ static bool read_file(config *c, const char *path, error *e)
 {
     error mine = {0};
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
-    if (!s.file)
-        return error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
-                         strerror(errno));
+    if (!s.file) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_READ, ". Check --config.");
+        error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s%s", path, strerror(fault),
+                  why);
+        free(why);
+        return false;
+    }
     int line = ini_parse_stream(read_line, &s, take_pair, &s);
     if (ferror(s.file))
         error_set(&mine, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
@@ -211,6 +220,7 @@ static const struct action {
     {"adopt", CONFIG_ADOPT, NULL, 0},
     {"print-config", CONFIG_SAMPLE, NULL, 0},
     {"check", CONFIG_CHECK, NULL, 0},
+    {"check-settings", CONFIG_CHECK_SETTINGS, NULL, 0},
     {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
     {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
     {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
@@ -332,7 +342,7 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     return true;
 }
 
-/* Whether --check or --backup is meant for the installed service: no other settings file or state directory is
+/* Whether --check, --check-settings or --backup is meant for the installed service: no other settings file or state directory is
  * given. */
 static bool maintains_service(int argc, char *const *argv)
 {
@@ -341,7 +351,8 @@ static bool maintains_service(int argc, char *const *argv)
         const char *key = strncmp(argv[i], "--", 2) == 0 ? argv[i] + 2 : "";
         const size_t length = strcspn(key, "=");
         if (is_named(key, length, "config") || is_named(key, length, "state_dir")) return false;
-        maintains |= is_named(key, length, "check") || is_named(key, length, "backup");
+        maintains |= is_named(key, length, "check") || is_named(key, length, "check-settings") ||
+                     is_named(key, length, "backup");
     }
     return maintains && access(CONFIG_FILE, F_OK) == 0;
 }
@@ -353,6 +364,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     source s = {.c = &read, .e = &mine};
     config_action what = CONFIG_RUN;
     bool ok = true;
+    read.place = mem_alloc(config_table_size * sizeof *read.place);
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
     if (ok && maintains_service(argc, argv)) ok = take_file(&s, CONFIG_FILE);
@@ -428,13 +440,22 @@ void config_take_over(config *c, config *fresh)
     }
 }
 
+void config_locate_error(const config *c, error *e)
+{
+    const config_row *row = find_row(e->message, strcspn(e->message, ": "));
+    const char *place = row ? c->place[row - config_table] : NULL;
+    if (place) error_prefix(e, "%s", place);
+}
+
 void config_clear(config *c)
 {
     for (size_t i = 0; i < config_table_size; i++) {
         void *at = (char *)c + config_table[i].offset;
         if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
         if (is_list(&config_table[i])) list_clear(at);
+        if (c->place) free(c->place[i]);
     }
+    free(c->place);
     free(c->file);
     free(c->backup);
     free(c->admit);
@@ -469,8 +490,8 @@ static bool find_program(char **path, const char *name, const char *setting, err
         }
     }
     if (access(*path, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING, "cannot run the program %s: %s. Correct the setting %s.", *path,
-                     strerror(errno), setting);
+    return error_set(e, ERROR_INPUT_MISSING, "%s: cannot run the program %s: %s. Correct this setting.",
+                     setting, *path, strerror(errno));
 }
 
 bool config_find_worker(config *c, error *e)
@@ -513,6 +534,7 @@ void config_print_help(FILE *file)
     fputs(
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
         "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --check-settings\n"
         "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
@@ -528,7 +550,7 @@ void config_print_help(FILE *file)
         "                   scope admin in $HEXAD_TOKEN\n"
         "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
         "                   jobs. It changes neither and prints a line for each fault.\n"
-        "                   --backup and --check read " CONFIG_FILE " unless --config or\n"
+        "                   --backup, --check and --check-settings read " CONFIG_FILE " unless --config or\n"
         "                   --state_dir is given\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
@@ -537,12 +559,16 @@ void config_print_help(FILE *file)
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"
         "  --deny USER      revokes this access\n"
+        "  --check-settings checks the settings and starts nothing. It warns of users, groups and\n"
+        "                   directories that do not exist, and of directories that the user who types it\n"
+        "                   cannot use: run it as the user of the service\n"
         "  --print-config   prints a sample of the settings file\n"
         "  --help           prints this text\n"
         "  --version        prints the version\n"
         "\n"
         "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
         "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
+        "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings.\n"
         "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",

@@ -87,6 +87,7 @@ typedef struct config {
     char *file;   /* the last --config */
     char *backup; /* with CONFIG_BACKUP: the file to write */
     char *admit;  /* with CONFIG_ALLOW and CONFIG_DENY: a user or @GROUP, not empty */
+    char **place; /* for each row of the table: FILE:LINE of the value; NULL: a default or an option */
 } config;
 
 typedef enum config_action {
@@ -97,6 +98,7 @@ typedef enum config_action {
     CONFIG_SAMPLE,
     CONFIG_BACKUP,
     CONFIG_CHECK,
+    CONFIG_CHECK_SETTINGS,
     CONFIG_ALLOW,
     CONFIG_DENY
 } config_action;
@@ -110,6 +112,8 @@ void config_take_over(config *c, config *fresh);
 /* The first Unix socket of `listen`: unix:/path, or unix: for the default one. NULL: there are TCP ports only. */
 const char *config_unix_address(const config *c);
 bool config_lists_differ(const config_list *a, const config_list *b);
+/* If the message begins with the name of a setting whose value is from a file, prepends FILE:LINE. */
+void config_locate_error(const config *c, error *e);
 void config_clear(config *c); /* accepts a zeroed object */
 
 /* Whether the settings admit users other than the service's own to the Unix socket. */

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/denial.h"
 #include "base/log.h"
 #include "base/memory.h"
 
@@ -58,6 +59,14 @@ static bool lock_file(int fd, int64_t patience_ms)
     return true;
 }
 
+static void fail_to_lock(const char *path, error *e)
+{
+    const int fault = errno;
+    char *why = denial_explain(path, fault, DENIAL_OWN, "");
+    error_set(e, ERROR_INTERNAL, "cannot lock %s: %s%s", path, strerror(fault), why);
+    free(why);
+}
+
 int lock_take(const char *state_dir, bool *in_use, error *e)
 {
     char *path = mem_printf("%s/lock", state_dir);
@@ -67,7 +76,7 @@ int lock_take(const char *state_dir, bool *in_use, error *e)
     if (held)
         describe_holder(fd, state_dir, e);
     else if (!ok)
-        error_set(e, ERROR_INTERNAL, "cannot lock %s: %s", path, strerror(errno));
+        fail_to_lock(path, e);
     else
         note_holder(fd);
     if (in_use) *in_use = held;

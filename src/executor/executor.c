@@ -651,7 +651,7 @@ const meter *executor_get_meter(const executor *x)
 executor_space executor_get_space(const executor *x)
 {
     executor_space space = {.floor_bytes = x->storage.floor_bytes};
-    space.free_bytes = storage_free_bytes(&x->storage, &space.size_bytes);
+    space.free_bytes = storage_free_bytes(&x->storage, &space.size_bytes, &space.directory);
     return space;
 }
 

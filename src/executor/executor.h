@@ -114,6 +114,7 @@ const meter *executor_get_meter(const executor *x);
 
 typedef struct executor_space {
     int64_t size_bytes, free_bytes; /* of the fullest disk of the state directory */
+    const char *directory;          /* state_dir or work_dir, whichever is on this disk; the executor's */
     int64_t floor_bytes;            /* the minimum that an attempt needs to start */
 } executor_space;
 

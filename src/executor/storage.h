@@ -16,8 +16,8 @@ typedef struct storage {
 } storage;
 
 /* The bytes that the service may use (f_bavail), INT64_MAX if they cannot be determined, and the size of that disk, 0
- * if it cannot be determined. */
-int64_t storage_free_bytes(const storage *s, int64_t *size_bytes);
+ * if it cannot be determined. *directory is that of the two directories that is on this disk. */
+int64_t storage_free_bytes(const storage *s, int64_t *size_bytes, const char **directory);
 
 /* Whether at least floor_bytes are free. Logs when that changes. */
 bool storage_has_space(storage *s);

@@ -345,8 +345,7 @@ static bool reload_both(const change *w, bool drop_in_changed, error *e)
                   w->file, failed);
     else if (!ok)
         error_set(e, ERROR_INTERNAL,
-                  "the files are written, but hexad or systemd did not load them: %s failed; run it as "
-                  "root, or restart hexad",
+                  "the files are written, but hexad or systemd did not load them: %s failed; restart hexad",
                   failed);
     free(failed);
     return ok;
@@ -462,6 +461,20 @@ static void tell_reach(const change *w)
     free(closed);
 }
 
+/* Prints the error. What a user other than root may not do, such as writing the settings file, root may; wrong names and
+ * settings (spec_invalid) stay wrong. */
+static void print_failure(const config *settings, config_action action, const error *e)
+{
+    const size_t length = strlen(e->message);
+    fprintf(stderr, "hexad: %s", e->message);
+    if (geteuid() != 0 && e->code != ERROR_SPEC_INVALID)
+        fprintf(stderr, "%s Run as root: sudo hexad %s%s%s--%s %s",
+                length && e->message[length - 1] == '.' ? "" : ".", settings->file ? "--config " : "",
+                settings->file ? settings->file : "", settings->file ? " " : "",
+                action == CONFIG_ALLOW ? "allow" : "deny", settings->admit);
+    fputc('\n', stderr);
+}
+
 int admission_change(const config *settings, config_action action)
 {
     error e = {0};
@@ -483,8 +496,7 @@ int admission_change(const config *settings, config_action action)
     else if (ok)
         puts("open connections continue until they end");
     else
-        fprintf(stderr, "hexad: %s%s\n", e.message,
-                geteuid() && (w.units || !settings->file) ? "; run it as root" : "");
+        print_failure(settings, action, &e);
     end(&w);
     return ok ? EXIT_SUCCESS : e.code == ERROR_SPEC_INVALID ? EXIT_WRONG : EXIT_FAILURE;
 }

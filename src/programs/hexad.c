@@ -21,6 +21,7 @@
 #include "auth/access.h"
 #include "base/clock.h"
 #include "base/control_group.h"
+#include "base/denial.h"
 #include "base/descriptor_wait.h"
 #include "base/log.h"
 #include "base/manager.h"
@@ -124,7 +125,15 @@ static void fini_signals(service *s)
 
 static bool init_state(service *s, error *e)
 {
-    if (!store_directory_create(s->settings.state_dir, e)) return false;
+    const char *wanted = s->settings.state_dir;
+    const bool made = store_directory_create(wanted, e);
+    if ((made ? access(wanted, R_OK | W_OK | X_OK) != 0 : e->code == ERROR_INTERNAL) && errno == EACCES) {
+        char *why = denial_describe(wanted, DENIAL_OWN);
+        error_set(e, ERROR_INTERNAL, "state_dir: cannot write to %s: Permission denied: %s", wanted, why);
+        free(why);
+        return false;
+    }
+    if (!made) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
         return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
@@ -207,9 +216,22 @@ static void fini_inputs(service *s)
     free(s->inputs_dir);
 }
 
+/* Logs roots that this process cannot list; paths below them can still be open to it. */
+static void warn_of_unreadable_inputs(const config_list *given)
+{
+    for (size_t i = 0; i < given->count; i++) {
+        if (access(given->item[i], R_OK) == 0 || errno != EACCES) continue;
+        char *why = denial_describe(given->item[i], DENIAL_READ);
+        log_write(LOG_LEVEL_WARNING, "input_roots: cannot read %s: Permission denied: %s", given->item[i],
+                  why);
+        free(why);
+    }
+}
+
 static bool init_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
+    warn_of_unreadable_inputs(given);
     s->roots = store_roots_open(s->inputs_dir, (const char *const *)given->item, given->count, e);
     return s->roots != NULL;
 }
@@ -367,7 +389,8 @@ static bool read_output_roots(service *s, error *e)
     return true;
 }
 
-static bool init_outputs(service *s, error *e)
+/* Reads the settings of output roots. */
+static bool read_outputs(service *s, error *e)
 {
     const config *c = &s->settings;
     char *end;
@@ -390,6 +413,13 @@ static bool init_outputs(service *s, error *e)
         .mode = (mode_t)mode,
         .group = group ? group->gr_gid : (gid_t)-1,
     };
+    return true;
+}
+
+static bool init_outputs(service *s, error *e)
+{
+    const config *c = &s->settings;
+    if (!read_outputs(s, e)) return false;
     s->outputs = output_place_new(s->q, &s->output_roots, c->share_outputs != 0);
     output_place_check_roots(s->outputs);
     return true;
@@ -812,6 +842,7 @@ static void reload(service *s)
         output_place_check_roots(s->outputs);
         log_write(LOG_LEVEL_INFO, "settings reloaded");
     } else {
+        if (fresh.place) config_locate_error(&fresh, &e);
         log_write(LOG_LEVEL_ERROR, "cannot reload the settings, which are unchanged: %s", e.message);
     }
     config_clear(&fresh);
@@ -868,13 +899,106 @@ static int run(service *s)
     size_t started = 0, count = sizeof steps / sizeof *steps;
     while (started < count && steps[started].init(s, &e)) started++;
     bool ok = started == count;
-    if (ok)
+    if (ok) {
         serve(s);
-    else
+    } else {
+        config_locate_error(&s->settings, &e);
         log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
+    }
     while (started > 0) steps[--started].fini(s);
     if (ok) log_write(LOG_LEVEL_INFO, "hexad: ended");
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
+}
+
+/* ---- --check-settings */
+
+static void warn(const char *setting, const char *message)
+{
+    fprintf(stderr, "hexad: warning: %s: %s\n", setting, message);
+}
+
+static void warn_of_unknown_users(const config_list *numbers, const char *setting)
+{
+    for (size_t i = 0; i < numbers->count; i++) {
+        char *name = mem_strndup(numbers->item[i], strcspn(numbers->item[i], ":"));
+        char *message =
+            mem_printf("this machine has no user %s: the number applies to tokens of this name only", name);
+        if (strcmp(name, "*") != 0 && !access_check_name(name, false, NULL)) warn(setting, message);
+        free(message);
+        free(name);
+    }
+}
+
+static void warn_of_unknown_names(const config_list *names, bool group, const char *setting)
+{
+    error e = {0};
+    for (size_t i = 0; i < names->count; i++)
+        if (!access_check_name(names->item[i], group, &e)) warn(setting, e.message);
+}
+
+static void warn_of_roots(const service *s)
+{
+    const config_list *inputs = &s->settings.input_roots;
+    error e = {0};
+    for (size_t i = 0; i < inputs->count; i++) {
+        const char *const one = inputs->item[i];
+        store_roots *opened = store_roots_open(NULL, &one, 1, &e);
+        if (!opened) fprintf(stderr, "hexad: warning: %s; without it hexad does not start\n", e.message);
+        store_roots_close(opened);
+    }
+    warn_of_unreadable_inputs(inputs);
+    for (size_t i = 0; i < s->output_roots.root_count; i++) {
+        const char *root = s->output_root[i];
+        int fd = store_output_open_root(root, &e);
+        if (fd < 0 || (!s->output_root_of_user[i] && !store_output_try(fd, root, &e)))
+            warn("output_roots", e.message);
+        if (fd >= 0) close(fd);
+    }
+}
+
+/* Reads all values that a start reads after the file. The caller frees the output roots. */
+static bool read_values(service *s, error *e)
+{
+    const config *c = &s->settings;
+    user_numbers *weights, *priorities;
+    if (!read_weights_and_priorities(c, &weights, &priorities, e)) return false;
+    user_numbers_free(weights);
+    user_numbers_free(priorities);
+    for (size_t i = 0; i < c->input_roots.count; i++)
+        if (c->input_roots.item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
+                             c->input_roots.item[i]);
+    webhook_hosts *hosts =
+        webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
+    if (!hosts) return false;
+    webhook_hosts_free(hosts);
+    if (!init_mappings(s, e)) return false;
+    fini_mappings(s);
+    if (!init_network(s, e)) return false;
+    fini_network(s);
+    return config_find_worker(&s->settings, e) && read_outputs(s, e);
+}
+
+/* Checks the values of the settings, as far as a reload or a start would refuse them, and warns of users and
+ * directories that do not exist. */
+static int check_settings(service *s)
+{
+    const config *c = &s->settings;
+    error e = {0};
+    if (!read_values(s, &e)) {
+        config_locate_error(c, &e);
+        fprintf(stderr, "hexad: %s\n", e.message);
+        return EXIT_SETTINGS;
+    }
+    warn_of_unknown_users(&c->user_weights, "user_weights");
+    warn_of_unknown_users(&c->user_priorities, "user_priorities");
+    warn_of_unknown_names(&c->unix_users, false, "unix_users");
+    warn_of_unknown_names(&c->unix_groups, true, "unix_groups");
+    warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
+    warn_of_roots(s);
+    free_output_roots(s);
+    printf("no faults in the settings%s%s\n", c->file ? " of " : "", c->file ? c->file : "");
+    return EXIT_SUCCESS;
 }
 
 int main(int argc, char **argv)
@@ -919,6 +1043,9 @@ int main(int argc, char **argv)
     case CONFIG_ALLOW:
     case CONFIG_DENY:
         status = admission_change(&s.settings, action);
+        break;
+    case CONFIG_CHECK_SETTINGS:
+        status = check_settings(&s);
         break;
     case CONFIG_CHECK:
         status = maintenance_check(&s.settings);

@@ -12,6 +12,7 @@
 
 #include <nettle/sha2.h>
 
+#include "base/denial.h"
 #include "base/memory.h"
 
 /* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a disk of
@@ -29,8 +30,10 @@ static const char *remedy_of(int why)
 
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e, error_code_of_errno(errno), "cannot %s %s: %s%s", what, path, strerror(errno),
-                     remedy_of(errno));
+    const int why = errno;
+    error_set(e, error_code_of_errno(why), "cannot %s %s: %s%s", what, path, strerror(why), remedy_of(why));
+    errno = why;
+    return false;
 }
 
 /* The parent directory of `path`; the caller frees it. */
@@ -230,20 +233,17 @@ bool store_file_check_private(int fd, const char *path, error *e)
     struct stat info;
     if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
         return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
-    if (info.st_uid != geteuid() && info.st_uid != 0)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "%s belongs to user %u, not to the user that runs the service", path,
-                         (unsigned)info.st_uid);
     /* With an access control list the group permissions are those of the list; the group is root, even if another
      * one was set. */
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
-    return !(info.st_mode & 0777 & ~allowed) ||
-           error_set(
-               e, ERROR_SPEC_INVALID,
-               "other users can access %s (mode %04o): run chmod 600 on it, or 640 if it belongs to root and to the"
-               " group of the service",
-               path, (unsigned)info.st_mode & 07777);
+    const bool is_ours = info.st_uid == geteuid() || info.st_uid == 0;
+    if (is_ours && !(info.st_mode & 0777 & ~allowed)) return true;
+    char *why = denial_describe(path, DENIAL_SECRET);
+    error_set(e, ERROR_SPEC_INVALID, "%s: %s: %s", path,
+              is_ours ? "other users can access the file" : "the file belongs to another user", why);
+    free(why);
+    return false;
 }
 
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])

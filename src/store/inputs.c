@@ -305,7 +305,7 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
  * mutex. */
 static store_upload_outcome find_space(const store_inputs *s, const sender *from, int64_t bytes)
 {
-    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_NO_SPACE;
+    if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_ALL_FULL;
     return s->user_bytes && bytes > s->user_bytes - from->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
 }
 
@@ -388,7 +388,7 @@ store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const 
         int fault = errno;
         leave(s, from, 0, 0);
         free(u);
-        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
+        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
     }
     u->owner = s;
     u->sender = from;
@@ -407,7 +407,7 @@ store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size
     sha256_update(&u->hash, count, bytes);
     if (fwrite(bytes, 1, count, u->file.stream) == count) return STORE_UPLOAD_GOOD;
     error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", u->file.path, strerror(errno));
-    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
 }
 
 store_upload_outcome store_upload_commit(store_upload *u, error *e)
@@ -428,7 +428,7 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
         pthread_mutex_unlock(&u->owner->mutex);
     }
     if (ok) return STORE_UPLOAD_GOOD;
-    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_SPACE : STORE_UPLOAD_FAILED;
+    return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
 }
 
 void store_upload_end(store_upload *u)

@@ -62,7 +62,8 @@ void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads);
 typedef enum store_upload_outcome {
     STORE_UPLOAD_GOOD,
     STORE_UPLOAD_TOO_LARGE, /* over most_bytes */
-    STORE_UPLOAD_NO_SPACE,  /* over total_bytes, or the disk is full */
+    STORE_UPLOAD_ALL_FULL,  /* over total_bytes */
+    STORE_UPLOAD_DISK_FULL, /* no space on the disk, or within a quota */
     STORE_UPLOAD_USER_FULL, /* over the user's limit of bytes */
     STORE_UPLOAD_TOO_MANY,  /* over the user's limit of simultaneous uploads */
     STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */

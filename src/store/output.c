@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/denial.h"
 #include "base/memory.h"
 #include "base/transfer.h"
 #include "store/file.h"
@@ -115,13 +116,16 @@ static error_code code_of(int why)
 
 static bool fail(error *e, const char *what, const char *path)
 {
-    error_code code = code_of(errno);
-    return error_set(
-        e, code, "%s: %s: %s%s", path, what, errno == ELOOP ? "a symbolic link" : strerror(errno),
-        code == ERROR_OUTPUT_UNWRITABLE
-            ? ": let the user of the service write there (permissions of the directory, mount options, and "
-              "ReadWritePaths= in the unit of systemd)"
-            : "");
+    const int fault = errno;
+    const error_code code = code_of(fault);
+    char *why = denial_explain(path, fault, DENIAL_WRITE, "");
+    error_set(e, code, "%s: %s: %s%s%s", path, what, fault == ELOOP ? "a symbolic link" : strerror(fault),
+              why,
+              code == ERROR_OUTPUT_UNWRITABLE
+                  ? ". The mount options and ReadWritePaths= in the unit of systemd must permit it, too"
+                  : "");
+    free(why);
+    return false;
 }
 
 /* Sets the mode and group of a new file or directory, whatever the umask. */
@@ -159,10 +163,13 @@ size_t store_output_root_of(const store_outputs *outputs, const char *path)
 int store_output_open_root(const char *root, error *e)
 {
     int fd = open(root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0)
+    if (fd < 0 && errno == EACCES) {
+        fail(e, "the output root cannot be opened", root);
+    } else if (fd < 0) {
         error_set(e, errno == ENOENT ? ERROR_OUTPUT_UNWRITABLE : code_of(errno),
                   "cannot open the output root %s: %s. Create it, or correct output_roots.", root,
                   strerror(errno));
+    }
     return fd;
 }
 

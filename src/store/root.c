@@ -18,6 +18,7 @@
 #include <linux/openat2.h>
 #endif
 
+#include "base/denial.h"
 #include "base/frames.h"
 #include "base/memory.h"
 #include "store/inputs.h"
@@ -79,8 +80,11 @@ static bool root_open(const char *path, root *r, error *e)
     char *resolved = realpath(path, NULL), *only = NULL;
     int directory = resolved ? open_directory(resolved, &only) : -1;
     if (directory < 0) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_READ, advice_on_root(path));
         error_set(e, ERROR_INPUT_MISSING, "input_roots: cannot open the input root %s: %s%s", path,
-                  strerror(errno), advice_on_root(path));
+                  strerror(fault), why);
+        free(why);
         free(resolved);
         return false;
     }

@@ -19,6 +19,7 @@
 #include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/denial.h"
 #include "base/memory.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -105,11 +106,14 @@ static uint8_t *read_key(const char *path, size_t *key_length, error *e)
     size_t length = 0;
     int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
     if (fd < 0) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_SECRET, ". Correct this setting.");
         if (*path)
-            error_set(e, ERROR_SPEC_INVALID, "cannot read webhook_secret_file %s: %s. Correct this setting.",
-                      path, strerror(errno));
+            error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file: cannot read %s: %s%s", path,
+                      strerror(fault), why);
         else
             error_set(e, ERROR_SPEC_INVALID, "webhook_hosts requires webhook_secret_file: set it");
+        free(why);
         return NULL;
     }
     bool is_private = store_file_check_private(fd, path, e);

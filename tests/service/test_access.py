@@ -44,6 +44,21 @@ def with_token(service, token, method, path, document=None, **more):
     return service.request(method, path, json.dumps(document) if document is not None else None, headers)
 
 
+def test_a_token_for_a_user_that_the_machine_does_not_have_is_added_with_a_warning(build, tmp_path):
+    def add(user):
+        done = subprocess.run([build / "hexadctl", "token", "add", user, "--file", tmp_path / "tokens"],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0 and done.stdout.startswith("hexad_"), done.stderr
+        return done.stderr
+
+    warning = add("no-such-user")
+    assert "warning: this machine has no user no-such-user." in warning
+    revoked, _, file = warning.partition("hexadctl token revoke ")[2].partition('"')[0].partition(" --file ")
+    assert file == str(tmp_path / "tokens")
+    assert (tmp_path / "tokens").read_text().splitlines()[1].split()[:2] == [revoked, "no-such-user"]
+    assert "warning" not in add(pwd.getpwuid(os.geteuid()).pw_name)
+
+
 @pytest.fixture
 def closed_service(new_service):
     """On a loopback port, with an admin's token."""

@@ -293,6 +293,21 @@ def other(host):
     return host
 
 
+def test_a_user_who_is_not_root_reads_the_command_with_sudo(host, public_directory):
+    def as_stranger(*words):
+        environment = {**os.environ, "PATH": f"{host.root}/bin:{os.environ['PATH']}", "SYSTEMD_UNIT_PATH": f"{public_directory}/units"}
+        return subprocess.run([sys.executable, "-c", ASK_AS, host.build / "hexad", *words], env=environment, capture_output=True,
+                              text=True, timeout=PATIENCE_S)
+
+    file = f"{public_directory}/hexad.conf"
+    with open(file, "w") as settings:
+        settings.write("workers = 2\n")
+    told = as_stranger("--config", file, "--allow", HERE)
+    assert told.returncode == 1 and told.stderr.endswith(f". Run as root: sudo hexad --config {file} --allow {HERE}\n"), told.stderr
+    told = as_stranger("--config", file, "--deny", "@no-such-group")
+    assert told.returncode == 2 and "sudo" not in told.stderr
+
+
 def test_a_device_is_not_replaced_by_a_file(other):
     device = other.root / "null"
     try:
@@ -441,3 +456,19 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
 def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
     told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
     assert told.returncode == 3 and "start hexad" in told.stderr
+
+
+def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):
+    """systemd listens, does not answer for a service that fails, and at last closes the socket."""
+    where = tmp_path / "hexad.sock"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(where))
+        listening.listen()
+        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], stderr=subprocess.PIPE, text=True)
+        accepted, _ = listening.accept()
+        assert accepted.recv(1)
+        accepted.close()
+    told = waiting.communicate(timeout=PATIENCE_S)[1]
+    assert waiting.returncode == 3 and "Connection reset by peer" in told, told
+    after = subprocess.run([build / "hexadctl", "--server", f"unix:{where}", "list"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert after.returncode == 3 and "cannot connect (Connection refused): start hexad" in after.stderr

@@ -5,7 +5,10 @@ import json
 import os
 import pathlib
 import sqlite3
+import struct
 import subprocess
+import sys
+import tempfile
 import time
 
 import pytest
@@ -234,6 +237,44 @@ def test_users_have_output_roots_of_their_own(users, tmp_path):
     assert not (tmp_path / "out/ben").exists()
     (tmp_path / "out/ben").symlink_to(tmp_path / "out/ann")
     refused(both.ask("ben", "POST", "/v1/jobs", some(directory=other)), 403, "path_forbidden")
+
+
+ANN, BEN = 60003, 60004
+AS_USER = "import os, sys; os.setgroups([]); os.setgid(int(sys.argv[1])); os.setuid(int(sys.argv[1])); os.execvp(sys.argv[2], sys.argv[2:])"
+
+
+def permit(directory, user):
+    """`setfacl -m u:USER:rwx,d:u:USER:rwx DIRECTORY` for a directory of mode 0770, by acl(5): tag, permissions, id."""
+    entries = ((1, 7, -1), (2, 7, user), (4, 7, -1), (0x10, 7, -1), (0x20, 0, -1))  # owner, user, group, mask, others
+    value = struct.pack("<I", 2) + b"".join(struct.pack("<HHi", *entry) for entry in entries)
+    for name in ("system.posix_acl_access", "system.posix_acl_default"):
+        os.setxattr(directory, name, value)
+
+
+def test_users_read_and_delete_results_in_directories_that_the_recipe_makes(users):
+    """The recipe of operations.md: only the user of the directory, and the service, can use what is in it."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+
+    def as_user(user, *command):
+        return subprocess.run([sys.executable, "-c", AS_USER, str(user), *command], capture_output=True, cwd="/").returncode == 0
+
+    with tempfile.TemporaryDirectory() as place:
+        os.chmod(place, 0o755)
+        out = f"{place}/out"
+        subprocess.run(["install", "-d", "-m", "0755", out], check=True)
+        subprocess.run(["install", "-d", "-m", "0770", f"{out}/ann"], check=True)
+        try:
+            permit(f"{out}/ann", ANN)
+        except OSError as why:
+            pytest.skip(f"no access control lists here: {why}")
+        both = users("--output_roots", f"{out}/%u", "--output_mode", "0660", "--workers", 1)
+        both.service.start()
+        assert both.run("ann", some(directory=f"{out}/ann/show/shot"))["delivery"]["state"] == "delivered"
+        report = f"{out}/ann/show/shot/report.json"
+        assert not as_user(BEN, "cat", report) and not as_user(BEN, "ls", f"{out}/ann")
+        assert as_user(ANN, "cat", report) and as_user(ANN, "touch", f"{out}/ann/show/shot/notes")
+        assert as_user(ANN, "rm", "-r", f"{out}/ann/show") and not os.listdir(f"{out}/ann")
 
 
 def test_a_root_of_users_ends_in_the_name(build, tmp_path):

@@ -1,6 +1,7 @@
 """Cancelling, crashes of workers and of the daemon, draining, and what the daemon refuses at the start."""
 import os
 import pathlib
+import pwd
 import resource
 import signal
 import sqlite3
@@ -330,6 +331,20 @@ def test_settings_that_are_refused(build, tmp_path):
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
 
 
+@pytest.mark.parametrize("setting", [
+    "user_weights = alice:200", "user_priorities = alice:5000", "output_mode = 9", "output_group = no-such-group", "output_roots = relative",
+    "input_roots = /nonexistent", "path_mappings = a", "trusted_proxies = a", "page_origins = a", "webhook_hosts = a b", "engine = a",
+    "worker = /nonexistent", "listen = 0.0.0.0:0"])
+def test_a_setting_with_a_value_that_the_service_refuses_is_named_with_its_line(build, tmp_path, setting):
+    bad = tmp_path / "bad.conf"
+    bad.write_text(f"# a comment\nworkers = 2\n{setting}\n")
+    tried = run_hexad(build, "--config", bad, "--state_dir", tmp_path / "state")
+    assert tried.returncode in (1, 2) and f"error hexad: {bad}:3: {setting.split()[0]}" in tried.stderr, tried.stderr
+    key, value = setting.split(" = ")
+    tried = run_hexad(build, "--config", bad, "--state_dir", tmp_path / "state", f"--{key}={value}")
+    assert tried.returncode in (1, 2) and f"error hexad: {key}" in tried.stderr, tried.stderr
+
+
 def test_less_memory_for_all_jobs_than_for_one_is_warned_of(new_service):
     service = new_service("--host_memory_mb", 2048, "--memory_mb", 4096).start()
     assert " warning memory_mb (4096) is more than host_memory_mb (2048)" in service.log.read_text()
@@ -353,3 +368,28 @@ def test_a_config_file(new_service, build, tmp_path):
     file.write_text(f"# a comment\ninput_roots = {root}\nbody_limit_bytes = 77\n")
     service = new_service("--config", file).start()
     assert service.post("/v1/jobs", raw=" " * 78).status == 413
+
+
+def test_settings_are_checked_without_a_start(build, tmp_path):
+    """Faults that a start refuses end with status 2; what a start or a reload accepts is warned of. Nothing is created."""
+    file = tmp_path / "hexad.conf"
+    here = pwd.getpwuid(os.geteuid()).pw_name
+
+    def check(text):
+        file.write_text(text)
+        done = run_hexad(build, "--config", file, "--state_dir", tmp_path / "state", "--check-settings")
+        assert not (tmp_path / "state").exists()
+        return done.returncode, done.stdout + done.stderr
+
+    assert check(f"user_weights = {here}:2, *:1\nunix_users = {here}\ninput_roots = {tmp_path}\noutput_roots = {tmp_path}\n") == \
+        (0, f"no faults in the settings of {file}\n")
+    for text in ("user_weights = alice:200", "output_group = no-such-group", "wrokers = 2", "user_priorities = a", "input_roots = relative",
+                 "path_mappings = a", "trusted_proxies = a", "page_origins = a", "webhook_hosts = a b"):
+        status, told = check(f"workers = 2\n{text}\n")
+        assert status == 2 and f"hexad: {file}:2: " in told, told
+    status, told = check(f"user_weights = no-such-user:2\nuser_priorities = gone:1\nunix_users = left\n"
+                         f"input_roots = {tmp_path}/none\noutput_roots = {tmp_path}/none\n")
+    assert status == 0, told
+    for part in ("user_weights: this machine has no user no-such-user", "user_priorities: this machine has no user gone", "unix_users: ",
+                 f"input_roots: cannot open the input root {tmp_path}/none", f"output_roots: cannot open the output root {tmp_path}/none"):
+        assert f"hexad: warning: {part}" in told, told

@@ -174,7 +174,7 @@ def test_bounds_of_priorities_are_read_again(new_service, manager, tmp_path):
     expect_problem(submit(8), 403, "priority_forbidden")
     reload(service, manager, file, "user_weights = anyone:2\nuser_priorities = *:high\n")
     log = service.log.read_text()
-    assert "cannot reload the settings, which are unchanged: user_priorities: *:high" in log and "setting user_weights" not in log
+    assert f"cannot reload the settings, which are unchanged: {file}:2: user_priorities: *:high" in log and "setting user_weights" not in log
     expect_problem(submit(8), 403, "priority_forbidden")
     reload(service, manager, file, "")
     assert submit(8).status == 201

@@ -208,6 +208,9 @@ class Story:
     def after_directories_outside_of_the_state(self, shown):
         assert not shown  # `make bootcheck` starts hexad with such drop-ins
 
+    def after_a_directory_for_each_user(self, shown):
+        assert not shown  # test_isolation.py makes such directories
+
     def after_monitoring(self, shown):
         succeeded = self.host.ask("GET", "/v1/jobs?state=succeeded&limit=500")[1]["jobs"]
         assert f'hexad_jobs{{state="succeeded"}} {len(succeeded)}' in shown and "hexad_database_damaged 0" in shown
@@ -235,6 +238,16 @@ class Story:
         assert "no faults in the database and" in shown
         self.late = self.host.submit(count=300)
         assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
+
+    def before_try_a_backup(self):
+        self.backup = {p: p.stat().st_mtime_ns for p in (self.host.root / "var/backups/hexad").rglob("*")}
+        self.process = (self.host.root / "pid").read_text()
+
+    def after_try_a_backup(self, shown):
+        assert "no faults in the database and" in shown and "storage_full" in shown and self.deleted in shown and self.late not in shown
+        assert (self.host.root / "pid").read_text() == self.process and self.host.state_of(self.late) == "succeeded"
+        assert {p: p.stat().st_mtime_ns for p in (self.host.root / "var/backups/hexad").rglob("*")} == self.backup
+        assert not list((self.host.root / "var/backups").glob("hexad-trial-*"))
 
     def after_restore(self, shown):
         self.expect_kept()

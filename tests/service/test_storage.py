@@ -2,6 +2,7 @@
 
 The disks are file systems of some MiB in memory (tmpfs), which take root to mount.
 """
+import hashlib
 import json
 import os
 import re
@@ -113,6 +114,10 @@ def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service, count):
     assert figure(service, "hexad_storage_free_bytes") == 0
     refused = service.post("/v1/jobs", small(1))
     assert refused.status == 507 and refused.json["code"] == "storage_full" and refused.headers["Retry-After"]
+    full = f"0 MiB are free on the disk of {service.state}"
+    assert full in refused.json["detail"] and full in service.get("/readyz").json["detail"]
+    upload = service.request("PUT", f"/v1/inputs/{hashlib.sha256(bytes(MIB)).hexdigest()}", bytes(MIB))
+    assert upload.status == 507 and full in upload.json["detail"] and "upload_total_bytes" not in upload.json["detail"]
     assert len(states(service)) == count + 3
     cancelled = set(waiting[:count // 10])
     for job in cancelled:

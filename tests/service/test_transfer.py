@@ -189,7 +189,9 @@ def test_inputs_that_are_refused(new_service):
     assert connection.getresponse().status == 413
     connection.close()
     assert put(service, b"a" * 1000).status == 201
-    expect_problem(put(service, b"b" * 1000), 507, "storage_full")
+    refused = put(service, b"b" * 1000)
+    expect_problem(refused, 507, "storage_full")
+    assert "all uploads have 1000 of 1500 bytes (setting upload_total_bytes)" in refused.json["detail"]
     assert put(service, b"c" * 500).status == 201
     assert len(kept_by(service)) == 2
     # what was given up gave its room back

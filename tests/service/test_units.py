@@ -15,9 +15,9 @@ def units(build, tmp_path):
     if not shutil.which("systemd-analyze"):
         pytest.skip("systemd-analyze is not installed")
     service = (build / "systemd/hexad.service").read_text()
-    service, count = re.subn(r"^ExecStart=/\S+/hexad --config /\S+/hexad.conf$",
-                             f"ExecStart={build}/hexad --config /etc/hexad.conf", service, flags=re.M)
-    assert count == 1
+    service, count = re.subn(r"^(Exec\w+)=/\S+/hexad --config /\S+/hexad.conf",
+                             rf"\1={build}/hexad --config /etc/hexad.conf", service, flags=re.M)
+    assert count == 2  # ExecStart, ExecReload
     (tmp_path / "hexad.service").write_text(service)
     shutil.copy(build / "systemd/hexad.socket", tmp_path)
     return tmp_path
@@ -54,6 +54,16 @@ def test_examples_are_verified(units, source, diagnose, unit, name, told, exposu
     done = analyze("security", "--offline=yes", f"--threshold={exposure * 10:.0f}", units / "hexad.service")
     assert done.returncode == 0, done.stdout + done.stderr
     diagnose(name + ": " + re.search(r"Overall exposure level.*", done.stdout)[0].encode("ascii", "ignore").decode())
+
+
+def test_a_reload_checks_the_settings_first(units, build, tmp_path):
+    """systemd runs the commands in order, and ends with the first that fails."""
+    settings = tmp_path / "hexad.conf"
+    start, first, second = re.findall(r"^Exec(?:Start|Reload)=(.*)$", (units / "hexad.service").read_text(), re.M)
+    assert first == f"{start} --check-settings" and "kill -HUP $MAINPID" in second
+    for text, status in (("workers = 2\n", 0), ("workers = many\n", 2)):
+        settings.write_text(text)
+        assert subprocess.run([build / "hexad", "--config", settings, "--check-settings"], stdout=subprocess.DEVNULL).returncode == status
 
 
 def test_starts_with_a_pause_never_reach_the_limit(units):

@@ -205,8 +205,10 @@ static void test_free_space_is_that_of_the_state_directory_too(void **state)
     const storage s = {.state_dir = p->base, .work_dir = "/proc"};
     struct statvfs disk;
     int64_t size = 0;
+    const char *directory = NULL;
     assert_int_equal(statvfs(p->base, &disk), 0);
-    const int64_t free_bytes = storage_free_bytes(&s, &size);
+    const int64_t free_bytes = storage_free_bytes(&s, &size, &directory);
+    assert_string_equal(directory, p->base);
     assert_int_equal(size, disk.f_blocks * disk.f_frsize);
     assert_true(free_bytes > 0 && free_bytes < size);
 }

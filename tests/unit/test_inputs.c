@@ -98,7 +98,7 @@ static void test_a_user_has_a_limit_of_bytes(void **state)
     assert_int_equal(try_upload(p, "ann", 2), STORE_UPLOAD_GOOD);
     assert_int_equal(try_upload(p, "ann", 3), STORE_UPLOAD_USER_FULL);
     assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
-    assert_int_equal(try_upload(p, "bob", TOTAL - 7), STORE_UPLOAD_NO_SPACE);
+    assert_int_equal(try_upload(p, "bob", TOTAL - 7), STORE_UPLOAD_ALL_FULL);
     send_text(p, "bob", "12345678", hex); /* counts for both */
     assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 8);
     assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);

@@ -440,7 +440,7 @@ static void test_an_upload_during_a_collection_is_counted_once(void **state)
         assert_non_null(collected);
         assert_int_equal(access(path, F_OK), 0);
         store_upload *upload = NULL;
-        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_NO_SPACE);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_ALL_FULL);
         assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload, NULL), STORE_UPLOAD_GOOD);
         store_upload_end(upload);
     }

@@ -1,0 +1,95 @@
+"""Files and directories that the service may not use: the message names owner, group and mode, and the command that permits it."""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import pytest
+
+from service import PATIENCE_S
+
+AS_USER = """import os, sys
+os.setgroups([])
+os.setgid(60003)
+os.setuid(60003)
+os.execve(sys.argv[1], sys.argv[1:], os.environ)
+"""
+END = ("--page_origins", "wrong")  # a fault that is found after those of the tests: no start succeeds
+
+
+@pytest.fixture
+def start_as_user(build):
+    """Starts hexad as the user 60003 in a directory that every user can enter; returns its messages before it ends with an error."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    with tempfile.TemporaryDirectory() as path:
+        place = pathlib.Path(path)
+        place.chmod(0o755)
+        shutil.copy(build / "hexad", place / "hexad")
+        shutil.copy(build / "hexad-worker", place / "hexad-worker")
+        state = place / "state"
+        state.mkdir(mode=0o700)
+        os.chown(state, 60003, 60003)
+
+        def start(*words, state=state):
+            done = subprocess.run([sys.executable, "-c", AS_USER, place / "hexad", "--state_dir", state, *END, *words], stdin=subprocess.DEVNULL,
+                                  capture_output=True, text=True, timeout=PATIENCE_S)
+            assert done.returncode in (1, 2), done.stderr
+            return done.stderr
+
+        start.place = place
+        yield start
+
+
+ROOTS = "has the owner root, the group root and the mode"
+
+
+def test_a_state_directory_of_another_user_is_named_with_the_command_that_corrects_it(start_as_user):
+    place = start_as_user.place
+    other = place / "other"
+    other.mkdir(mode=0o700)
+    assert f"{other} {ROOTS} 0700, and it must belong to the user 60003. Run as root: chown -R 60003:60003 {other}" in start_as_user(state=other)
+    assert f"{place} {ROOTS} 0755, and the user 60003 must be able to write to it. Run as root: install -d -o 60003 -g 60003 -m 0700 " \
+        f"{place}/new" in start_as_user(state=place / "new")
+    assert f"{other} {ROOTS} 0700, and the user 60003 must be able to enter it. Run as root: chmod o+x {other}" in \
+        start_as_user(state=other / "state")
+    (place / "state/lock").touch(mode=0o600)
+    assert f"{place}/state/lock {ROOTS} 0600, and it must belong to the user 60003" in start_as_user()
+
+
+def test_files_that_the_service_cannot_read_are_named_with_the_command_that_permits_it(start_as_user):
+    """The token file, the key of sessions, the secret of webhooks and the settings."""
+    file = start_as_user.place / "file"
+    file.touch(mode=0o600)
+    command = f"{file} {ROOTS} 0600, and no user except root and 60003 may read it. Run as root: chown root:60003 {file} && chmod 640 {file}"
+    assert command in start_as_user("--token_file", file)
+    assert command in start_as_user("--webhook_hosts", "example.org", "--webhook_secret_file", file)
+    settings = f"{file} {ROOTS} 0600, and the user 60003 must be able to read it. Run as root: chmod o+r {file}"
+    assert settings in start_as_user("--config", file)
+    file.chmod(0o644)
+    assert f"other users can access the file: {file} {ROOTS} 0644" in start_as_user("--token_file", file)
+    key = start_as_user.place / "state/session.key"
+    os.chown(key, 0, 0)
+    assert f"{key} {ROOTS} 0600, and it must belong to the user 60003. Run as root: chown -R 60003:60003 {key}" in start_as_user()
+
+
+def test_roots_that_the_service_cannot_use_are_named_with_the_command_that_permits_it(start_as_user):
+    place = start_as_user.place
+    closed = place / "closed"
+    (closed / "below").mkdir(parents=True)
+    closed.chmod(0o700)
+    assert f"{closed} {ROOTS} 0700, and the user 60003 must be able to enter it. Run as root: chmod o+x {closed}" in \
+        start_as_user("--input_roots", closed / "below")
+    closed.chmod(0o711)
+    told = start_as_user("--input_roots", closed)
+    assert f"warning input_roots: cannot read {closed}: Permission denied: {closed} {ROOTS} 0711, and the user 60003 must be able to read it. " \
+        f"Run as root: chmod o+rx {closed}" in told
+    out = place / "out"
+    out.mkdir(mode=0o755)
+    told = start_as_user("--output_roots", out)
+    assert "warning cannot copy results below this output root" in told
+    assert f"{out} {ROOTS} 0755, and the user 60003 must be able to write to it. Run as root: chgrp 60003 {out} && chmod g+rwx {out}" in told
+    subprocess.run(f"chgrp 60003 {out} && chmod g+rwx {out} && chmod o+rx {closed}", shell=True, check=True)
+    assert "warning" not in start_as_user("--output_roots", out, "--input_roots", closed)
