@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/memory.h"
+#include "field/patches.h"
 #include "packing/packing.h"
 #include "run/advice.h"
 #include "run/job.h"
@@ -48,13 +49,20 @@ static json *spec_of(const json *shape, double count)
     return document;
 }
 
+/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches of any
+ * size, so their number does not give the area. */
+static double estimate_area(const field *f)
+{
+    if (f->patches) return field_patches_area(f->patches);
+    return (double)f->ops->cell_count(f) * f->cell_size * f->cell_size / CELLS_OF_A_PLANE;
+}
+
 /* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even opened. */
 static void describe_unseen(const field *f, const json *shape, json *item)
 {
-    double cells = f ? (double)f->ops->cell_count(f) : NAN;
-    json_put_number(item, "cells", cells);
+    json_put_number(item, "cells", f ? (double)f->ops->cell_count(f) : NAN);
     json_put_bool(item, "measured", false);
-    json_put_number(item, "area", f ? cells * f->cell_size * f->cell_size / CELLS_OF_A_PLANE : NAN);
+    json_put_number(item, "area", f ? estimate_area(f) : NAN);
     json_put_null(item, "count");
     json_put_null(item, "spacing");
     json_put_null(item, "slope");

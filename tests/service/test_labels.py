@@ -676,6 +676,16 @@ def test_an_inspection_lists_labels(worker, tmp_path):
     assert "labels" not in json.loads(worker("w.nrrd", "--json", command="inspect", output=None).stdout)["volume"]
 
 
+def test_an_inspection_states_the_area_of_labels_that_it_does_not_scan(worker, tmp_path):
+    """Two planes between three slabs, of more triangles than an inspection scans."""
+    side = 320
+    slabs = numpy.repeat(numpy.arange(3, dtype=numpy.uint8), 2)
+    write_nrrd(tmp_path / "v.nrrd", numpy.ones((side, side, 1), numpy.uint8) * slabs)
+    told = json.loads(worker("v.nrrd", "--json", command="inspect", output=None).stdout)["suggestions"][0]
+    assert list(told["spec"]["surface"]) == ["labels"] and told["cells"] > 400000 and not told["measured"]
+    assert told["area"] == pytest.approx(2 * (side - 1) ** 2, rel=1e-6)
+
+
 def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):
     size, count = 24, 600
     labels = Balls(size).labels
