@@ -69,7 +69,16 @@ static void describe_unseen(const field *f, const json *shape, json *item)
     json_put(item, "spec", spec_of(shape, MOST));
 }
 
-static bool describe(job *j, const json *shape, json *item, error *e)
+/* The job's points may show thinner walls than an inspection measures, and its report may then ask for more points. */
+static void warn_of_thinner_walls(const clearance *room, json *warnings)
+{
+    if (room->factor > room->least_factor || room->least_factor >= 1) return;
+    json_append_string(
+        warnings, "walls may be thinner than the smallest distance that an inspection measures: they take "
+                  "more points than stated");
+}
+
+static bool describe(job *j, const json *shape, json *item, json *warnings, error *e)
 {
     clearance room;
     if (!job_survey(j, e)) return false;
@@ -79,6 +88,7 @@ static bool describe(job *j, const json *shape, json *item, error *e)
         return false;
     advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
     if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
+    warn_of_thinner_walls(&room, warnings);
     json_put_integer(item, "cells", (int64_t)j->scan->cells);
     json_put_bool(item, "measured", true);
     json_put_number(item, "area", area);
@@ -110,10 +120,11 @@ static bool look(job *j, const json *shape, double cells, json *item, error *e)
     if (!job_run_phases(j, phases, 1, e)) return false;
     const field *f = j->source.field;
     bool seen = (double)f->ops->cell_count(f) <= cells;
+    json *warnings = json_put_array(item, "warnings");
     if (!seen) describe_unseen(f, shape, item);
-    if (seen && !describe(j, shape, item, e)) return false;
+    if (seen && !describe(j, shape, item, warnings, e)) return false;
     json *unused = json_new_object();
-    source_describe(&j->source, unused, unused, json_put_array(item, "warnings"));
+    source_describe(&j->source, unused, unused, warnings);
     json_free(unused);
     return true;
 }

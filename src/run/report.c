@@ -92,13 +92,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area;
     const advice_resolution to = advice_resolve(area, count, walls->factor);
-    char *text =
-        walls->of_surface
-            ? advice_warn_of_walls(walls->share, to)
-            : mem_printf(
-                  "%.3g %% of the points are on walls thinner than 1.2 spacings. To distinguish the two sides of "
-                  "these walls, ask for %.0f points (spacing %.3g).",
-                  100 * walls->share, to.count, to.spacing);
+    char *text = advice_warn_of_walls(walls->share, walls->of_surface, to);
     json_append_string(warnings, text);
     free(text);
     if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
