@@ -307,11 +307,16 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(json_find(report, "/requested"), "ratio", asked);
     json_put_number(json_find(report, "/reached"), "ratio", reached);
     if (reached >= RATIO_REACHED * asked) return;
-    char *warning =
-        mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the "
-                   "curvature of the surface varies less, or gradation, min_spacing or max_spacing "
-                   "limit it. Lower the ratio, or relax these limits.",
-                   reached, asked);
+    const spec *s = facts->spec;
+    const bool low = s->min_spacing > 0, high = s->max_spacing > 0;
+    char *warning = mem_printf(
+        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the "
+        "surface varies less. Raise sampling.curvature.exponent (now %.3g), or lower the ratio.%s",
+        reached, asked, s->curvature.exponent,
+        low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
+        : low       ? " sampling.min_spacing limits it as well."
+        : high      ? " sampling.max_spacing limits it as well."
+                    : "");
     json_append_string(json_find(report, "/surface/warnings"), warning);
     free(warning);
 }

@@ -782,6 +782,22 @@ def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     assert f"spacing {reached:.3g}:1" in done.stdout
 
 
+def test_a_warning_about_the_ratio_names_the_member_that_changes_it(worker, tmp_path):
+    ellipsoid = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [2, 1, 1]}}
+    reached = []
+    for exponent in (1, 2):
+        done = worker(sphere(1000, surface=ellipsoid,
+                             sampling={"count": 1000, "curvature": {"ratio": 10, "exponent": exponent}}))
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        reached.append(report["reached"]["ratio"])
+        assert f"Raise sampling.curvature.exponent (now {exponent})" in done.stderr and "gradation" not in done.stderr
+        assert "min_spacing" not in done.stderr
+    assert reached[1] > 1.2 * reached[0]
+    worker(sphere(1000, surface=ellipsoid, sampling={"count": 1000, "curvature": {"ratio": 10}, "min_spacing": 0.1}))
+    (warning,) = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
+    assert "sampling.min_spacing limits it as well" in warning
+
+
 def test_a_ratio_is_not_passed(worker, tmp_path):
     """Nowhere on a box with round edges, whose curvature is 0 or 20, and however the points come to rest."""
     box = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1], "rounding": 0.05}}
