@@ -770,6 +770,15 @@ def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target,
     assert 0.5 * 0.02 / 1.2 < spacing <= 0.02 / 1.2
 
 
+def test_a_negative_disorder_is_rated_by_its_absolute_value(worker, tmp_path):
+    """A tube of six points around: the part of the energy that is not disorder is estimated too large."""
+    torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.1}}
+    worker(sphere(100, surface=torus))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    found = report["ratings"]["disorder"]
+    assert found["value"] < -0.04 and found["rating"] in ("fair", "poor"), found
+
+
 def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     """The curvature of a thin torus hardly varies."""
     torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.25}}
