@@ -102,20 +102,21 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
             facts->memory_limit / (1 << 20));
 }
 
-/* More points do not make the packing regular on single voxels. */
+/* Advice on the labels comes first: thin or ragged labels are the cause, and more points the costly remedy. More points
+ * do not make the packing regular on single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    thin_walls walls;
+    thin_walls walls = {0};
     const bool thin = find_thin_walls(facts, &walls);
-    if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
     if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
                                      solver_spacing(facts->solver));
+    if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
 }
 
 /* Whether there are outputs with floats relative to an origin. */
