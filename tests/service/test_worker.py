@@ -770,6 +770,19 @@ def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target,
     assert 0.5 * 0.02 / 1.2 < spacing <= 0.02 / 1.2
 
 
+@pytest.mark.parametrize("hole", [False, True])
+def test_the_euler_characteristic_of_an_open_surface(worker, tmp_path, hole):
+    """1 for a square, one less for each hole in it."""
+    corners = [(x, y) for y in range(4) for x in range(4)]
+    faces = [(4 * y + x + 1, 4 * y + x + 2, 4 * y + x + 6, 4 * y + x + 5) for y in range(3) for x in range(3)
+             if not (hole and x == y == 1)]
+    (tmp_path / "square.obj").write_text("".join(f"v {x} {y} 0\n" for x, y in corners) +
+                                         "".join("f {} {} {} {}\n".format(*f) for f in faces))
+    worker(sphere(surface={"mesh": {"path": "square.obj"}}, sampling={"count": 800}))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["euler"] == pytest.approx(0 if hole else 1)
+
+
 def test_a_negative_disorder_is_rated_by_its_absolute_value(worker, tmp_path):
     """A tube of six points around: the part of the energy that is not disorder is estimated too large."""
     torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.1}}
