@@ -53,8 +53,7 @@ void session_sign_in(const http_context *c, const http_request *request, reply *
     else if (!shown)
         reply_set_problem(r, "request_invalid", NULL, "the body must be {\"token\": \"hexad_...\"}");
     else if (!access_begin_session(c->access, shown, session, &caller))
-        reply_set_problem(r, "unauthorized", NULL,
-                          "the token is unknown or revoked: create one with hexadctl token add");
+        reply_set_problem(r, "unauthorized", NULL, ACCESS_TOKEN_UNKNOWN);
     else {
         show(&caller, r);
         set_cookie(c, request, session, (int64_t)c->session_s, r);

@@ -30,6 +30,9 @@
 
 #define ACCESS_USER_SIZE 65
 #define ACCESS_ANYONE "anyone"
+/* The refusal of a token, with the command for the administrator. */
+#define ACCESS_TOKEN_UNKNOWN \
+    "the token is unknown or revoked: ask the administrator to run `hexadctl token add USER` and use the new token"
 
 typedef struct access_control access_control;
 

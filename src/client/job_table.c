@@ -60,15 +60,24 @@ static char *print_duration(json_at object, char *text, size_t size)
     return print_span((to ? to : clock_wall_ms()) - from, text, size);
 }
 
-/* Prints the number of ended frames, "12/100"; of a running single job its share, "45%". */
+/* Prints the number of frames that have ended and were not cancelled, "12/100". */
+static int print_frames(json_at tasks, char *text, size_t size)
+{
+    return snprintf(text, size, "%.0f/%.0f",
+                    number_of(tasks, "all") - number_of(tasks, "waiting") - number_of(tasks, "running") -
+                        number_of(tasks, "cancelled"),
+                    number_of(tasks, "all"));
+}
+
+/* Prints the ended and the cancelled frames, "12/100, 88 cancelled"; of a running single job its share, "45%". */
 static void print_progress(json_at job, char *text, size_t size)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
-    if (json_bool(json_member(&job, "array"), false))
-        snprintf(text, size, "%.0f/%.0f",
-                 number_of(tasks, "all") - number_of(tasks, "waiting") - number_of(tasks, "running"),
-                 number_of(tasks, "all"));
-    else if (json_type_of(progress) == JSON_OBJECT)
+    const double cancelled = number_of(tasks, "cancelled");
+    if (json_bool(json_member(&job, "array"), false)) {
+        const size_t used = (size_t)print_frames(tasks, text, size);
+        if (cancelled > 0) snprintf(text + used, size - used, ", %.0f cancelled", cancelled);
+    } else if (json_type_of(progress) == JSON_OBJECT)
         snprintf(text, size, "%.0f%%", 100 * number_of(progress, "fraction"));
     else
         snprintf(text, size, "-");
@@ -177,11 +186,10 @@ static void print_tasks(json_at job)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
     char text[200];
-    print_progress(job, text, sizeof text);
     if (json_bool(json_member(&job, "array"), false)) {
         static const char *const parts[] = {"succeeded", "failed",  "timed_out",
                                             "cancelled", "running", "waiting"};
-        size_t used = strlen(text);
+        size_t used = (size_t)print_frames(tasks, text, sizeof text);
         used += (size_t)snprintf(text + used, sizeof text - used, " frames have ended");
         for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
             double n = number_of(tasks, parts[i]);

@@ -52,6 +52,14 @@ typedef struct field_patches {
     bool has_many_parts;
 } field_patches;
 
+/* The sum of the areas of all patches. */
+static inline double field_patches_area(const field_patches *p)
+{
+    double area = 0;
+    for (size_t k = 0; k < p->count; k++) area += p->patch[k].area;
+    return area;
+}
+
 /* Whether a place near the zero set of a patch lies on the patch, not beyond its curves. The hint: see `within` in
  * field_ops. */
 static inline bool field_is_within_near(const field *patch, vec3 x, uint32_t *hint)

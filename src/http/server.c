@@ -345,14 +345,15 @@ static void set_user_unknown(uid_t uid, const char *settings_file, reply *r)
 {
     if (settings_file)
         reply_set_problem(r, "unauthorized", NULL,
-                          "the user with the number %u may not use this service: run"
+                          "the user with the number %u may not use this service: ask the administrator to run"
                           " `hexad --config %s --allow %u` as root, or send a token",
                           (unsigned)uid, settings_file, (unsigned)uid);
     else
-        reply_set_problem(r, "unauthorized", NULL,
-                          "the user with the number %u may not use this service, which has no settings file:"
-                          " restart it with %u in its option --unix_users, or send a token",
-                          (unsigned)uid, (unsigned)uid);
+        reply_set_problem(
+            r, "unauthorized", NULL,
+            "the user with the number %u may not use this service, which has no settings file:"
+            " ask the administrator to restart it with %u in its option --unix_users, or send a token",
+            (unsigned)uid, (unsigned)uid);
 }
 
 static void set_unauthorized(const exchange *x, const access_peer *from, const fields *f, reply *r)
@@ -362,7 +363,7 @@ static void set_unauthorized(const exchange *x, const access_peer *from, const f
     else
         reply_set_problem(r, "unauthorized", NULL,
                           f->authorization
-                              ? "the token is unknown or revoked: create one with hexadctl token add"
+                              ? ACCESS_TOKEN_UNKNOWN
                               : "this request requires a token: send the header Authorization: Bearer TOKEN");
     reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
                      f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
@@ -417,6 +418,26 @@ static bool answer_preflight(const exchange *x, const char *method, reply *r)
     return true;
 }
 
+/* Refuses a caller without the scope. Only an administrator can give it, by a setting or a token. */
+static void set_scope_missing(const exchange *x, const fields *f, unsigned scope, reply *r)
+{
+    const access_caller *caller = &x->caller;
+    char scopes[SCOPE_TEXT_SIZE];
+    if (connections_access(connection_of(x->connection))->local && !f->authorization)
+        reply_set_problem(
+            r, "forbidden", NULL,
+            "this request requires the scope %s, which %s does not have: ask the administrator to add "
+            "%s to the setting unix_admins",
+            scope_name(scope), caller->user, caller->user);
+    else
+        reply_set_problem(
+            r, "forbidden", NULL,
+            "this request requires the scope %s, which %s does not have: use a token with this scope, or "
+            "ask the administrator to run `hexadctl token add %s --scopes %s`",
+            scope_name(scope), caller->user, caller->generation ? caller->user : "USER",
+            scope_print(caller->scopes | scope, scopes));
+}
+
 /* Refuses callers without a token or without the scope of the route. */
 static bool refuse_caller(const exchange *x, const fields *f, reply *r)
 {
@@ -427,11 +448,7 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;
-    const bool by_socket = connections_access(connection_of(x->connection))->local && !f->authorization;
-    reply_set_problem(r, "forbidden", NULL, "this request requires the scope %s, which %s does not have: %s",
-                      scope_name(match->found->scope), x->caller.user,
-                      by_socket ? "the setting unix_admins names administrators"
-                                : "use a token with this scope");
+    set_scope_missing(x, f, match->found->scope, r);
     return true;
 }
 

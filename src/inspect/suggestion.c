@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/memory.h"
+#include "field/patches.h"
 #include "packing/packing.h"
 #include "run/advice.h"
 #include "run/job.h"
@@ -48,20 +49,36 @@ static json *spec_of(const json *shape, double count)
     return document;
 }
 
+/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches of any
+ * size, so their number does not give the area. */
+static double estimate_area(const field *f)
+{
+    if (f->patches) return field_patches_area(f->patches);
+    return (double)f->ops->cell_count(f) * f->cell_size * f->cell_size / CELLS_OF_A_PLANE;
+}
+
 /* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even opened. */
 static void describe_unseen(const field *f, const json *shape, json *item)
 {
-    double cells = f ? (double)f->ops->cell_count(f) : NAN;
-    json_put_number(item, "cells", cells);
+    json_put_number(item, "cells", f ? (double)f->ops->cell_count(f) : NAN);
     json_put_bool(item, "measured", false);
-    json_put_number(item, "area", f ? cells * f->cell_size * f->cell_size / CELLS_OF_A_PLANE : NAN);
+    json_put_number(item, "area", f ? estimate_area(f) : NAN);
     json_put_null(item, "count");
     json_put_null(item, "spacing");
     json_put_null(item, "slope");
     json_put(item, "spec", spec_of(shape, MOST));
 }
 
-static bool describe(job *j, const json *shape, json *item, error *e)
+/* The job's points may show thinner walls than an inspection measures, and its report may then ask for more points. */
+static void warn_of_thinner_walls(const clearance *room, json *warnings)
+{
+    if (room->factor > room->least_factor || room->least_factor >= 1) return;
+    json_append_string(
+        warnings, "walls may be thinner than the smallest distance that an inspection measures: they take "
+                  "more points than stated");
+}
+
+static bool describe(job *j, const json *shape, json *item, json *warnings, error *e)
 {
     clearance room;
     if (!job_survey(j, e)) return false;
@@ -71,6 +88,7 @@ static bool describe(job *j, const json *shape, json *item, error *e)
         return false;
     advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
     if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
+    warn_of_thinner_walls(&room, warnings);
     json_put_integer(item, "cells", (int64_t)j->scan->cells);
     json_put_bool(item, "measured", true);
     json_put_number(item, "area", area);
@@ -102,10 +120,11 @@ static bool look(job *j, const json *shape, double cells, json *item, error *e)
     if (!job_run_phases(j, phases, 1, e)) return false;
     const field *f = j->source.field;
     bool seen = (double)f->ops->cell_count(f) <= cells;
+    json *warnings = json_put_array(item, "warnings");
     if (!seen) describe_unseen(f, shape, item);
-    if (seen && !describe(j, shape, item, e)) return false;
+    if (seen && !describe(j, shape, item, warnings, e)) return false;
     json *unused = json_new_object();
-    source_describe(&j->source, unused, unused, json_put_array(item, "warnings"));
+    source_describe(&j->source, unused, unused, warnings);
     json_free(unused);
     return true;
 }

@@ -235,6 +235,12 @@ static bool is_regular(const point_table *t, size_t i)
     return degree >= floor(t->ideal[i] + NEAR_INTEGER) && degree <= ceil(t->ideal[i] - NEAR_INTEGER);
 }
 
+/* The sum over all points of a surface is 6 times its Euler characteristic. */
+static double missing_degree(const point_table *t, size_t i)
+{
+    return (t->border[i] ? 4 : 6) - (double)t->degree[i];
+}
+
 /* The points of each piece without the ideal degree, beyond the number that the piece's topology requires. */
 static bool count_defects(const point_table *t, const bool *regular, size_t pieces, double *share, error *e)
 {
@@ -244,8 +250,7 @@ static bool count_defects(const point_table *t, const bool *regular, size_t piec
     double sum = 0;
     for (size_t i = 0; ok && i < t->count; i++) {
         irregular[t->piece[i]] += !regular[i];
-        missing[t->piece[i]] +=
-            (t->border[i] ? 4 : 6) - (double)t->degree[i]; /* 6 times the Euler characteristic */
+        missing[t->piece[i]] += missing_degree(t, i);
     }
     for (size_t p = 0; ok && p < pieces; p++) sum += fmax(irregular[p] - fabs(missing[p]), 0);
     *share = sum / (double)t->count;
@@ -288,7 +293,7 @@ static void sum_cells(const measures_input *in, const restricted_voronoi *v, con
         const double h = t->spacing[i];
         regular[i] = is_regular(t, i);
         out->regular += regular[i];
-        out->degrees += 6 - (double)t->degree[i];
+        out->degrees += missing_degree(t, i);
         out->turn += (t->ideal[i] - (double)t->degree[i]) / 6;
         out->unmeasured += t->degree[i] < (t->border[i] ? 2u : 3u);
         count_value(&out->area, v->area[i] / (h * h * t->share[i]));

@@ -54,7 +54,7 @@ typedef struct measures {
     size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
     /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */
     double thin_factor;
-    double euler; /* sum of (6 - degree) / 6 */
+    double euler; /* sum of (6 - degree) / 6, of (4 - degree) / 6 on borders */
     double grading_cv, grading_exponent;
 } measures;
 

@@ -23,12 +23,24 @@ advice_resolution advice_resolve(double area, size_t count, double factor)
     return (advice_resolution){packing_spacing(area, points), points};
 }
 
-char *advice_warn_of_walls(double share, advice_resolution to)
+/* The end of messages about a resolution that no permitted count has. */
+#define BEYOND_THE_MAXIMUM "more than the maximum of %.0f points: smooth the input, or sample a region of it"
+
+char *advice_warn_of_walls(double share, bool of_surface, advice_resolution to)
 {
-    return mem_printf(
-        "About %.3g %% of the surface are walls thinner than 1.2 spacings. To distinguish the two sides of these walls, ask "
-        "for %.0f points (spacing %.3g).",
-        100 * share, to.count, to.spacing);
+    char *how =
+        to.count > PLAN_COUNT_MAX
+            ? mem_printf(
+                  "The two sides of these walls are distinguished at a spacing of %.3g, which takes " BEYOND_THE_MAXIMUM,
+                  to.spacing, PLAN_COUNT_MAX)
+            : mem_printf("To distinguish the two sides of these walls, ask for %.0f points (spacing %.3g)",
+                         to.count, to.spacing);
+    char *text =
+        mem_printf(of_surface ? "About %.3g %% of the surface are walls thinner than 1.2 spacings. %s."
+                              : "%.3g %% of the points are on walls thinner than 1.2 spacings. %s.",
+                   100 * share, how);
+    free(how);
+    return text;
 }
 
 json *advice_append(json *list, const char *code, const char *message)
@@ -69,12 +81,17 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
     const char *target = choose_target(s, area, to, &value);
     char *message,
         *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
-    if (to.count > PLAN_COUNT_MAX || !target) {
+    if (to.count > PLAN_COUNT_MAX) {
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of "
+            "%.3g and " BEYOND_THE_MAXIMUM,
+            to.spacing, PLAN_COUNT_MAX);
+        advice_append(list, code, message);
+    } else if (!target) {
         message = mem_printf(
             "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of %.3g "
-            "(%.2g points): %s",
-            to.spacing, to.count,
-            target ? "smooth the input, or sample a region of it" : "raise /sampling/time_s");
+            "(%.2g points): raise /sampling/time_s",
+            to.spacing, to.count);
         advice_append(list, code, message);
     } else {
         message = mem_printf(

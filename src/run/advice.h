@@ -21,9 +21,9 @@ typedef struct advice_resolution {
  * spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used. */
 advice_resolution advice_resolve(double area, size_t count, double factor);
 
-/* A warning with the fraction of the surface in walls thinner than the spacing, and the resolution that separates them.
- * The caller frees it. */
-char *advice_warn_of_walls(double share, advice_resolution to);
+/* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and the
+ * resolution that separates them. The caller frees it. */
+char *advice_warn_of_walls(double share, bool of_surface, advice_resolution to);
 
 /* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);

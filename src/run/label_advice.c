@@ -111,7 +111,7 @@ void label_advice_append_majority(json *list, const spec_labels *s, const label_
     const double width = ceil(2 * WIDER * fmax(spacing / label_surface_voxel(labels), s->majority)) / 2;
     if (width > SPEC_MAJORITY_MAX || !label_surface_is_ragged(labels, width)) return;
     char *message =
-        mem_printf("or set /surface/labels/majority to %.10g: the labels are thin in many places, as "
+        mem_printf("set /surface/labels/majority to %.10g: the labels are thin in many places, as "
                    "where slices do not match, and these points do not resolve that. Each voxel then "
                    "gets the label of most voxels around it: labels keep their volume, but thin parts "
                    "and specks may be lost, and wide filters take time.",

@@ -40,7 +40,7 @@ static void describe(json *ratings, const rated_measure *r, double value)
 {
     json *object = json_put_object(ratings, r->name);
     json_put_number(object, "value", value);
-    json_put_string(object, "rating", rating_of(r, value));
+    json_put_string(object, "rating", rating_of(r, fabs(value))); /* energies can be below the ideal 0 */
 }
 
 void ratings_describe(const measures *m, bool is_blue_noise, json *report)

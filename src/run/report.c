@@ -92,13 +92,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area;
     const advice_resolution to = advice_resolve(area, count, walls->factor);
-    char *text =
-        walls->of_surface
-            ? advice_warn_of_walls(walls->share, to)
-            : mem_printf(
-                  "%.3g %% of the points are on walls thinner than 1.2 spacings. To distinguish the two sides of "
-                  "these walls, ask for %.0f points (spacing %.3g).",
-                  100 * walls->share, to.count, to.spacing);
+    char *text = advice_warn_of_walls(walls->share, walls->of_surface, to);
     json_append_string(warnings, text);
     free(text);
     if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
@@ -108,20 +102,21 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
             facts->memory_limit / (1 << 20));
 }
 
-/* More points do not make the packing regular on single voxels. */
+/* Advice on the labels comes first: thin or ragged labels are the cause, and more points the costly remedy. More points
+ * do not make the packing regular on single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
     const label_surface *labels = facts->source->whole.labels;
     const bool hopeless = labels && label_advice_is_hopeless(labels);
-    thin_walls walls;
+    thin_walls walls = {0};
     const bool thin = find_thin_walls(facts, &walls);
-    if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
     if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
                                      solver_spacing(facts->solver));
+    if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
 }
 
 /* Whether there are outputs with floats relative to an origin. */
@@ -313,11 +308,16 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(json_find(report, "/requested"), "ratio", asked);
     json_put_number(json_find(report, "/reached"), "ratio", reached);
     if (reached >= RATIO_REACHED * asked) return;
-    char *warning =
-        mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the "
-                   "curvature of the surface varies less, or gradation, min_spacing or max_spacing "
-                   "limit it. Lower the ratio, or relax these limits.",
-                   reached, asked);
+    const spec *s = facts->spec;
+    const bool low = s->min_spacing > 0, high = s->max_spacing > 0;
+    char *warning = mem_printf(
+        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the "
+        "surface varies less. Raise sampling.curvature.exponent (now %.3g), or lower the ratio.%s",
+        reached, asked, s->curvature.exponent,
+        low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
+        : low       ? " sampling.min_spacing limits it as well."
+        : high      ? " sampling.max_spacing limits it as well."
+                    : "");
     json_append_string(json_find(report, "/surface/warnings"), warning);
     free(warning);
 }

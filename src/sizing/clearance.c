@@ -72,6 +72,12 @@ static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, 
     return false;
 }
 
+/* The spacing that is returned for all walls closer than the first step of a ray. */
+static double least_resolved(const field *f)
+{
+    return first_step(f) / RESOLUTION_GAP;
+}
+
 /* The largest spacing that separates x from the wall at the end of a ray. */
 static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool inside, double reach,
                          uint32_t hint)
@@ -83,7 +89,7 @@ static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool i
     vec3 r = vec3_sub(end, x);
     double gap = fmin(fabs(vec3_dot(normal, r)), fabs(vec3_dot(other, r)));
     double needed = fmax(gap / RESOLUTION_GAP, vec3_norm(r) / RESOLUTION_REACH);
-    return fmax(needed, first_step(f) / RESOLUTION_GAP);
+    return fmax(needed, least_resolved(f));
 }
 
 /* The minimum over all rays from x. */
@@ -151,7 +157,8 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
     qsort(job.ratio, count, sizeof *job.ratio, compare_doubles);
     if (ok)
         *out = (clearance){(double)count_near(&job, count) / (double)count,
-                           fmin(UNEVEN * job.ratio[(size_t)(allowed * (double)count)], 1)};
+                           fmin(UNEVEN * job.ratio[(size_t)(allowed * (double)count)], 1),
+                           sizing ? 0 : fmin(UNEVEN * (least_resolved(scan->field) / h), 1)};
     free(job.ratio);
     return ok;
 }

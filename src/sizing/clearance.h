@@ -19,6 +19,9 @@ typedef struct clearance {
     /* Factor of the spacing at which all of the surface except the fraction `allowed` is resolved; 1: it is resolved at
      * the given spacing. If the spacing varies, the factor applies everywhere. */
     double factor;
+    /* The factor of walls that are as close as the smallest measured distance, or closer: `factor` is an upper bound if it
+     * equals this value. 0 if the spacing varies. */
+    double least_factor;
 } clearance;
 
 /* Measures the requested spacing: `sizing`, or if that is NULL the uniform spacing h, world units.

@@ -78,6 +78,12 @@ static void refuse_choice(reading *r, const json_at *at, const char *group, spec
                       choice >= SPEC_CHOICE_GRADING ? "at most" : "exactly", all, *given ? given : "none");
 }
 
+/* Whether a region has a corner of a box, so that check_region names the corner that is missing. */
+static bool is_half_a_box(const json_at *at, spec_choice choice)
+{
+    return choice == SPEC_CHOICE_REGION && json_member(at, "max").node;
+}
+
 /* Returns the choices of which more than one member is given. */
 static unsigned check_choices(reading *r, const json_at *at, const char *group)
 {
@@ -91,7 +97,8 @@ static unsigned check_choices(reading *r, const json_at *at, const char *group)
     }
     for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) {
         if (given[c] > 1) several |= 1u << c;
-        if (given[c] > 1 || (rows[c] && !given[c] && c < SPEC_CHOICE_GRADING)) refuse_choice(r, at, group, c);
+        if (given[c] > 1 || (rows[c] && !given[c] && c < SPEC_CHOICE_GRADING && !is_half_a_box(at, c)))
+            refuse_choice(r, at, group, c);
     }
     return several;
 }
@@ -293,9 +300,12 @@ static void check_domain(reading *r, const json_at *at)
 static void check_region(reading *r, const json_at *at)
 {
     json_at min = json_member(at, "min"), max = json_member(at, "max");
-    if ((min.node == NULL) != (max.node == NULL))
-        reading_add_fault(r, &max,
-                          max.node ? "requires min: add it, or remove this member" : "is required with min");
+    if (max.node && json_member(at, "inside").node)
+        reading_add_fault(r, &max, "excludes inside: remove one of the two");
+    else if ((min.node == NULL) != (max.node == NULL))
+        reading_add_fault(r, min.node ? &max : &min,
+                          "is required with %s: a box is {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}",
+                          min.node ? "min" : "max");
     else if (min.node)
         check_box(r, at, &r->s->region);
 }

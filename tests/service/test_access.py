@@ -98,6 +98,16 @@ def test_hexadctl_says_that_a_token_is_missing_or_unknown(closed_service, build)
         assert done.returncode == 2 and told in done.stderr and "hexadctl token add" in done.stderr
 
 
+def test_a_refused_user_is_sent_to_the_administrator(closed_service):
+    """With the command for the administrator: only one can create a token."""
+    service = closed_service
+    unknown = with_token(service, "nonsense", "GET", "/v1/jobs").json["detail"]
+    assert "ask the administrator to run `hexadctl token add USER`" in unknown, unknown
+    carol = new_token(service, "carol", "--scopes", "read")
+    refused = with_token(service, carol, "POST", "/v1/jobs", sphere()).json["detail"]
+    assert "ask the administrator to run `hexadctl token add carol --scopes read,submit`" in refused, refused
+
+
 def test_scopes(closed_service):
     service = closed_service
     reader = new_token(service, "carol", "--scopes", "read")

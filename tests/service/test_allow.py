@@ -419,7 +419,7 @@ def test_a_user_who_is_no_administrator_reads_which_setting_names_them(new_servi
     where = f"{public_directory}/hexad.sock"
     new_service("--listen", f"unix:{where}", "--unix_users", 60003).start()
     told = list_as_stranger(build, where, "drain")
-    assert told.returncode == 2 and "scope admin" in told.stderr and "unix_admins names administrators" in told.stderr
+    assert told.returncode == 2 and "scope admin" in told.stderr and "ask the administrator to add" in told.stderr and "unix_admins" in told.stderr
 
 
 def test_a_service_without_a_settings_file_is_to_be_restarted(new_service, build, public_directory):

@@ -91,6 +91,19 @@ def write_balls(where):
     return {"bspline": {"dims": [8, 8, 8], "path": str(where / "ball.####.f32")}}
 
 
+PLATE = "".join(f"v {x} {y} {z}\n" for z in (0, 1e-5) for y in (0, 1) for x in (0, 1)) + "".join(
+    f"f {face}\n" for face in ("1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"))
+
+
+@pytest.mark.extended
+def test_a_warning_of_thin_walls_does_not_ask_for_more_points_than_the_maximum(estimate, tmp_path):
+    (tmp_path / "plate.obj").write_text(PLATE)
+    found = estimate(sphere(surface={"mesh": {"path": "plate.obj"}}, sampling={"count": 5000000}))
+    (warning,), (advice,) = found["warnings"], found["advice"]
+    assert "the maximum of 100000000 points" in warning and "ask for" not in warning, warning
+    assert advice["set"] == {} and "the maximum of 100000000 points" in advice["message"], advice
+
+
 def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
     spec = sphere(surface=write_balls(tmp_path), queue={"frames": "3-4", "coherent": True})
     assert worker(spec, "--frame", 3, output="3").returncode in (0, 10, 11)

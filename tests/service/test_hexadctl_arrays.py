@@ -338,6 +338,22 @@ def test_a_list_tells_whose_how_old_and_how_far(new_service, build, footage, tmp
     assert "progress  50% relax" in told("show", single) and told("list").splitlines()[1].split()[6] == "50%"
 
 
+def test_cancelled_frames_are_counted_apart(new_service, build, footage, tmp_path):
+    service = new_service("--input_roots", footage, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+    array = service.submit(sequence(footage, "8-10"))
+    service.wait_worker(array)
+    service.open_gate(f"{array}.8")
+    wait_until(lambda: service.job(array)["tasks"]["succeeded"] == 1, "the first frame")
+
+    def told(*words):
+        return subprocess.run([build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
+                              timeout=PATIENCE_S).stdout
+    told("cancel", array)
+    service.wait_state(array, "cancelled")
+    assert "  1/3, 2 cancelled  " in told("list"), told("list")
+    assert "1/3 frames have ended, 1 succeeded, 2 cancelled" in told("show", array)
+
+
 @pytest.mark.sanitized
 def test_a_list_is_filtered_by_the_server(run, service):
     ids = [service.submit(sphere(name=name, queue={"labels": [label]})) for name, label in

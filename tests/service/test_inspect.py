@@ -2,6 +2,7 @@
 import gzip
 import json
 import pathlib
+import re
 import subprocess
 
 import numpy
@@ -91,6 +92,14 @@ def test_a_mesh_and_one_that_is_open(inspect, tmp_path, worker):
 
 
 @pytest.mark.sanitized
+def test_walls_thinner_than_the_smallest_measured_distance_are_named(inspect, tmp_path):
+    for thickness, named in ((1, False), (1e-5, True)):
+        plate = re.sub(r"(?m)^(v \S+ \S+) 1$", rf"\1 {thickness - 1}", CUBE)
+        (tmp_path / "plate.obj").write_text(plate + "f 4 1 5 8\n")
+        (found,) = inspect("plate.obj")["suggestions"]
+        assert any("more points" in w for w in found["warnings"]) == named, found["warnings"]
+
+
 def test_a_dense_volume_of_whole_numbers(inspect, tmp_path, worker):
     write_nrrd(tmp_path / "ball.nrrd", ball())
     found = inspect("ball.nrrd")

@@ -541,6 +541,7 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     rough, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
     report, points = sample(labels, majority=3)
     assert list(advice(rough, "ragged_labels")["set"]) == ["/surface/labels/majority"]
+    assert [a["code"] for a in rough["advice"]][-2:] == ["ragged_labels", "unresolved"]  # the cause before the count
     assert rough["outcome"] in ("unresolved", "not_converged") and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
     assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * radius ** 2, rel=0.04)
@@ -674,6 +675,16 @@ def test_an_inspection_lists_labels(worker, tmp_path):
     assert [list(s["spec"]["surface"]) for s in told["suggestions"]][:2] == [["labels"], ["volume"]], "more than two: first"
     write_nrrd(tmp_path / "w.nrrd", numpy.random.default_rng(1).integers(0, 200, (16, 16, 16)).astype("u1"))
     assert "labels" not in json.loads(worker("w.nrrd", "--json", command="inspect", output=None).stdout)["volume"]
+
+
+def test_an_inspection_states_the_area_of_labels_that_it_does_not_scan(worker, tmp_path):
+    """Two planes between three slabs, of more triangles than an inspection scans."""
+    side = 320
+    slabs = numpy.repeat(numpy.arange(3, dtype=numpy.uint8), 2)
+    write_nrrd(tmp_path / "v.nrrd", numpy.ones((side, side, 1), numpy.uint8) * slabs)
+    told = json.loads(worker("v.nrrd", "--json", command="inspect", output=None).stdout)["suggestions"][0]
+    assert list(told["spec"]["surface"]) == ["labels"] and told["cells"] > 400000 and not told["measured"]
+    assert told["area"] == pytest.approx(2 * (side - 1) ** 2, rel=1e-6)
 
 
 def test_a_stack_of_images_is_a_segmentation(sample, solve, worker, tmp_path):

@@ -770,6 +770,28 @@ def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target,
     assert 0.5 * 0.02 / 1.2 < spacing <= 0.02 / 1.2
 
 
+@pytest.mark.parametrize("hole", [False, True])
+def test_the_euler_characteristic_of_an_open_surface(worker, tmp_path, hole):
+    """1 for a square, one less for each hole in it."""
+    corners = [(x, y) for y in range(4) for x in range(4)]
+    faces = [(4 * y + x + 1, 4 * y + x + 2, 4 * y + x + 6, 4 * y + x + 5) for y in range(3) for x in range(3)
+             if not (hole and x == y == 1)]
+    (tmp_path / "square.obj").write_text("".join(f"v {x} {y} 0\n" for x, y in corners) +
+                                         "".join("f {} {} {} {}\n".format(*f) for f in faces))
+    worker(sphere(surface={"mesh": {"path": "square.obj"}}, sampling={"count": 800}))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["euler"] == pytest.approx(0 if hole else 1)
+
+
+def test_a_negative_disorder_is_rated_by_its_absolute_value(worker, tmp_path):
+    """A tube of six points around: the part of the energy that is not disorder is estimated too large."""
+    torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.1}}
+    worker(sphere(100, surface=torus))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    found = report["ratings"]["disorder"]
+    assert found["value"] < -0.04 and found["rating"] in ("fair", "poor"), found
+
+
 def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     """The curvature of a thin torus hardly varies."""
     torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.25}}
@@ -780,6 +802,22 @@ def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     assert reached == report["grading"]["largest_spacing"] / report["grading"]["least_spacing"]
     assert f"warning: sampling.curvature.ratio: the spacing varies by {reached:.3g}:1 (requested 10:1)" in done.stderr
     assert f"spacing {reached:.3g}:1" in done.stdout
+
+
+def test_a_warning_about_the_ratio_names_the_member_that_changes_it(worker, tmp_path):
+    ellipsoid = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [2, 1, 1]}}
+    reached = []
+    for exponent in (1, 2):
+        done = worker(sphere(1000, surface=ellipsoid,
+                             sampling={"count": 1000, "curvature": {"ratio": 10, "exponent": exponent}}))
+        report = json.loads((tmp_path / "out" / "report.json").read_text())
+        reached.append(report["reached"]["ratio"])
+        assert f"Raise sampling.curvature.exponent (now {exponent})" in done.stderr and "gradation" not in done.stderr
+        assert "min_spacing" not in done.stderr
+    assert reached[1] > 1.2 * reached[0]
+    worker(sphere(1000, surface=ellipsoid, sampling={"count": 1000, "curvature": {"ratio": 10}, "min_spacing": 0.1}))
+    (warning,) = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
+    assert "sampling.min_spacing limits it as well" in warning
 
 
 def test_a_ratio_is_not_passed(worker, tmp_path):

@@ -518,7 +518,11 @@ static void test_region(void **state)
     s = good(SPHERE "}");
     assert_false(s->has_region);
     spec_free(s);
-    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/max", "is required");
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/max",
+                 "is required with min: a box is {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}");
+    expect_fault(SPHERE ",\"region\":{\"max\":[1,1,1]}}", ERROR_SPEC_INVALID, "/region/min",
+                 "is required with max: a box is {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}");
+    expect_fault(SPHERE ",\"region\":{}}", ERROR_SPEC_INVALID, "/region", "exactly one of inside, min");
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,1,0]}}", ERROR_SPEC_INVALID, "/region/max/2",
                  "max must be above min, 0 (given 0)");
     expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,-1,\"x\"]}}", ERROR_SPEC_INVALID,
