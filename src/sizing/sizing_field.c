@@ -569,7 +569,7 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
 /* Every node has at least one cell. */
 static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
-    /* Of the spacings before and after an iteration, the points before a cell, and smoothing; and of the heap. */
+    /* spacings before and after an iteration, points before a cell, three arrays of smoothing; two of the heap */
     const size_t node_bytes = sizeof(node) + sizeof(node_links) + sizeof(double[6]) + sizeof(uint32_t[2]);
     const double bytes = (double)(cells * (SPACING_REQUEST_CELL_BYTES + node_bytes) + block_map_bytes(cells));
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
