@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "geometry/box_tree.h"
 #include "packing/neighbours.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
@@ -26,39 +27,28 @@ enum { MAX_CORRECTIONS = 200 };
 static const double PAIR_DISTANCE = 0.75, PLACE_DISTANCE = 0.76;
 /* Fraction of a deviation that each particle concerned corrects in one step. */
 static const double CORRECTION = 0.5;
-/* Number of corrections without a smaller violation of the bounds after which the points are stuck. */
+/* Deviations below this are not corrected, in spacings. It is smaller than the margin between the bounds and the distances
+ * that corrections aim at. Smaller: more particles move in each step. */
+static const double LEAST_CORRECTION = 0.002;
+/* Number of corrections without fewer particles that miss a bound after which the points are stuck. */
 enum { PATIENCE = 40 };
-/* Convergence: SOLVER_BLUE_NOISE_LEAST and SOLVER_BLUE_NOISE_COVERAGE are met with this margin, because coverage is measured at
- * the corners of cells in the tangent plane. */
-static const double MARGIN = 0.005;
+/* Convergence: the bounds of pairs and places, in spacings. They are narrower than SOLVER_BLUE_NOISE_LEAST and SOLVER_BLUE_NOISE_COVERAGE,
+ * because places of smooth surfaces are examined only near corners of cells in the tangent plane. */
+static const double LEAST = SOLVER_BLUE_NOISE_LEAST + 0.005,
+                    COVERAGE = SOLVER_BLUE_NOISE_LEAST * SOLVER_BLUE_NOISE_COVERAGE;
 /* Cutoff of the neighbour lists, in spacings: twice the largest distance of a place in a nearly converged set. */
 static const double CUTOFF = 2;
 /* Reach of the lists beyond the cutoff (Verlet skin), in spacings. Larger: fewer builds of longer lists. */
 static const double SKIN = 0.2;
-/* Deviations below this are not corrected, in spacings. It is smaller than the margin between the bounds and the distances
- * that corrections aim at. Smaller: more particles move in each step. */
-static const double LEAST_CORRECTION = 0.002;
-/* Half the side of the square that Voronoi cells are cut from, in spacings. */
-static const double CELL_SIDE = 1.5;
-/* Distance of a corner of a cell from its particle, in spacings, above which the place is examined. Below it the place is covered. */
+/* Half the side of the square of the tangent plane, or of the cube, that a Voronoi cell is cut from, in spacings. Larger: cells take more
+ * time, and beyond half of the cutoff the lists do not have all neighbours of a place; smaller: large holes are closed more slowly. */
+static const double CELL_SIDE = 0.9;
+/* Distance in the tangent plane, in spacings, below which a place of a curved surface is nearer than PLACE_DISTANCE. */
 static const double EXAMINED = 0.73;
-/* The same where the surface bends: distances in the tangent plane are too short across creases. */
-static const double EXAMINED_AT_BENDS = 0.4;
-/* Cosine of the normals of neighbours below which the surface bends. */
-static const double BENDS_COSINE = 0.8;
-/* Cosine of normals below which a step ended on another wall. */
-static const double TURNED_COSINE = 0;
-/* Bisections that find the end of the surface along a step or from a particle towards a corner of its cell. */
-enum { STEP_BISECTIONS = 6, PLACE_BISECTIONS = 10 };
+/* Bisections that find the end of the surface along a step or a probe. */
+enum { BISECTIONS = 8 };
 /* Maximum distance, in spacings, of the places at which one patch ends and the next begins: the step of the last bisection. */
 static const double MAX_CROSSING = 0.05;
-/* Directions in which places are examined towards an edge of a cell that lies beyond the end of the surface, and bisections about the
- * farthest one. */
-enum { EDGE_PLACES = 8, EDGE_REFINEMENTS = 5 };
-/* Maximum number of steps from a corner of a cell in the tangent plane to the place that is equally far from three particles. */
-enum { CORNER_STEPS = 2 };
-/* A place that is farther from the particle than this factor times the distance of the nearest particle is not in its cell. */
-static const double IN_CELL = 1.05;
 /* Directions and length, in spacings, in which an energy step searches the end of the surface. The length is half of the support: farther
  * from the end no mirrored particle is within the support. */
 enum { PROBES = 6 };
@@ -69,41 +59,10 @@ static const double LEAST_DETERMINANT = 1e-9;
 enum { MAX_NEAR = 64 };
 /* Maximum number of corners of a Voronoi cell; a cell has 6 on average. */
 enum { MAX_CORNERS = 64 };
-/* Sums and extrema are those of this many parts, which do not depend on the number of threads. */
-enum { PARTS = 256 };
 
 typedef struct flat {
     double x, y;
 } flat;
-
-typedef struct cell {
-    int count;
-    flat corner[MAX_CORNERS];
-} cell;
-
-/* What a step measures before particles move. */
-typedef struct extremes {
-    double least;    /* distance of a pair, in spacings */
-    double coverage; /* distance of a place from its nearest particle, in spacings */
-    double energy, squares;
-} extremes;
-
-typedef struct blue_noise_state {
-    neighbours *near;
-    double best;    /* least violation of the bounds up to now */
-    size_t best_at; /* the step before which it was measured */
-    size_t grain;
-    bool corrects;    /* the step is a correction */
-    bool has_borders; /* the surface ends somewhere */
-    /* The surface or one of its patches ends somewhere. Elsewhere a place that is not reached is on another wall. */
-    bool has_ends;
-    vec3 *position, *normal; /* after the step */
-    uint32_t *patch, *hint;  /* after the step; NULL without patches */
-    vec3 *anchor;            /* position at the last list build */
-    bool *moved[2];          /* in the last step, and in this one */
-    float *least, *coverage; /* of each particle the extremes that it has seen */
-    extremes part[PARTS];
-} blue_noise_state;
 
 /* A place of the surface. */
 typedef struct surface_place {
@@ -111,15 +70,31 @@ typedef struct surface_place {
     uint32_t patch, hint;
 } surface_place;
 
-static double length2(flat v)
-{
-    return v.x * v.x + v.y * v.y;
-}
+/* A triangle of the surface. */
+typedef struct facet {
+    vec3 corner[3];
+    uint32_t patch;
+} facet;
 
-static flat between(flat from, flat to, double share)
-{
-    return (flat){from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)};
-}
+typedef struct blue_noise_state {
+    neighbours *near;
+    vec3 *anchor;     /* position at the last list build */
+    bool lists_stale; /* a particle has moved by half of the skin since then */
+    bool corrects;    /* the step is a correction */
+    bool only_pairs;  /* which leaves places that are too far: not all points can meet both bounds */
+    bool has_borders; /* the surface ends somewhere */
+    size_t best;      /* least number of particles that miss a bound up to now */
+    size_t best_at;   /* the step before which they were counted */
+    /* of a surface with patches */
+    facet *facets; /* in the order of the tree */
+    box_tree tree;
+    /* The particles that take the step: those that have moved in the last one, and their neighbours. */
+    uint32_t *active;
+    size_t active_count;
+    bool *is_active;
+    surface_place *next; /* of each active particle, after the step */
+    bool *misses;        /* per particle: it or its cell misses a bound */
+} blue_noise_state;
 
 static double spacing_of(const solver *s, size_t i)
 {
@@ -151,8 +126,17 @@ static bool reach(const solver *s, const surface_place *from, vec3 d, double h, 
         vec3_norm(vec3_sub(to.position, target)) > fmax(LONGEST_STEP * h, vec3_norm(d)))
         return false;
     if (s->setup.field->patches && !field_is_within_near(f, to.position, &to.hint)) return false;
-    if (projection_boundary_axes(f, to.position) != 0) return false;
-    if (vec3_dot(to.normal, from->normal) < TURNED_COSINE && !is_one_sided(s->state.p, to.patch))
+    if (vec3_dot(to.normal, from->normal) <= RESOLUTION_OPPOSITE && !is_one_sided(s->state.p, to.patch))
+        return false;
+    *out = to;
+    return true;
+}
+
+/* reach, not as far as to the faces that cut the surface: on them a particle would not leave them again. */
+static bool reach_inside(const solver *s, const surface_place *from, vec3 d, double h, surface_place *out)
+{
+    surface_place to;
+    if (!reach(s, from, d, h, &to) || projection_boundary_axes(s->setup.field, to.position) != 0)
         return false;
     *out = to;
     return true;
@@ -193,7 +177,7 @@ static bool cross(const solver *s, size_t i, const surface_place *end, vec3 d, d
             continue;
         const double distance = vec3_norm(vec3_sub(begin.position, end->position));
         if (distance >= best || vec3_dot(begin.normal, end->normal) <= RESOLUTION_OPPOSITE ||
-            !reach(s, &begin, turned(d, end->normal, begin.normal), h, &to))
+            !reach_inside(s, &begin, turned(d, end->normal, begin.normal), h, &to))
             continue;
         best = distance;
         found = true;
@@ -203,24 +187,24 @@ static bool cross(const solver *s, size_t i, const surface_place *end, vec3 d, d
 }
 
 /* Goes from particle i along d as far as its patch reaches. Returns the fraction of d. */
-static double go_on_patch(const solver *s, size_t i, vec3 d, double h, int bisections, surface_place *out)
+static double go_on_patch(const solver *s, size_t i, vec3 d, double h, surface_place *out)
 {
     const surface_place from = place_of(s, i);
     double low = 0, high = 1;
     *out = from;
-    if (reach(s, &from, d, h, out)) return 1;
-    for (int k = 0; k < bisections; k++) {
+    if (reach_inside(s, &from, d, h, out)) return 1;
+    for (int k = 0; k < BISECTIONS; k++) {
         const double middle = 0.5 * (low + high);
-        const bool reached = reach(s, &from, vec3_scale(d, middle), h, out);
+        const bool reached = reach_inside(s, &from, vec3_scale(d, middle), h, out);
         *(reached ? &low : &high) = middle;
     }
     return low;
 }
 
 /* The same across the curves at which patches meet. True: to the end of d. */
-static bool go(const solver *s, size_t i, vec3 d, double h, int bisections, surface_place *out)
+static bool go(const solver *s, size_t i, vec3 d, double h, surface_place *out)
 {
-    const double share = go_on_patch(s, i, d, h, bisections, out);
+    const double share = go_on_patch(s, i, d, h, out);
     if (share == 1 || !s->state.p->patch) return share == 1;
     const surface_place end = *out;
     return cross(s, i, &end, vec3_scale(d, 1 - share), h, out);
@@ -228,221 +212,211 @@ static bool go(const solver *s, size_t i, vec3 d, double h, int bisections, surf
 
 /* ---- Voronoi cells */
 
-/* The tangent frame of a particle, and the positions of its neighbours in it. */
+/* A neighbour of a particle. */
+typedef struct near_particle {
+    uint32_t index;
+    bool is_opposite; /* on an opposite wall: it cuts cells on a third wall only */
+    vec3 d;           /* from the particle */
+    double distance;
+} near_particle;
+
+/* A particle and its neighbours. */
 typedef struct surroundings {
     size_t own;
     double h;
-    vec3 axis[2];
-    const uint32_t *list;
-    uint32_t count;
-    double examined; /* EXAMINED or EXAMINED_AT_BENDS, world units */
+    vec3 position, normal;
+    int count;
+    near_particle near[MAX_NEAR];
 } surroundings;
 
-static surroundings surroundings_of(const solver *s, size_t i)
-{
-    const neighbours *near = s->state.blue_noise->near;
-    surroundings out = {
-        .own = i, .h = spacing_of(s, i), .list = neighbours_list(near, i), .count = near->list_count[i]};
-    vec3_frame(s->state.p->normal[i], &out.axis[0], &out.axis[1]);
-    bool bends = false;
-    for (uint32_t k = 0; !bends && k < out.count; k++)
-        bends = vec3_dot(s->state.p->normal[i], s->state.p->normal[out.list[k]]) < BENDS_COSINE;
-    out.examined = (bends ? EXAMINED_AT_BENDS : EXAMINED) * out.h;
-    return out;
-}
-
-/* The offset of a neighbour in the tangent plane, turned into it so that its length is the distance. False: it is on an opposite wall, or
- * has no direction. */
-static bool offset_of(const solver *s, const surroundings *a, uint32_t j, flat *out, double *distance)
+static void surroundings_of(const solver *s, size_t i, surroundings *out)
 {
     const particles *p = s->state.p;
-    const vec3 d = vec3_sub(p->position[j], p->position[a->own]);
-    if (is_opposite(p, a->own, particles_patch(p, j), p->normal[j])) return false;
-    const double x = vec3_dot(d, a->axis[0]), y = vec3_dot(d, a->axis[1]), flat_length = sqrt(x * x + y * y);
-    *distance = vec3_norm(d);
-    if (!(flat_length > 0)) return false;
-    *out = (flat){x * *distance / flat_length, y * *distance / flat_length};
-    return true;
+    const neighbours *near = s->state.blue_noise->near;
+    const uint32_t *list = neighbours_list(near, i);
+    out->own = i;
+    out->h = spacing_of(s, i);
+    out->position = p->position[i];
+    out->normal = p->normal[i];
+    out->count = 0;
+    for (uint32_t k = 0; k < near->list_count[i]; k++) {
+        const uint32_t j = list[k];
+        const vec3 d = vec3_sub(p->position[j], out->position);
+        const double distance = vec3_norm(d);
+        int at = out->count < MAX_NEAR ? out->count++ : MAX_NEAR;
+        for (; at > 0 && out->near[at - 1].distance > distance; at--)
+            if (at < MAX_NEAR) out->near[at] = out->near[at - 1];
+        if (at < MAX_NEAR)
+            out->near[at] =
+                (near_particle){j, is_opposite(p, i, particles_patch(p, j), p->normal[j]), d, distance};
+    }
 }
 
-static vec3 in_space(const surroundings *a, flat v)
+/* d turned into the tangent plane, with the same length: across a crease the particle has to go this far. 0: d has no direction there. */
+static vec3 in_tangent_plane(const surroundings *a, vec3 d)
 {
-    return vec3_add(vec3_scale(a->axis[0], v.x), vec3_scale(a->axis[1], v.y));
+    const vec3 flat_d = vec3_axpy(-vec3_dot(d, a->normal), a->normal, d);
+    const double length2 = vec3_norm2(flat_d);
+    return length2 > 0 ? vec3_scale(flat_d, sqrt(vec3_norm2(d) / length2)) : flat_d;
 }
 
-/* Cuts off what is nearer to a neighbour at `at`. */
-static void cut(cell *c, flat at)
+/* A convex part of a plane. */
+typedef struct polygon {
+    int count;
+    vec3 corner[MAX_CORNERS]; /* relative to the particle */
+} polygon;
+
+/* Cuts off the places x with dot(normal, x) > offset. */
+static void cut(polygon *p, vec3 normal, double offset)
 {
-    const double half = 0.5 * length2(at);
     double beyond[MAX_CORNERS], most = -INFINITY;
-    for (int k = 0; k < c->count; k++) {
-        beyond[k] = c->corner[k].x * at.x + c->corner[k].y * at.y - half;
+    for (int k = 0; k < p->count; k++) {
+        beyond[k] = vec3_dot(normal, p->corner[k]) - offset;
         most = beyond[k] > most ? beyond[k] : most;
     }
     if (!(most > 0)) return;
-    cell rest = {0};
-    for (int k = 0; k < c->count && rest.count < MAX_CORNERS - 1; k++) {
-        const int next = (k + 1) % c->count;
-        const flat from = c->corner[k], to = c->corner[next];
-        if (beyond[k] <= 0) rest.corner[rest.count++] = from;
-        if ((beyond[k] < 0) == (beyond[next] < 0) || beyond[k] == 0 || beyond[next] == 0) continue;
-        rest.corner[rest.count++] = between(from, to, beyond[k] / (beyond[k] - beyond[next]));
+    polygon rest;
+    rest.count = 0;
+    for (int k = 0; k < p->count && rest.count < MAX_CORNERS - 1; k++) {
+        const int next = k + 1 < p->count ? k + 1 : 0;
+        const bool in = beyond[k] <= 0, next_in = beyond[next] <= 0;
+        if (in) rest.corner[rest.count++] = p->corner[k];
+        if (in == next_in || beyond[k] == 0 || beyond[next] == 0) continue;
+        const double share = beyond[k] / (beyond[k] - beyond[next]);
+        rest.corner[rest.count++] = vec3_axpy(share, vec3_sub(p->corner[next], p->corner[k]), p->corner[k]);
     }
-    *c = rest;
+    p->count = rest.count;
+    memcpy(p->corner, rest.corner, (size_t)rest.count * sizeof *rest.corner);
 }
 
-/* The particles nearest to a place: at least one, and three where the tangent plane has a corner of their cells. */
-typedef struct nearest_three {
-    vec3 away[3]; /* from each particle to the place; by distance */
-    double distance[3];
-} nearest_three;
-
-static void offer(nearest_three *n, vec3 away)
+static double farthest_corner2(const polygon *p)
 {
-    const double distance = vec3_norm(away);
-    int k = 3;
-    while (k > 0 && distance < n->distance[k - 1]) k--;
-    for (int m = 2; m > k; m--) {
-        n->distance[m] = n->distance[m - 1];
-        n->away[m] = n->away[m - 1];
+    double farthest2 = 0;
+    for (int k = 0; k < p->count; k++) {
+        const double own2 = vec3_norm2(p->corner[k]);
+        farthest2 = own2 > farthest2 ? own2 : farthest2;
     }
-    if (k == 3) return;
-    n->distance[k] = distance;
-    n->away[k] = away;
+    return farthest2;
 }
 
-/* The nearest of particle a->own and its neighbours that are not on an opposite wall. */
-static nearest_three nearest_to(const solver *s, const surroundings *a, const surface_place *to)
+/* Cuts off what is nearer to a neighbour that is not on an opposite wall of the polygon, which has this patch and normal. Ends when no place
+ * is farther than `enough`. Returns the distance of the farthest corner. */
+static double cut_to_cell(const solver *s, const surroundings *a, uint32_t patch, vec3 normal, double enough,
+                          polygon *p)
 {
-    const particles *p = s->state.p;
-    nearest_three out = {.distance = {INFINITY, INFINITY, INFINITY}};
-    offer(&out, vec3_sub(to->position, p->position[a->own]));
-    for (uint32_t k = 0; k < a->count; k++)
-        if (!is_opposite(p, a->list[k], to->patch, to->normal))
-            offer(&out, vec3_sub(to->position, p->position[a->list[k]]));
-    return out;
+    double farthest2 = farthest_corner2(p);
+    for (int n = 0; n < a->count && farthest2 > enough * enough; n++) {
+        const double distance2 = vec3_norm2(a->near[n].d);
+        if (distance2 >= 4 * farthest2) break;
+        if (is_opposite(s->state.p, a->near[n].index, patch, normal)) continue;
+        cut(p, a->near[n].d, 0.5 * distance2);
+        farthest2 = farthest_corner2(p);
+    }
+    return sqrt(farthest2);
 }
 
-/* Moves a place in its tangent plane to equal distances from its three nearest particles. The cell in the tangent plane of a particle
- * misses this place where the surface bends. False, nothing changed: there is no farther place nearby. */
-static bool move_to_corner(const solver *s, const surroundings *a, surface_place *to, nearest_three *n)
+/* Cuts off what is outside of a box. */
+static void cut_to_box(polygon *p, const bbox *box)
 {
+    for (int axis = 0; axis < 3; axis++) {
+        vec3 n = {0, 0, 0};
+        vec3_set(&n, axis, 1);
+        if (isfinite(vec3_get(box->max, axis))) cut(p, n, vec3_get(box->max, axis));
+        if (isfinite(vec3_get(box->min, axis))) cut(p, vec3_scale(n, -1), -vec3_get(box->min, axis));
+    }
+}
+
+/* Whether a polygon is nearer to one neighbour than to the particle everywhere. */
+static bool is_outside_cell(const solver *s, const surroundings *a, uint32_t patch, vec3 normal,
+                            const polygon *p)
+{
+    for (int n = 0; n < a->count; n++) {
+        const double half = 0.5 * a->near[n].distance * a->near[n].distance;
+        int beyond = 0;
+        while (beyond < p->count && vec3_dot(a->near[n].d, p->corner[beyond]) > half) beyond++;
+        if (beyond == p->count && !is_opposite(s->state.p, a->near[n].index, patch, normal)) return true;
+    }
+    return false;
+}
+
+/* A far place of a cell. */
+typedef struct far_place {
+    double distance; /* from the nearest particle; at first the distance above which places are searched */
+    vec3 d;          /* from the particle */
+} far_place;
+
+/* The normal of a triangle, as long as twice its area. */
+static vec3 twice_area(const vec3 corner[3])
+{
+    return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
+}
+
+/* Takes the farthest corner of the part of a facet in the cell and in the cube, if it is farther than *far. The distance in space has its
+ * maximum there. */
+static void examine_facet(const solver *s, const surroundings *a, const bbox *cube, const facet *f,
+                          far_place *far)
+{
+    bbox box = bbox_empty();
+    polygon part;
+    part.count = 3;
+    for (int c = 0; c < 3; c++) {
+        part.corner[c] = vec3_sub(f->corner[c], a->position);
+        box = bbox_include(box, part.corner[c]);
+    }
+    if (!bbox_meet(&box, cube) || farthest_corner2(&part) <= far->distance * far->distance) return;
+    const vec3 normal = vec3_unit(twice_area(f->corner));
+    if (is_opposite(s->state.p, a->own, f->patch, normal) || is_outside_cell(s, a, f->patch, normal, &part))
+        return;
+    cut_to_box(&part, cube);
+    const double distance = cut_to_cell(s, a, f->patch, normal, far->distance, &part);
+    for (int c = 0; c < part.count && distance > far->distance; c++)
+        if (vec3_norm(part.corner[c]) == distance) *far = (far_place){distance, part.corner[c]};
+}
+
+/* The cell in the facets. */
+static void examine_facets(const solver *s, const surroundings *a, far_place *far)
+{
+    const blue_noise_state *b = s->state.blue_noise;
+    const bbox cube = bbox_grow((bbox){{0, 0, 0}, {0, 0, 0}}, CELL_SIDE * a->h),
+               where = bbox_move(cube, a->position);
+    box_tree_walk w;
+    box_tree_begin(&b->tree, &w);
+    while (box_tree_next_meeting(&b->tree, &w, &where))
+        for (size_t at = w.first; at < w.end; at++) examine_facet(s, a, &cube, &b->facets[at], far);
+}
+
+/* The distance of a place from the nearest of a particle and its neighbours. */
+static double nearest_distance(const solver *s, const surroundings *a, const surface_place *at)
+{
+    const vec3 own = vec3_sub(at->position, a->position);
+    double nearest2 = vec3_norm2(own);
+    for (int n = 0; n < a->count; n++) {
+        const double distance2 = vec3_norm2(vec3_sub(own, a->near[n].d));
+        if (distance2 < nearest2 && !is_opposite(s->state.p, a->near[n].index, at->patch, at->normal))
+            nearest2 = distance2;
+    }
+    return sqrt(nearest2);
+}
+
+/* The cell in the tangent plane, whose corners are projected onto the surface. */
+static void examine_tangent_plane(const solver *s, const surroundings *a, far_place *far)
+{
+    const bbox box = bbox_move(s->setup.field->boundary_box, vec3_scale(a->position, -1));
+    const double side = CELL_SIDE * a->h, examined = EXAMINED * a->h;
+    const surface_place own = place_of(s, a->own);
+    polygon cell = {.count = 4};
     vec3 u, v;
-    if (!(n->distance[2] < INFINITY)) return false;
-    vec3_frame(to->normal, &u, &v);
-    const vec3 first = vec3_sub(n->away[1], n->away[0]), second = vec3_sub(n->away[2], n->away[0]);
-    const double e = 0.5 * (n->distance[0] * n->distance[0] - n->distance[1] * n->distance[1]),
-                 f = 0.5 * (n->distance[0] * n->distance[0] - n->distance[2] * n->distance[2]),
-                 xx = vec3_dot(first, u), xy = vec3_dot(first, v), yx = vec3_dot(second, u),
-                 yy = vec3_dot(second, v), determinant = xx * yy - xy * yx;
-    const vec3 d = vec3_add(vec3_scale(u, (e * yy - f * xy) / determinant),
-                            vec3_scale(v, (f * xx - e * yx) / determinant));
-    surface_place moved;
-    if (!(vec3_norm(d) <= LONGEST_STEP * a->h) || !reach(s, to, d, a->h, &moved)) return false;
-    const nearest_three then = nearest_to(s, a, &moved);
-    if (then.distance[0] <= n->distance[0]) return false;
-    *to = moved;
-    *n = then;
-    return true;
-}
-
-/* A place of the cell of a particle. */
-typedef struct examined_place {
-    bool is_whole; /* the surface, or the patch, reaches to the place in the tangent plane */
-    bool is_own;   /* it is on the patch of the particle */
-    double
-        excess; /* the nearest particle is this much farther than PLACE_DISTANCE, world units; -INFINITY: none is far */
-    vec3 pull; /* unit vector from the particle to the place */
-} examined_place;
-
-/* The place towards v: of the surface, or without `crosses` of the patch of the particle. With it the place is moved to the corner of cells
- * that is near. */
-static examined_place examine(const solver *s, const surroundings *a, flat v, bool crosses, extremes *seen)
-{
-    surface_place to;
-    const vec3 along = in_space(a, v);
-    const int bisections = s->state.blue_noise->has_ends ? PLACE_BISECTIONS : 0;
-    examined_place out = {.excess = -INFINITY};
-    out.is_whole = crosses ? go(s, a->own, along, a->h, bisections, &to)
-                           : go_on_patch(s, a->own, along, a->h, bisections, &to) == 1;
-    out.is_own = out.is_whole && to.patch == particles_patch(s->state.p, a->own);
-    nearest_three three = nearest_to(s, a, &to);
-    for (int k = 0; crosses && out.is_whole && k < CORNER_STEPS && move_to_corner(s, a, &to, &three);) k++;
-    const vec3 d = vec3_sub(to.position, s->state.p->position[a->own]);
-    const double own = vec3_norm(d), nearest = three.distance[0];
-    if (own <= EXAMINED * a->h || own >= IN_CELL * nearest) return out;
-    seen->coverage = fmax(seen->coverage, nearest / a->h);
-    out.excess = nearest - PLACE_DISTANCE * a->h;
-    out.pull = vec3_scale(d, 1 / own);
-    return out;
-}
-
-static void pull_towards(const surroundings *a, const examined_place *to, vec3 *pull)
-{
-    if (to->excess > LEAST_CORRECTION * a->h) *pull = vec3_axpy(CORRECTION * to->excess, to->pull, *pull);
-}
-
-/* The place on an edge of the cell, from a corner on the patch, at which the patch ends. */
-static examined_place end_of_patch(const solver *s, const surroundings *a, flat inside, flat outside,
-                                   extremes *seen)
-{
-    examined_place found = {.excess = -INFINITY};
-    double low = 0, high = 1;
-    for (int k = 0; k < PLACE_BISECTIONS; k++) {
-        const double middle = 0.5 * (low + high);
-        const examined_place at = examine(s, a, between(inside, outside, middle), false, seen);
-        if (at.is_whole) found = at;
-        *(at.is_whole ? &low : &high) = middle;
-    }
-    return found;
-}
-
-/* The farthest place of the patch towards an edge that lies beyond its end, as at a corner of the surface. */
-static examined_place farthest_before(const solver *s, const surroundings *a, flat from, flat to,
-                                      extremes *seen)
-{
-    examined_place farthest = {.excess = -INFINITY};
-    double best = 0, apart = 1.0 / EDGE_PLACES;
-    for (int n = 0; n <= EDGE_PLACES; n++) {
-        const examined_place at = examine(s, a, between(from, to, n * apart), false, seen);
-        if (!(at.excess > farthest.excess)) continue;
-        farthest = at;
-        best = n * apart;
-    }
-    for (int k = 0; k < EDGE_REFINEMENTS && farthest.excess > -INFINITY; k++) {
-        const double middle = best;
-        apart *= 0.5;
-        for (int side = -1; side <= 1; side += 2) {
-            const double share = fmin(fmax(middle + side * apart, 0), 1);
-            const examined_place at = examine(s, a, between(from, to, share), false, seen);
-            if (!(at.excess > farthest.excess)) continue;
-            farthest = at;
-            best = share;
-        }
-    }
-    return farthest;
-}
-
-/* Examines the corners of the cell that are far from the particle, and where the edges of the cell leave its patch: at the end of the
- * surface and at creases a place may be farther from all particles than the places around it without being a corner of cells. */
-static void examine_cell(const solver *s, const surroundings *a, const cell *c, vec3 *pull, extremes *seen)
-{
-    bool own[MAX_CORNERS];
-    for (int k = 0; k < c->count; k++) {
-        own[k] = true;
-        if (length2(c->corner[k]) <= a->examined * a->examined) continue;
-        const examined_place at = examine(s, a, c->corner[k], true, seen);
-        own[k] = at.is_own || !s->state.blue_noise->has_ends;
-        if (at.is_whole) pull_towards(a, &at, pull);
-    }
-    for (int k = 0; k < c->count; k++) {
-        const int next = (k + 1) % c->count;
-        const flat from = c->corner[k], to = c->corner[next];
-        if (own[k] && own[next]) continue;
-        const examined_place at = own[k]      ? end_of_patch(s, a, from, to, seen)
-                                  : own[next] ? end_of_patch(s, a, to, from, seen)
-                                              : farthest_before(s, a, from, to, seen);
-        pull_towards(a, &at, pull);
+    vec3_frame(a->normal, &u, &v);
+    for (int k = 0; k < 4; k++)
+        cell.corner[k] = vec3_axpy(k == 0 || k == 3 ? -side : side, u, vec3_scale(v, k < 2 ? -side : side));
+    cut_to_cell(s, a, own.patch, a->normal, 0, &cell);
+    if (s->setup.field->open) cut_to_box(&cell, &box);
+    for (int k = 0; k < cell.count; k++) {
+        surface_place to;
+        if (vec3_norm2(cell.corner[k]) <= examined * examined || !reach(s, &own, cell.corner[k], a->h, &to))
+            continue;
+        const double distance = nearest_distance(s, a, &to);
+        if (distance > far->distance) *far = (far_place){distance, vec3_sub(to.position, a->position)};
     }
 }
 
@@ -454,50 +428,31 @@ static vec3 limited(vec3 d, double longest)
     return length > longest ? vec3_scale(d, longest / length) : d;
 }
 
-/* A neighbour in the tangent plane. */
-typedef struct flat_neighbour {
-    flat at;
-    double distance;
-} flat_neighbour;
-
-/* The nearest neighbours, by distance; more than MAX_NEAR are not needed for a cell. Pushes the particle off those that are too close. */
-static int flatten(const solver *s, const surroundings *a, flat_neighbour out[MAX_NEAR], vec3 *push,
-                   extremes *seen)
+/* Pushes the particle off neighbours that are too close; without such neighbours, pulls it towards the farthest place of its cell. *misses: a
+ * distance is beyond the bounds. */
+static vec3 correction(const solver *s, const surroundings *a, bool *misses)
 {
-    int count = 0;
-    for (uint32_t k = 0; k < a->count; k++) {
-        flat_neighbour n;
-        if (!offset_of(s, a, a->list[k], &n.at, &n.distance)) continue;
-        const double h = 0.5 * (a->h + spacing_of(s, a->list[k])), excess = PAIR_DISTANCE * h - n.distance;
-        seen->least = fmin(seen->least, n.distance / h);
-        if (excess > LEAST_CORRECTION * h)
-            *push = vec3_axpy(-CORRECTION * excess / n.distance, in_space(a, n.at), *push);
-        int at = count < MAX_NEAR ? count++ : MAX_NEAR;
-        for (; at > 0 && out[at - 1].distance > n.distance; at--)
-            if (at < MAX_NEAR) out[at] = out[at - 1];
-        if (at < MAX_NEAR) out[at] = n;
-    }
-    return count;
-}
-
-/* Pushes the particle off neighbours that are too close, and pulls it towards places that are too far. */
-static vec3 correction(const solver *s, const surroundings *a, extremes *seen)
-{
-    const double side = CELL_SIDE * a->h;
-    cell c = {4, {{-side, -side}, {side, -side}, {side, side}, {-side, side}}};
     vec3 step = {0, 0, 0};
-    flat_neighbour near[MAX_NEAR];
-    const int count = flatten(s, a, near, &step, seen);
-    double farthest2 = 2 * side * side;
-    for (int k = 0; k < count && near[k].distance * near[k].distance < 4 * farthest2; k++) {
-        cut(&c, near[k].at);
-        farthest2 = 0;
-        for (int n = 0; n < c.count; n++) {
-            const double own2 = length2(c.corner[n]);
-            farthest2 = own2 > farthest2 ? own2 : farthest2;
-        }
+    *misses = false;
+    for (int n = 0; n < a->count; n++) {
+        const near_particle *near = &a->near[n];
+        if (near->is_opposite) continue;
+        const double h = 0.5 * (a->h + spacing_of(s, near->index)),
+                     excess = PAIR_DISTANCE * h - near->distance;
+        *misses |= near->distance < LEAST * h;
+        if (excess > LEAST_CORRECTION * h && near->distance > 0)
+            step = vec3_axpy(-CORRECTION * excess / near->distance, in_tangent_plane(a, near->d), step);
     }
-    examine_cell(s, a, &c, &step, seen);
+    if (*misses || s->state.blue_noise->only_pairs) return step;
+    far_place far = {PLACE_DISTANCE * a->h, {0, 0, 0}};
+    if (s->state.p->patch)
+        examine_facets(s, a, &far);
+    else
+        examine_tangent_plane(s, a, &far);
+    const double excess = far.distance - PLACE_DISTANCE * a->h;
+    *misses = far.distance > COVERAGE * a->h;
+    if (excess > LEAST_CORRECTION * a->h)
+        step = vec3_axpy(CORRECTION * excess / vec3_norm(far.d), in_tangent_plane(a, far.d), step);
     return step;
 }
 
@@ -510,7 +465,8 @@ typedef struct newton_terms {
 static double add_pair(const solver *s, flat at, double h, double weight, newton_terms *t)
 {
     const energy_function *energy = s->setup.params.energy;
-    const double distance = hypot(at.x, at.y), u = distance / (s->state.sigma / s->state.spacing * h);
+    const double distance = sqrt(at.x * at.x + at.y * at.y),
+                 u = distance / (s->state.sigma / s->state.spacing * h);
     if (!(u < 1 && distance > 0)) return 0;
     const double x = at.x / distance, y = at.y / distance, force = weight * h * energy->first(u),
                  slope = weight * energy->second(u);
@@ -530,7 +486,7 @@ typedef struct line {
 
 /* The tangent to the end of the surface near a particle, from places at which probes in several directions end. False: the surface does
  * not end within PROBE spacings. */
-static bool find_border(const solver *s, const surroundings *a, line *out)
+static bool find_border(const solver *s, const surroundings *a, const vec3 axis[2], line *out)
 {
     flat end[PROBES];
     double length[PROBES];
@@ -540,9 +496,9 @@ static bool find_border(const solver *s, const surroundings *a, line *out)
         const flat v = {reach_of * cos(angle), reach_of * sin(angle)};
         surface_place to;
         length[k] = INFINITY;
-        if (go(s, a->own, in_space(a, v), a->h, PLACE_BISECTIONS, &to)) continue;
-        const vec3 d = vec3_sub(to.position, s->state.p->position[a->own]);
-        end[k] = (flat){vec3_dot(d, a->axis[0]), vec3_dot(d, a->axis[1])};
+        if (go(s, a->own, vec3_axpy(v.x, axis[0], vec3_scale(axis[1], v.y)), a->h, &to)) continue;
+        const vec3 d = vec3_sub(to.position, a->position);
+        end[k] = (flat){vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
         length[k] = hypot(end[k].x, end[k].y);
         if (nearest < 0 || length[k] < length[nearest]) nearest = k;
     }
@@ -568,52 +524,43 @@ static flat mirrored(const line *l, flat v)
 
 /* One Newton step on the energy. Near the end of the surface the particles are mirrored at it: otherwise the forces, which act from one
  * side only, would move particles to the end. */
-static vec3 energy_step(const solver *s, const surroundings *a, extremes *seen)
+static vec3 energy_step(const solver *s, const surroundings *a)
 {
     newton_terms t = {0};
     line border = {{0, 0}, INFINITY};
-    const bool is_near_border = s->state.blue_noise->has_borders && find_border(s, a, &border);
+    vec3 axis[2];
+    vec3_frame(a->normal, &axis[0], &axis[1]);
+    const bool is_near_border = s->state.blue_noise->has_borders && find_border(s, a, axis, &border);
     if (is_near_border) {
         rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_BLUE_NOISE + a->own);
         add_pair(s, mirrored(&border, (flat){0, 0}), a->h, rng_uniform(&r), &t);
     }
-    for (uint32_t k = 0; k < a->count; k++) {
-        flat at;
-        double distance;
-        if (!offset_of(s, a, a->list[k], &at, &distance)) continue;
-        const double h = 0.5 * (a->h + spacing_of(s, a->list[k]));
-        seen->energy += add_pair(s, at, h, 1, &t);
+    double energy = 0;
+    for (int k = 0; k < a->count; k++) {
+        if (a->near[k].is_opposite) continue;
+        const vec3 d = in_tangent_plane(a, a->near[k].d);
+        const flat at = {vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
+        const double h = 0.5 * (a->h + spacing_of(s, a->near[k].index));
+        energy += add_pair(s, at, h, 1, &t);
         if (is_near_border) add_pair(s, mirrored(&border, at), h, 1, &t);
     }
+    s->state.p->energy[a->own] = (float)energy;
     const double determinant = t.xx * t.yy - t.xy * t.xy, trace = t.xx + t.yy,
                  scale = s->state.sigma / s->state.spacing / determinant;
     if (!(determinant > LEAST_DETERMINANT * trace * trace)) return (vec3){0, 0, 0};
-    return in_space(a, (flat){scale * (t.yy * t.fx - t.xy * t.fy), scale * (t.xx * t.fy - t.xy * t.fx)});
+    return vec3_axpy(scale * (t.yy * t.fx - t.xy * t.fy), axis[0],
+                     vec3_scale(axis[1], scale * (t.xx * t.fy - t.xy * t.fx)));
 }
 
-/* Whether the particle or a neighbour has moved in the last step. */
-static bool is_active(const blue_noise_state *b, size_t i)
-{
-    const uint32_t *list = neighbours_list(b->near, i);
-    bool moved = b->moved[0][i];
-    for (uint32_t k = 0; !moved && k < b->near->list_count[i]; k++) moved = b->moved[0][list[k]];
-    return moved;
-}
-
-/* The particle after its step. Sets what it has seen. */
-static surface_place next_place(solver *s, size_t i, extremes *seen)
+/* The particle after its step. */
+static surface_place next_place(solver *s, size_t i)
 {
     blue_noise_state *b = s->state.blue_noise;
-    const surroundings a = surroundings_of(s, i);
+    surroundings a;
+    surroundings_of(s, i, &a);
     surface_place to = place_of(s, i);
-    extremes own = {.least = INFINITY};
-    const vec3 full = b->corrects ? correction(s, &a, &own) : energy_step(s, &a, &own),
-               d = limited(full, LONGEST_STEP * a.h);
-    if (vec3_norm2(d) > 0) go(s, i, d, a.h, STEP_BISECTIONS, &to);
-    b->least[i] = (float)own.least;
-    b->coverage[i] = (float)own.coverage;
-    seen->energy += own.energy;
-    seen->squares += vec3_norm2(vec3_sub(to.position, s->state.p->position[i])) / (a.h * a.h);
+    const vec3 full = b->corrects ? correction(s, &a, &b->misses[i]) : energy_step(s, &a);
+    if (vec3_norm2(full) > 0) go(s, i, limited(full, LONGEST_STEP * a.h), a.h, &to);
     return to;
 }
 
@@ -621,72 +568,101 @@ static void step_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
     blue_noise_state *b = s->state.blue_noise;
-    extremes seen = {.least = INFINITY};
     (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const surface_place to = is_active(b, i) ? next_place(s, i, &seen) : place_of(s, i);
-        b->moved[1][i] = !b->corrects || vec3_compare(to.position, s->state.p->position[i]) != 0;
-        seen.least = fmin(seen.least, (double)b->least[i]);
-        seen.coverage = fmax(seen.coverage, (double)b->coverage[i]);
-        b->position[i] = to.position;
-        b->normal[i] = to.normal;
-        if (!b->patch) continue;
-        b->patch[i] = to.patch;
-        b->hint[i] = to.hint;
-    }
-    b->part[begin / b->grain] = seen;
+    for (size_t k = begin; k < end; k++) b->next[k] = next_place(s, b->active[k]);
 }
 
-static extremes gather(const blue_noise_state *b)
+static size_t count_misses(const solver *s)
 {
-    extremes all = {.least = INFINITY};
-    for (int k = 0; k < PARTS; k++) {
-        all.least = fmin(all.least, b->part[k].least);
-        all.coverage = fmax(all.coverage, b->part[k].coverage);
-        all.energy += b->part[k].energy;
-        all.squares += b->part[k].squares;
-    }
-    return all;
+    size_t count = 0;
+    for (size_t i = 0; i < s->state.p->count; i++) count += s->state.blue_noise->misses[i];
+    return count;
 }
 
-static void take_step(solver *s)
+/* The particles of is_active take the next step. */
+static void list_active(solver *s)
+{
+    blue_noise_state *b = s->state.blue_noise;
+    b->active_count = 0;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        if (b->is_active[i]) b->active[b->active_count++] = (uint32_t)i;
+        b->is_active[i] = false;
+    }
+}
+
+static void activate_all(solver *s)
+{
+    memset(s->state.blue_noise->is_active, true, s->state.p->count);
+    list_active(s);
+}
+
+/* Activates the neighbours whose pairs or cells a step of particle i from `was` changes. A larger cell than is assumed here has a place that
+ * pulls its particle, which is active then. */
+static void activate_near(const solver *s, size_t i, vec3 was)
 {
     const blue_noise_state *b = s->state.blue_noise;
-    particles *p = s->state.p;
-    memcpy(p->position, b->position, p->count * sizeof *p->position);
-    memcpy(p->normal, b->normal, p->count * sizeof *p->normal);
-    if (!b->patch) return;
-    memcpy(p->patch, b->patch, p->count * sizeof *p->patch);
-    memcpy(p->hint, b->hint, p->count * sizeof *p->hint);
+    const vec3 *position = s->state.p->position;
+    const uint32_t *list = neighbours_list(b->near, i);
+    for (uint32_t n = 0; n < b->near->list_count[i]; n++) {
+        const uint32_t j = list[n];
+        const double reach = 2 * (PLACE_DISTANCE + LEAST_CORRECTION) * spacing_of(s, j);
+        b->is_active[j] |= vec3_norm2(vec3_sub(position[j], position[i])) < reach * reach ||
+                           vec3_norm2(vec3_sub(position[j], was)) < reach * reach;
+    }
 }
 
-static void record(solver *s, const extremes *seen)
+/* Moves the active particles. Returns the sum of the squares of their steps, in spacings. */
+static double take_step(solver *s)
 {
-    const double count = (double)s->state.p->count;
-    s->record.sweep[s->record.sweep_count++] = (solver_sweep){.energy = seen->energy / count,
-                                                              .rms_step = sqrt(seen->squares / count),
-                                                              .count = s->state.p->count,
+    blue_noise_state *b = s->state.blue_noise;
+    particles *p = s->state.p;
+    double squares = 0;
+    for (size_t k = 0; k < b->active_count; k++) {
+        const size_t i = b->active[k];
+        const surface_place *to = &b->next[k];
+        if (vec3_compare(to->position, p->position[i]) == 0) continue;
+        const double h = spacing_of(s, i), most = 0.5 * SKIN * h;
+        const vec3 was = p->position[i];
+        squares += vec3_norm2(vec3_sub(to->position, p->position[i])) / (h * h);
+        p->position[i] = to->position;
+        p->normal[i] = to->normal;
+        if (p->patch) {
+            p->patch[i] = to->patch;
+            p->hint[i] = to->hint;
+        }
+        b->lists_stale |= vec3_norm2(vec3_sub(to->position, b->anchor[i])) >= most * most;
+        b->is_active[i] = true;
+        activate_near(s, i, was);
+    }
+    if (b->corrects)
+        list_active(s);
+    else
+        activate_all(s);
+    return squares;
+}
+
+static void record(solver *s, double squares)
+{
+    const particles *p = s->state.p;
+    double energy = 0;
+    for (size_t i = 0; !s->state.blue_noise->corrects && i < p->count; i++) energy += (double)p->energy[i];
+    s->record.sweep[s->record.sweep_count++] = (solver_sweep){.energy = energy / (double)p->count,
+                                                              .rms_step = sqrt(squares / (double)p->count),
+                                                              .count = p->count,
                                                               .sigma = s->state.sigma};
     s->state.fraction =
         fmax(s->state.fraction, (double)s->record.sweep_count / (ENERGY_STEPS + MAX_CORRECTIONS));
 }
 
-/* The largest violation of the bounds by a set of points; at most 0: it meets them. */
-static double violation(const extremes *seen)
-{
-    return fmax(SOLVER_BLUE_NOISE_LEAST - seen->least,
-                seen->coverage / seen->least - SOLVER_BLUE_NOISE_COVERAGE) +
-           MARGIN;
-}
-
 /* Whether no step can bring the points nearer to the bounds, as on features smaller than the spacing. */
-static bool is_stuck(blue_noise_state *b, double violated, size_t taken)
+static bool is_stuck(blue_noise_state *b, size_t misses, size_t taken)
 {
-    if (violated < b->best) {
-        b->best = violated;
+    if (misses < b->best) {
+        b->best = misses;
         b->best_at = taken;
     }
-    return taken - b->best_at >= PATIENCE || taken + 1 >= ENERGY_STEPS + MAX_CORRECTIONS;
+    return taken - b->best_at >= PATIENCE ||
+           taken + 1 + (b->only_pairs ? 0 : PATIENCE) >= ENERGY_STEPS + MAX_CORRECTIONS;
 }
 
 static void release(solver *s)
@@ -694,33 +670,35 @@ static void release(solver *s)
     blue_noise_state *b = s->state.blue_noise;
     if (!b) return;
     neighbours_free(b->near);
-    free(b->position);
-    free(b->normal);
+    free(b->facets);
+    box_tree_free(&b->tree);
     free(b->anchor);
-    free(b->least);
-    free(b->coverage);
-    free(b->moved[0]);
-    free(b->moved[1]);
-    free(b->patch);
-    free(b->hint);
+    free(b->active);
+    free(b->is_active);
+    free(b->next);
+    free(b->misses);
     free(b);
     s->state.blue_noise = NULL;
 }
 
-/* Builds the lists again if a particle has moved by half of the skin. */
 static bool update_lists(solver *s, error *e)
 {
     blue_noise_state *b = s->state.blue_noise;
     const particles *p = s->state.p;
-    bool valid = s->record.sweep_count > 0;
-    for (size_t i = 0; valid && i < p->count; i++) {
-        const double most = 0.5 * SKIN * spacing_of(s, i);
-        valid = vec3_norm2(vec3_sub(p->position[i], b->anchor[i])) < most * most;
-    }
-    if (valid) return true;
+    if (!b->lists_stale) return true;
+    b->lists_stale = false;
+    solver_renew_sizes(s);
     memcpy(b->anchor, p->position, p->count * sizeof *b->anchor);
     return neighbours_build(b->near, p->count, p->position, p->size, (CUTOFF + SKIN) * s->state.spacing,
                             s->setup.pool, e);
+}
+
+static void end(solver *s, bool is_done)
+{
+    solver_note_round(s, is_done ? "converged" : "sweeps_spent", 0, 0);
+    s->state.outcome = is_done ? SOLVER_CONVERGED : SOLVER_STALLED;
+    s->state.fraction = 1;
+    release(s); /* before the result is measured, which takes more memory */
 }
 
 static bool step(solver *s, error *e)
@@ -728,24 +706,22 @@ static bool step(solver *s, error *e)
     blue_noise_state *b = s->state.blue_noise;
     const size_t taken = s->record.sweep_count;
     b->corrects = taken >= ENERGY_STEPS;
-    solver_renew_sizes(s);
     if (!update_lists(s, e)) return false;
-    for (int k = 0; k < PARTS; k++) b->part[k] = (extremes){.least = INFINITY};
-    threads_run(s->setup.pool, s->state.p->count, b->grain, step_chunk, s);
+    threads_run(s->setup.pool, b->active_count, THREADS_GRAIN, step_chunk, s);
     if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    const extremes seen = gather(b);
-    const double violated = b->corrects ? violation(&seen) : INFINITY;
-    const bool is_done = violated <= 0;
-    if (!is_done) take_step(s);
-    bool *const moved = b->moved[0];
-    b->moved[0] = b->moved[1];
-    b->moved[1] = moved;
-    record(s, &seen);
-    if (!is_done && (!b->corrects || !is_stuck(b, violated, taken))) return true;
-    solver_note_round(s, is_done ? "converged" : "sweeps_spent", seen.energy, 0);
-    s->state.outcome = is_done ? SOLVER_CONVERGED : SOLVER_STALLED;
-    s->state.fraction = 1;
-    release(s); /* before the result is measured, which takes more memory */
+    const size_t misses = b->corrects ? count_misses(s) : SIZE_MAX;
+    /* The sizes were those of the last list build. With new ones all particles are measured again. */
+    const bool is_renewed = misses == 0 && solver_renew_sizes(s) > 0;
+    if (is_renewed) activate_all(s);
+    record(s, misses == 0 ? 0 : take_step(s));
+    const bool is_over = (misses == 0 && !is_renewed) || is_stuck(b, misses, taken);
+    if (is_over && (misses == 0 || b->only_pairs)) {
+        end(s, !b->only_pairs);
+    } else if (is_over) {
+        b->only_pairs = true;
+        b->best = SIZE_MAX;
+        activate_all(s);
+    }
     return true;
 }
 
@@ -757,29 +733,77 @@ static bool has_borders(const field *f)
     return found;
 }
 
+static bbox facet_box(const void *context, uint32_t k)
+{
+    const facet *f = (const facet *)context + k;
+    return bbox_of_points(f->corner, 3, NULL);
+}
+
+/* Appends the triangles of a cell that have area. */
+static void add_facets(const surface *scan, size_t k, facet *out, size_t *count)
+{
+    vec3 corner[FIELD_CELL_TRIANGLES][3];
+    const int triangles = surface_cell_triangles(scan, k, corner);
+    for (int t = 0; t < triangles; t++) {
+        if (!(vec3_norm2(twice_area(corner[t])) > 0)) continue;
+        facet *f = &out[(*count)++];
+        memcpy(f->corner, corner[t], sizeof f->corner);
+        f->patch = surface_cell_patch(scan, k, field_triangle_middle(corner[t]));
+    }
+}
+
+/* Puts the facets into the order of their tree, so that those of a leaf are consecutive. */
+static void sort_facets(facet *facets, box_tree *tree)
+{
+    for (uint32_t k = 0; k < tree->count; k++) {
+        const facet first = facets[k];
+        uint32_t at = k;
+        for (uint32_t next = tree->order[at]; next != k; next = tree->order[at]) {
+            facets[at] = facets[next];
+            tree->order[at] = at;
+            at = next;
+        }
+        facets[at] = first;
+        tree->order[at] = at;
+    }
+}
+
+static bool gather_facets(solver *s, error *e)
+{
+    const char *what = "the facets of the surface";
+    blue_noise_state *b = s->state.blue_noise;
+    const surface *scan = s->setup.scan;
+    size_t most = 0, count = 0;
+    vec3 unused[FIELD_CELL_TRIANGLES][3];
+    for (size_t k = 0; k < scan->cells; k++) most += (size_t)surface_cell_triangles(scan, k, unused);
+    vec3 *middle = mem_array(most, sizeof *middle, what, e);
+    b->facets = mem_array(most, sizeof *b->facets, what, e);
+    bool ok = middle && b->facets;
+    for (size_t k = 0; ok && k < scan->cells; k++) add_facets(scan, k, b->facets, &count);
+    for (size_t k = 0; ok && k < count; k++) middle[k] = field_triangle_middle(b->facets[k].corner);
+    ok = ok && box_tree_make(count, middle, facet_box, b->facets, what, &b->tree, e);
+    free(middle);
+    if (ok) sort_facets(b->facets, &b->tree);
+    return ok;
+}
+
 static bool begin(solver *s, error *e)
 {
     const char *what = "particles";
     const size_t n = s->state.p->count;
     blue_noise_state *b = s->state.blue_noise = mem_alloc(sizeof *b);
-    b->best = INFINITY;
+    b->best = SIZE_MAX;
+    b->lists_stale = true;
     b->has_borders = has_borders(s->setup.field);
-    b->has_ends = b->has_borders || (s->setup.field->patches && s->setup.field->patches->curve_count > 0);
-    b->grain = n / PARTS + 1;
     b->near = neighbours_new(n, s->setup.params.list_limit, e);
-    b->position = mem_array(n, sizeof *b->position, what, e);
-    b->normal = mem_array(n, sizeof *b->normal, what, e);
     b->anchor = mem_array(n, sizeof *b->anchor, what, e);
-    b->least = mem_array(n, sizeof *b->least, what, e);
-    b->coverage = mem_array(n, sizeof *b->coverage, what, e);
-    for (int k = 0; k < 2; k++) b->moved[k] = mem_array(n, sizeof *b->moved[k], what, e);
-    for (size_t i = 0; b->moved[0] && i < n; i++) b->moved[0][i] = true;
-    if (s->state.p->patch) {
-        b->patch = mem_array(n, sizeof *b->patch, what, e);
-        b->hint = mem_array(n, sizeof *b->hint, what, e);
-    }
-    return b->near && b->position && b->normal && b->anchor && b->least && b->coverage && b->moved[0] &&
-           b->moved[1] && (!s->state.p->patch || (b->patch && b->hint));
+    b->active = mem_array(n, sizeof *b->active, what, e);
+    b->is_active = mem_array(n, sizeof *b->is_active, what, e);
+    b->next = mem_array(n, sizeof *b->next, what, e);
+    b->misses = mem_array(n, sizeof *b->misses, what, e);
+    if (!b->near || !b->anchor || !b->active || !b->is_active || !b->next || !b->misses) return false;
+    activate_all(s);
+    return !s->setup.field->patches || gather_facets(s, e);
 }
 
 static bool describe(solver *s, error *e)
