@@ -493,7 +493,7 @@ def list_mistakes():
     daemon("worker that does not exist", [*start, "--worker", "/nonexistent/hexad-worker"], "exit 1", "/nonexistent/hexad-worker")
     daemon("mode that is not octal", [*start, "--output_mode", "rw-r--r--"], "exit 2", "output_mode")
     daemon("group that does not exist", [*start, "--output_group", "nogroup-of-hexad"], "exit 2", "nogroup-of-hexad")
-    daemon("user that does not exist", [*start, "--unix_users", "nouser-of-hexad"], "exit 2", "nouser-of-hexad")
+    daemon("user that does not exist", [*start, "--unix_users", "nouser-of-hexad"], "starts, warning", "nouser-of-hexad")
     daemon("mapping without =", [*start, "--path_mappings", "Z:/show"], "exit 2", "Z:/show")
     daemon("weight that is no number", [*start, "--user_weights", "alice:high"], "exit 2", "alice:high")
     daemon("webhooks without a secret", [*start, "--webhook_hosts", "example.com"], "exit 2", "webhook_secret_file")
