@@ -311,8 +311,10 @@ static void put_grading(json *report, const report_facts *facts)
     const spec *s = facts->spec;
     const bool low = s->min_spacing > 0, high = s->max_spacing > 0;
     char *warning = mem_printf(
-        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the "
-        "surface varies less. Raise sampling.curvature.exponent (now %.3g), or lower the ratio.%s",
+        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the surface "
+        "varies less, or its most curved places are too small for the growth and the smoothing of the spacing. "
+        "Try a smaller and a larger sampling.curvature.exponent (now %.3g): which one reaches more depends on how "
+        "much of the surface is curved. Or lower the ratio.%s",
         reached, asked, s->curvature.exponent,
         low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
         : low       ? " sampling.min_spacing limits it as well."
