@@ -143,8 +143,9 @@ static const criterion criteria[] = {
      "spacings. Raise sampling.time_s.",
      1},
     {"step_left", OUTCOME_NOT_CONVERGED, false, step_left,
-     "step_left: the points have not converged: their next relaxation step is %.3g spacings (at most %.3g). "
-     "Raise solver.max_sweeps, or solver.step for the minimiser gradient.",
+     "step_left: the points have not converged: their next relaxation step is %.3g spacings (at most %.3g), usually "
+     "at details, edges or walls smaller than the spacing. Ask for more points. If an intersection only cuts off a "
+     "part of a surface, use region instead. With the minimiser gradient, raise solver.step.",
      1},
     {"gain", OUTCOME_NOT_CONVERGED, true, gain,
      "gain: a point can lower its energy by a fraction of %.3g (at most %.3g), usually at features smaller "

@@ -316,6 +316,21 @@ static void a_solve_that_was_stopped_names_the_limit_that_stopped_it(void **stat
     assert_non_null(strstr(message_of(&v, "rms_step"), "Raise sampling.time_s."));
 }
 
+/* A solve that ended by itself does not continue with a higher limit. */
+static void points_that_still_move_do_not_require_more_sweeps(void **state)
+{
+    (void)state;
+    scene s = scene_octahedron(3);
+    const measures m = scene_measure(&s, NULL);
+    outcome_input in = good_solve(&m);
+    scene_free(&s);
+    in.step_left = 0.00884;
+    const outcome_result v = outcome_evaluate(&in);
+    assert_int_equal(v.reason_count, 1);
+    assert_null(strstr(message_of(&v, "step_left"), "max_sweeps"));
+    assert_non_null(strstr(message_of(&v, "step_left"), "use region"));
+}
+
 static void a_step_that_is_not_known_fails_nothing(void **state)
 {
     (void)state;
@@ -547,6 +562,7 @@ int main(void)
         cmocka_unit_test(bounds_of_blue_noise_apply_to_that_pattern_only),
         cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
         cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
+        cmocka_unit_test(points_that_still_move_do_not_require_more_sweeps),
         cmocka_unit_test(a_step_that_is_not_known_fails_nothing),
         cmocka_unit_test(a_solve_that_still_moves_outranks_gaps),
         cmocka_unit_test(a_requirement_that_is_missed_is_a_reason),
