@@ -14,6 +14,7 @@
 #include "run/surface_meshes.h"
 #include "run/upright.h"
 #include "source/source_report.h"
+#include "spec/attach_spec.h"
 #include "store/file.h"
 
 static const char what[] = "the points of a result";
@@ -27,10 +28,11 @@ typedef struct attach {
     points set;
     size_t kept; /* attributes of the file; names and values are owned here until they are adopted */
     point_attribute attributes[COLUMNS_MAX];
-    surface_meshes meshes; /* with the topologies of the result */
-    size_t without;        /* points without a place, which stay where they are */
-    double spacing;        /* mean of the requested ones */
-    json *warnings;        /* for the report, which takes ownership */
+    const double *places[ATTACHMENT_ARRAYS]; /* values of the attribute source */
+    surface_meshes meshes;                   /* with the topologies of the result */
+    size_t without;                          /* points without a place, which stay where they are */
+    double spacing;                          /* mean of the requested ones */
+    json *warnings;                          /* for the report, which takes ownership */
 } attach;
 
 /* ---- the points of the result ---- */
@@ -140,7 +142,7 @@ static bool keep_attributes(attach *a, error *e)
 }
 
 /* The arrays of the places, by the first name with all endings; NULL and attribute_missing if there is none. */
-static bool find_places(attach *a, const double *values[ATTACHMENT_ARRAYS], error *e)
+static bool find_places(attach *a, error *e)
 {
     for (size_t k = 0; k < a->kept; k++) {
         const char *own = a->attributes[k].name, *end = strrchr(own, '_');
@@ -152,15 +154,13 @@ static bool find_places(attach *a, const double *values[ATTACHMENT_ARRAYS], erro
             if (!of || of->components != attachment_arrays[n].components) break;
             of->kind = attachment_arrays[n].kind;
             of->is_double = attachment_arrays[n].is_double;
-            values[n] = of->values;
+            a->places[n] = of->values;
             found++;
         }
         if (found == ATTACHMENT_ARRAYS) return true;
     }
-    return error_set(
-        e, ERROR_ATTRIBUTE_MISSING,
-        "/sampling/attach: the points have no places on meshes: sample the surface with the attribute "
-        "{\"from\": \"geometry\", \"name\": \"source\"}");
+    return error_set(e, ERROR_ATTRIBUTE_MISSING,
+                     "/sampling/attach: the points have no attribute source: " ATTACH_SPEC_SOURCE_ADVICE);
 }
 
 static bool check_properties(const points *p, error *e)
@@ -241,7 +241,7 @@ static bool read_points(attach *a, error *e)
     }
     const bool ok = (ply_read(file, &a->file, e) || error_prefix(e, "%s", a->job.spec->attach)) &&
                     check_properties(&a->file.points, e) && check_values(&a->file.points, e) &&
-                    keep_attributes(a, e) && read_topologies(a, file, e);
+                    keep_attributes(a, e) && find_places(a, e) && read_topologies(a, file, e);
     fclose(file);
     return ok && (a->file.points.count > 0 ||
                   error_set(e, ERROR_INPUT_DAMAGED, "%s: the file has no points", a->job.spec->attach));
@@ -262,18 +262,16 @@ static bool place(job *j, error *e)
 {
     attach *a = (attach *)j;
     const points *p = &a->file.points;
-    const double *values[ATTACHMENT_ARRAYS];
     double sum = 0;
     progress_enter(&j->progress, PROGRESS_START);
-    if (!find_places(a, values, e)) return false;
     for (size_t i = 0; i < p->count; i++) {
         sum += p->spacing[i];
-        a->without += values[ATTACHMENT_MESH][i] < 0;
+        a->without += a->places[ATTACHMENT_MESH][i] < 0;
     }
     a->spacing = sum / (double)p->count;
     a->set = *p;
     a->set.orient = NULL; /* made again of the normals */
-    return attachment_evaluate(a->meshes.file, a->meshes.count, j->memory, p->count, values,
+    return attachment_evaluate(a->meshes.file, a->meshes.count, j->memory, p->count, a->places,
                                (vec3 *)p->position, (vec3 *)p->normal, e);
 }
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "spec/spec.h"
 
 enum { POINTER_SIZE = 1024 };
 
@@ -46,6 +47,19 @@ static void replace_meshes(replacement *r, const json_at *at)
     }
 }
 
+/* Whether the points have the attribute of their places on the meshes. */
+static bool has_source(const json_at *at)
+{
+    const json_at list = json_member(at, "attributes");
+    bool found = false;
+    for (size_t k = 0; !found && k < json_size(list); k++) {
+        const json_at one = json_element(&list, k);
+        found = strcmp(json_string(json_member(&one, "from"), ""), SPEC_FROM_GEOMETRY) == 0 &&
+                strcmp(json_string(json_member(&one, "name"), ""), SPEC_GEOMETRY_SOURCE) == 0;
+    }
+    return found;
+}
+
 json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
                        error *e)
 {
@@ -55,6 +69,13 @@ json *attach_spec_make(const json *sampled, const char *points, const char *cons
     json *root = json_copy(sampled);
     replacement r = {root, mesh, mesh_count, 0};
     const json_at at = json_root(root), surface = json_member(&at, "surface");
+    if (!has_source(&at)) {
+        error_set(
+            e, ERROR_ATTRIBUTE_MISSING,
+            "the result cannot be attached, because its points have no attribute source: " ATTACH_SPEC_SOURCE_ADVICE);
+        json_free(root);
+        return NULL;
+    }
     replace_meshes(&r, &surface);
     if (r.count != mesh_count) {
         error_set(

@@ -286,7 +286,12 @@ def test_points_without_places_are_refused(worker, sample, attach, tmp_path):
     bars.write(tmp_path / "bar.obj", rest, faces)
     sample({"mesh": {"path": "bar.obj"}}, attributes=[])
     told, _ = attach("bar.obj", code=3)
-    assert told["code"] in ("attribute_missing", "input_damaged") and "/sampling/attach" in told["message"]
+    assert told["code"] == "attribute_missing" and told["message"].endswith(
+        'sample it again with attributes [{"from": "geometry", "name": "source"}]')
+    done = worker({"version": 1, "surface": {"mesh": {"path": "bar.obj"}}, "sampling": {"attach": "out/points.ply"},
+                   "output": {"preview": False}}, output="moved")
+    told = json.loads(done.stderr.splitlines()[-1])
+    assert (done.returncode, told["code"]) == (3, "attribute_missing") and "no attribute source" in told["message"]
     sample({"mesh": {"path": "bar.obj"}}, output={"ply": {"properties": ["minimal", "attributes"]}})
     told, _ = attach("bar.obj", code=3)
     assert told["code"] == "attribute_missing" and "kappa" in told["message"]
@@ -381,6 +386,12 @@ def test_hexadctl_says_why_points_cannot_be_attached(animated, hexadctl):
     assert done.returncode == 2 and "has no frames" in done.stderr
     done = hexadctl("attach", animated.job_id, animated.where / "none.obj", "--wait")
     assert done.returncode != 0 and "none.obj" in done.stderr + done.stdout
+    without = animated.submit({"version": 1, "surface": {"mesh": {"path": str(mesh)}}, "sampling": {"count": 100},
+                               "output": {"preview": False}})
+    animated.wait_state(without, "succeeded")
+    done = hexadctl("attach", without, mesh, "--label", "without")
+    assert done.returncode == 2 and "its points have no attribute source: sample it again" in done.stderr
+    assert json.loads(hexadctl("list", "--label", "without", "--json").stdout)["jobs"] == []
 
 
 def test_a_mesh_of_another_topology_fails_its_job(animated, hexadctl):
