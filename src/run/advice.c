@@ -23,16 +23,24 @@ advice_resolution advice_resolve(double area, size_t count, double factor)
     return (advice_resolution){packing_spacing(area, points), points};
 }
 
-/* The end of messages about a resolution that no permitted count has. */
-#define BEYOND_THE_MAXIMUM "more than the maximum of %.0f points: smooth the input, or sample a region of it"
+/* The format of the end of messages about a resolution that no permitted count has. */
+#define BEYOND_THE_MAXIMUM "more than the maximum of %.0f points: %s"
 
-char *advice_warn_of_walls(double share, bool of_surface, advice_resolution to)
+/* What to do if no permitted count has the resolution. */
+static const char *other_remedy(const spec *s)
+{
+    return s->surface.kind == SPEC_SURFACE_LABELS
+               ? "smooth the labels with surface.labels.majority, or merge thin labels with surface.labels.groups"
+               : "smooth the input, or sample a region of it";
+}
+
+char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to)
 {
     char *how =
         to.count > PLAN_COUNT_MAX
             ? mem_printf(
                   "The two sides of these walls are distinguished at a spacing of %.3g, which takes " BEYOND_THE_MAXIMUM,
-                  to.spacing, PLAN_COUNT_MAX)
+                  to.spacing, PLAN_COUNT_MAX, other_remedy(s))
             : mem_printf("To distinguish the two sides of these walls, ask for %.0f points (spacing %.3g)",
                          to.count, to.spacing);
     char *text =
@@ -85,7 +93,7 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
         message = mem_printf(
             "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of "
             "%.3g and " BEYOND_THE_MAXIMUM,
-            to.spacing, PLAN_COUNT_MAX);
+            to.spacing, PLAN_COUNT_MAX, other_remedy(s));
         advice_append(list, code, message);
     } else if (!target) {
         message = mem_printf(

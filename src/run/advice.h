@@ -23,7 +23,7 @@ advice_resolution advice_resolve(double area, size_t count, double factor);
 
 /* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and the
  * resolution that separates them. The caller frees it. */
-char *advice_warn_of_walls(double share, bool of_surface, advice_resolution to);
+char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to);
 
 /* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);

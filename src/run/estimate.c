@@ -116,7 +116,7 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
         c.unresolved_share <= MEASURES_THIN_SHARE)
         return;
     const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);
-    char *warning = advice_warn_of_walls(c.unresolved_share, true, to);
+    char *warning = advice_warn_of_walls(j->spec, c.unresolved_share, true, to);
     json_append_string(warnings, warning);
     free(warning);
     advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),

@@ -92,7 +92,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area;
     const advice_resolution to = advice_resolve(area, count, walls->factor);
-    char *text = advice_warn_of_walls(walls->share, walls->of_surface, to);
+    char *text = advice_warn_of_walls(facts->spec, walls->share, walls->of_surface, to);
     json_append_string(warnings, text);
     free(text);
     if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
@@ -102,8 +102,8 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
             facts->memory_limit / (1 << 20));
 }
 
-/* Advice on the labels comes first: thin or ragged labels are the cause, and more points the costly remedy. More points
- * do not make the packing regular on single voxels. */
+/* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A majority
+ * filter comes before groups, which merge labels. More points do not make the packing regular on single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
@@ -111,11 +111,11 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
     const bool hopeless = labels && label_advice_is_hopeless(labels);
     thin_walls walls = {0};
     const bool thin = find_thin_walls(facts, &walls);
-    if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
-        label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (labels && thin && !hopeless)
         label_advice_append_majority(advice, &facts->spec->surface.labels, labels,
                                      solver_spacing(facts->solver));
+    if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
+        label_advice_append(advice, &facts->spec->surface.labels, labels);
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
 }
 

@@ -551,6 +551,14 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     assert [m["label"] for m in sample(labels, majority=3, output={"label_meshes": True})[0]["mesh"]["labels"]] == [0, 1]
 
 
+def test_a_majority_is_advised_before_groups(sample):
+    """Most labels are ragged, and label 3 is a sheet one voxel thin, which groups would merge."""
+    labels = shifted_slices()
+    labels[:, 8:36, 22][labels[:, 8:36, 22] == 1] = 3
+    report, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
+    assert [a["code"] for a in report["advice"]] == ["ragged_labels", "thin_labels", "unresolved"]
+
+
 @pytest.mark.extended
 def test_advice_of_a_majority_brings_slices_into_order(send):
     spec = of_labels(700)

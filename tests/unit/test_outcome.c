@@ -10,6 +10,7 @@
 
 #include "close.h"
 #include "lattice_scenes.h"
+#include "run/advice.h"
 #include "run/outcome.h"
 
 static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
@@ -331,6 +332,23 @@ static void points_that_still_move_do_not_require_more_sweeps(void **state)
     assert_non_null(strstr(message_of(&v, "step_left"), "use region"));
 }
 
+/* The spec refuses a region of labels. */
+static void a_resolution_beyond_all_counts_is_not_advised_a_region_of_labels(void **state)
+{
+    (void)state;
+    const advice_resolution to = {0.001, 2e9};
+    spec s = {.surface = {.kind = SPEC_SURFACE_MESH}};
+    char *of_mesh = advice_warn_of_walls(&s, 0.5, true, to);
+    s.surface.kind = SPEC_SURFACE_LABELS;
+    char *of_labels = advice_warn_of_walls(&s, 0.5, true, to);
+    assert_non_null(
+        strstr(of_mesh, "maximum of 100000000 points: smooth the input, or sample a region of it."));
+    assert_null(strstr(of_labels, "region"));
+    assert_non_null(strstr(of_labels, "smooth the labels with surface.labels.majority, or merge"));
+    free(of_mesh);
+    free(of_labels);
+}
+
 static void a_step_that_is_not_known_fails_nothing(void **state)
 {
     (void)state;
@@ -563,6 +581,7 @@ int main(void)
         cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
         cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
         cmocka_unit_test(points_that_still_move_do_not_require_more_sweeps),
+        cmocka_unit_test(a_resolution_beyond_all_counts_is_not_advised_a_region_of_labels),
         cmocka_unit_test(a_step_that_is_not_known_fails_nothing),
         cmocka_unit_test(a_solve_that_still_moves_outranks_gaps),
         cmocka_unit_test(a_requirement_that_is_missed_is_a_reason),
