@@ -410,10 +410,10 @@ static void align_ends(const spec *s, source *out)
 static bool open_labels(const spec_surface *s, const opening *o, source_part *out, error *e)
 {
     const spec_labels *l = &s->labels;
-    if (out != &o->source->whole || o->spec->has_region)
-        return error_set(e, ERROR_NOT_SUPPORTED,
-                         "the interfaces of labels do not bound one solid: remove the combination, offset, "
-                         "transform or region around surface.labels");
+    if (out != &o->source->whole)
+        return error_set(
+            e, ERROR_NOT_SUPPORTED,
+            "the interfaces of labels do not bound one solid: use another surface for region.inside");
     store_tree *tree = NULL;
     const int fd = l->path ? open_file_or_tree(o->source, l->path, &tree, e) : -1;
     if (l->path && fd < 0 && !tree) return false;

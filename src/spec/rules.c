@@ -19,26 +19,50 @@
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
 static const double UPRIGHT_LEAST = 1e-6;
 
-/* A member of the group with nearly that name, else a member of that name elsewhere, else NULL. */
+static size_t depth(const char *pointer)
+{
+    size_t steps = 0;
+    for (; *pointer; pointer++) steps += *pointer == '/';
+    return steps;
+}
+
+/* A member of the group with nearly that name. Else the member of that name elsewhere with the fewest steps in its
+ * pointer, if it is the only one. Else NULL. */
 static const char *suggestion(const char *group, const char *key)
 {
     const char *elsewhere = NULL;
+    size_t least = SIZE_MAX;
     nearest_name nearest = nearest_name_to(key, strlen(key));
     for (size_t i = 0; i < spec_row_count; i++) {
-        const char *name = spec_row_key(&spec_rows[i]);
+        const char *name = spec_row_key(&spec_rows[i]), *pointer = spec_rows[i].pointer;
         if (spec_row_is_member(&spec_rows[i], group)) nearest_name_offer(&nearest, name);
-        if (strcmp(key, name) == 0 && !elsewhere) elsewhere = spec_rows[i].pointer;
+        if (strcmp(key, name) != 0 || depth(pointer) > least) continue;
+        elsewhere = depth(pointer) < least ? pointer : NULL;
+        least = depth(pointer);
     }
     return nearest.name ? nearest.name : elsewhere;
 }
 
+/* The members of a group, or false if a message is too short for them. */
+static bool list_members(const char *group, char list[READING_SHOWN_MAX])
+{
+    size_t count, used = 0;
+    const spec_row *const *row = spec_rows_of(group, &count);
+    for (size_t i = 0; i < count && used < READING_SHOWN_MAX; i++)
+        used += (size_t)snprintf(list + used, READING_SHOWN_MAX - used, "%s%s", i ? ", " : "",
+                                 spec_row_key(row[i]));
+    return count > 0 && used < READING_SHOWN_MAX;
+}
+
 static void unknown_member(reading *r, const json_at *at, const char *group)
 {
-    char key[READING_SHOWN_MAX + 4];
+    char key[READING_SHOWN_MAX + 4], members[READING_SHOWN_MAX];
     const char *instead = suggestion(group, at->key);
     reading_shorten(at->key, key);
     if (instead)
         reading_add_fault(r, at, "unknown member '%s': did you mean '%s'?", key, instead);
+    else if (list_members(group, members))
+        reading_add_fault(r, at, "unknown member '%s': the members here are %s", key, members);
     else
         reading_add_fault(r, at, "unknown member '%s'", key);
 }
@@ -379,6 +403,23 @@ static void check_pattern(reading *r, const json_at *at)
     }
 }
 
+/* The interfaces of labels do not bound one solid, so they can be neither combined nor cut. */
+static void check_whole_labels(reading *r, const json_at *at)
+{
+    const json_at surface = json_member(at, "surface"), region = json_member(at, "region");
+    if (!has_labels(&r->s->surface)) return;
+    if (region.node)
+        reading_add_fault(
+            r, &region,
+            "excludes surface.labels, whose interfaces do not bound one solid: remove it, or crop the "
+            "file of labels");
+    if (r->s->surface.part_count > 0)
+        reading_add_fault(
+            r, &surface,
+            "contains labels, whose interfaces do not bound one solid: make surface.labels the whole "
+            "surface, without a combination, offset or transform");
+}
+
 static void check_whole(reading *r, const json_at *at)
 {
     json_at surface = json_member(at, "surface");
@@ -391,6 +432,7 @@ static void check_whole(reading *r, const json_at *at)
             "a bounded shape");
     check_attach(r, at);
     check_pattern(r, at);
+    check_whole_labels(r, at);
     json_at output = json_member(at, "output"), order = json_member(&output, "order");
     if (s->has_order && s->order == SPEC_ORDER_ID && !s->coherent)
         reading_add_fault(
