@@ -470,8 +470,9 @@ export type JobSpec = {
     /**
      * hexagonal: the points are as regular as the surface permits. blue_noise: the points have no regular
      * order, for scattering, stippling and ray-traced sets. Their least distance is at least 0.74 spacings,
-     * and no place of the surface is farther from its nearest point than 1.05 times that distance. Curves
-     * have no points of their own. blue_noise requires a surface without labels and the defaults of
+     * and no place of the surface is farther from its nearest point than 1.05 times that distance. The least
+     * distance does not apply to points on opposite walls, whose normals differ by more than 113 degrees.
+     * Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
      * solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
      * points, curve_spacing, features and queue.coherent. Default: "hexagonal".
      */
@@ -624,7 +625,8 @@ export type JobSpec = {
     points?: {
       /**
        * The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
-       * one of the service's input roots. Only the positions are read, in world space.
+       * one of the service's input roots, or have been sent with hexadctl upload. Only the positions are
+       * read, in world space.
        */
       path: string;
       /**
@@ -1149,7 +1151,9 @@ export type JobSpec = {
 export type Surface = {
   /** A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue. */
   vdb?: {
-    /** The file. It must lie below one of the service's input roots. */
+    /**
+     * The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload.
+     */
     path: string;
     /**
      * The name of the grid. If several grids have the same name, write "name[1]" for the second. Required if
@@ -1172,7 +1176,7 @@ export type Surface = {
   mesh?: {
     /**
      * The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
-     * service's input roots. Other files that it names are not read.
+     * service's input roots, or have been sent with hexadctl upload. Other files that it names are not read.
      */
     path: string;
     /**
@@ -1407,7 +1411,8 @@ export type Surface = {
     coefficients?: number[];
     /**
      * A file that contains only the coefficients, in the same order, as little-endian floats of 32 or 64
-     * bits. The file size determines which. It must lie below one of the service's input roots.
+     * bits. The file size determines which. It must lie below one of the service's input roots, or have been
+     * sent with hexadctl upload.
      */
     path?: string;
   };
@@ -1421,7 +1426,8 @@ export type Surface = {
      * The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2, MetaImage,
      * or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the
      * slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must
-     * lie below one of the service's input roots.
+     * lie below one of the service's input roots. A file that names no other one may instead have been sent
+     * with hexadctl upload.
      */
     path: string;
     /**
@@ -1458,7 +1464,8 @@ export type Surface = {
     /**
      * The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
      * image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
-     * one of the service's input roots.
+     * one of the service's input roots. A file that names no other one may instead have been sent with
+     * hexadctl upload.
      */
     path: string;
     /** See /surface/volume/index. */
@@ -1628,8 +1635,9 @@ export type AnsweredSpec = {
     /**
      * hexagonal: the points are as regular as the surface permits. blue_noise: the points have no regular
      * order, for scattering, stippling and ray-traced sets. Their least distance is at least 0.74 spacings,
-     * and no place of the surface is farther from its nearest point than 1.05 times that distance. Curves
-     * have no points of their own. blue_noise requires a surface without labels and the defaults of
+     * and no place of the surface is farther from its nearest point than 1.05 times that distance. The least
+     * distance does not apply to points on opposite walls, whose normals differ by more than 113 degrees.
+     * Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
      * solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
      * points, curve_spacing, features and queue.coherent.
      */
@@ -1780,7 +1788,8 @@ export type AnsweredSpec = {
     points?: {
       /**
        * The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
-       * one of the service's input roots. Only the positions are read, in world space.
+       * one of the service's input roots, or have been sent with hexadctl upload. Only the positions are
+       * read, in world space.
        */
       path: string;
       /**
@@ -2277,7 +2286,9 @@ export type AnsweredSpec = {
 export type AnsweredSurface = {
   /** A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue. */
   vdb?: {
-    /** The file. It must lie below one of the service's input roots. */
+    /**
+     * The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload.
+     */
     path: string;
     /**
      * The name of the grid. If several grids have the same name, write "name[1]" for the second. Required if
@@ -2300,7 +2311,7 @@ export type AnsweredSurface = {
   mesh?: {
     /**
      * The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
-     * service's input roots. Other files that it names are not read.
+     * service's input roots, or have been sent with hexadctl upload. Other files that it names are not read.
      */
     path: string;
     /**
@@ -2535,7 +2546,8 @@ export type AnsweredSurface = {
     coefficients?: number[];
     /**
      * A file that contains only the coefficients, in the same order, as little-endian floats of 32 or 64
-     * bits. The file size determines which. It must lie below one of the service's input roots.
+     * bits. The file size determines which. It must lie below one of the service's input roots, or have been
+     * sent with hexadctl upload.
      */
     path?: string;
   };
@@ -2549,7 +2561,8 @@ export type AnsweredSurface = {
      * The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2, MetaImage,
      * or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the
      * slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must
-     * lie below one of the service's input roots.
+     * lie below one of the service's input roots. A file that names no other one may instead have been sent
+     * with hexadctl upload.
      */
     path: string;
     /**
@@ -2586,7 +2599,8 @@ export type AnsweredSurface = {
     /**
      * The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
      * image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
-     * one of the service's input roots.
+     * one of the service's input roots. A file that names no other one may instead have been sent with
+     * hexadctl upload.
      */
     path: string;
     /** See /surface/volume/index. */

@@ -61,7 +61,8 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 4096,
      AT(surface.vdb.path),
-     .prose = "The file. It must lie below one of the service's input roots."},
+     .prose =
+         "The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload."},
     {.pointer = "/surface/vdb/grid",
      .type = SPEC_TYPE_STRING,
      .low = 0,
@@ -98,8 +99,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 4096,
      AT(surface.mesh.path),
-     .prose = "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
-              "of the service's input roots. Other files that it names are not read."},
+     .prose =
+         "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
+         "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are not read."},
     {.pointer = "/surface/mesh/voxel_size",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -384,7 +386,7 @@ const spec_row spec_rows[] = {
      AT(surface.bspline.path),
      .prose = "A file that contains only the coefficients, in the same order, as little-endian floats of "
               "32 or 64 bits. The file size determines which. It must lie below one of the service's input "
-              "roots."},
+              "roots, or have been sent with hexadctl upload."},
 
     {.pointer = "/surface/volume",
      .type = SPEC_TYPE_GROUP,
@@ -403,7 +405,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
          "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the "
-         "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots."},
+         "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
     {.pointer = "/surface/volume/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -470,7 +472,7 @@ const spec_row spec_rows[] = {
      AT(surface.labels.path),
      .prose =
          "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr image; with slices the images, as in /surface/exr/path. It and the files that "
-         "it names must lie below one of the service's input roots."},
+         "it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
     {.pointer = "/surface/labels/index",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -807,7 +809,8 @@ const spec_row spec_rows[] = {
      .prose =
          "hexagonal: the points are as regular as the surface permits. blue_noise: the points have no regular order, for "
          "scattering, stippling and ray-traced sets. Their least distance is at least 0.74 spacings, and no place of the "
-         "surface is farther from its nearest point than 1.05 times that distance. Curves have no points of their own. "
+         "surface is farther from its nearest point than 1.05 times that distance. The least distance does not apply to points "
+         "on opposite walls, whose normals differ by more than 113 degrees. Curves have no points of their own. "
          "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
          "excludes control, time_s, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
     {.pointer = "/sampling/control",
@@ -1083,7 +1086,7 @@ const spec_row spec_rows[] = {
      AT(points.path),
      .prose =
          "The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below one "
-         "of the service's input roots. Only the positions are read, in world space."},
+         "of the service's input roots, or have been sent with hexadctl upload. Only the positions are read, in world space."},
     {.pointer = "/sampling/points/mode",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,

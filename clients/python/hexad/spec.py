@@ -69,7 +69,8 @@ class _SurfaceVdbRest(TypedDict, total=False):
 class SurfaceVdb(_SurfaceVdbNeeded, _SurfaceVdbRest):
     """A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
 
-    path: The file. It must lie below one of the service's input roots.
+    path: The file. It must lie below one of the service's input roots, or have been sent with hexadctl
+        upload.
     grid: The name of the grid. If several grids have the same name, write "name[1]" for the second. Required
         if the file has several scalar grids.
     isovalue: The value on the surface. Default for a level set: 0. Required for a fog volume. (the grid's)
@@ -114,7 +115,7 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     much of its area is inside its solids.
 
     path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
-        service's input roots. Other files that it names are not read.
+        service's input roots, or have been sent with hexadctl upload. Other files that it names are not read.
     voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
         longest side of the mesh's bounding box. Excludes resolution. (world)
     resolution: The number of voxels along the longest side of the bounding box of the mesh: a closed mesh is
@@ -397,7 +398,8 @@ class SurfaceBspline(_SurfaceBsplineNeeded, _SurfaceBsplineRest):
     domain: The box in which the spline is defined.
     coefficients: The coefficients; x varies fastest, then y. Their number is the product of dims.
     path: A file that contains only the coefficients, in the same order, as little-endian floats of 32 or 64
-        bits. The file size determines which. It must lie below one of the service's input roots.
+        bits. The file size determines which. It must lie below one of the service's input roots, or have been
+        sent with hexadctl upload.
     """
 
 
@@ -422,7 +424,8 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
     path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, NIfTI-2,
         MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in
         place of the slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that
-        it names must lie below one of the service's input roots.
+        it names must lie below one of the service's input roots. A file that names no other one may instead
+        have been sent with hexadctl upload.
     index: Which volume of a file with more than three axes, counted from 0. Required if there are several.
         For channel c at time t of a TIFF file with C channels it is c + C t.
     level: Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0.
@@ -467,7 +470,8 @@ class SurfaceLabels(_SurfaceLabelsNeeded, _SurfaceLabelsRest):
 
     path: The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr
         image; with slices the images, as in /surface/exr/path. It and the files that it names must lie below
-        one of the service's input roots.
+        one of the service's input roots. A file that names no other one may instead have been sent with
+        hexadctl upload.
     index: See /surface/volume/index.
     level: See /surface/volume/level.
     slices: The labels are a stack of OpenEXR or TIFF images, and these are its slices: see /surface/exr. The
@@ -789,7 +793,8 @@ class SamplingPoints(_SamplingPointsNeeded, _SamplingPointsRest):
     excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
 
     path: The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
-        one of the service's input roots. Only the positions are read, in world space.
+        one of the service's input roots, or have been sent with hexadctl upload. Only the positions are read,
+        in world space.
     mode: keep: the points are in the result, at the same positions and first; the other points arrange
         themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve
         starts with the points, and inserts others between them. avoid: the points are not in the result,
@@ -830,9 +835,10 @@ class Sampling(_SamplingRest):
     pattern: hexagonal: the points are as regular as the surface permits. blue_noise: the points have no
         regular order, for scattering, stippling and ray-traced sets. Their least distance is at least 0.74
         spacings, and no place of the surface is farther from its nearest point than 1.05 times that distance.
-        Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
-        solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
-        points, curve_spacing, features and queue.coherent. Default: 'hexagonal'.
+        The least distance does not apply to points on opposite walls, whose normals differ by more than 113
+        degrees. Curves have no points of their own. blue_noise requires a surface without labels and the
+        defaults of solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve,
+        attach, alpha, points, curve_spacing, features and queue.coherent. Default: 'hexagonal'.
     control: For reproducing the paper; otherwise use count. Finds the smallest count that is at least
         min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the paper).
         Method paper starts with min_count points and inserts and deletes some between rounds. Method sized
