@@ -354,12 +354,18 @@ static void set_outside(const store_roots *roots, const char *path, error *e)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s is an input root: name a file below it", path);
         return;
     }
-    error_set(
-        e, ERROR_PATH_FORBIDDEN,
-        "%s is outside the input roots: send the file with hexadctl upload, move it below one of them, or %s",
-        path,
-        atomic_load(&roots->changed) ? "restart hexad, which applies the changed setting input_roots"
-                                     : "add its directory to the setting input_roots and restart hexad");
+    bool is_directory;
+    const bool none = !store_roots_name(roots, 0, &is_directory);
+    const char *upload = frames_is_pattern(path)
+                             ? ""
+                             : "send the file with hexadctl upload (not the frames of a sequence), ",
+               *move = none ? "" : "move it below one of them, ";
+    error_set(e, ERROR_PATH_FORBIDDEN, "%s %s: %s%s%s%s", path,
+              none ? "cannot be read, because this service has no input roots" : "is outside the input roots",
+              upload, move, *upload || *move ? "or " : "",
+              atomic_load(&roots->changed)
+                  ? "restart hexad, which applies the changed setting input_roots"
+                  : "add its directory to the setting input_roots and restart hexad");
 }
 
 static int open_in_roots(const store_roots *roots, const char *path, int flags, error *e)

@@ -159,6 +159,12 @@ static void test_no_roots(void **state)
     char *path = mem_printf("%s/outside", p->base);
     assert_int_equal(store_open_input(none, path, &e), -1);
     assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    assert_non_null(strstr(e.message, "this service has no input roots: send the file with hexadctl upload"));
+    assert_null(strstr(e.message, "below one of them"));
+    assert_int_equal(store_open_input(none, "/nonexistent/a.####.off", &e), -1);
+    assert_non_null(strstr(e.message, "this service has no input roots: add its directory"));
+    assert_int_equal(store_open_input(p->roots, "/nonexistent/a.####.off", &e), -1);
+    assert_non_null(strstr(e.message, "is outside the input roots: move it below one of them, or"));
     int fd = store_open_input(NULL, path, &e); /* a worker without a daemon */
     assert_true(fd >= 0);
     close(fd);
