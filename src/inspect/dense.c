@@ -9,6 +9,7 @@
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
 #include "labels/label_listing.h"
+#include "store/inputs.h"
 #include "store/root.h"
 
 int dense_open_beside(void *context, const char *path, error *e)
@@ -164,7 +165,10 @@ bool contents_read_dense(const contents_input *in, json *inspection, error *e)
 {
     const slices_files files = {dense_open_beside, (void *)in};
     slices *s = dense_open(in, &files, e);
-    if (!s) return error_prefix(e, "%s", in->path);
+    if (!s) {
+        store_inputs_explain_header(in->path, e);
+        return error_prefix(e, "%s", in->path);
+    }
     json *file = json_new_object();
     json_put_string(file, "path", in->path);
     const bool ok = dense_describe_volume(in, s, file, inspection, e);

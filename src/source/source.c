@@ -15,6 +15,7 @@
 #include "source/label_source.h"
 #include "source/mesh_source.h"
 #include "source/plan.h"
+#include "store/inputs.h"
 
 /* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal rounding.
  */
@@ -323,6 +324,7 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
                           const opening *o, error *e)
 {
     if (!from) {
+        store_inputs_explain_header(path, e);
         error_prefix(e, "%s", path);
         return NULL;
     }
@@ -431,7 +433,11 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
         s->exr.has_voxel_size ? &s->exr.voxel_size : NULL};
     out->labels = label_source_open(&request, e);
     if (fd >= 0) close(fd);
-    if (!out->labels) return error_prefix(e, "%s", l->path ? l->path : s->exr.path);
+    if (!out->labels) {
+        const char *path = l->path ? l->path : s->exr.path;
+        store_inputs_explain_header(path, e);
+        return error_prefix(e, "%s", path);
+    }
     out->field = label_surface_field(out->labels);
     return true;
 }

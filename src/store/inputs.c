@@ -64,6 +64,18 @@ bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
     return is_name(name) && (!path[length] || path[length] == '.');
 }
 
+void store_inputs_explain_header(const char *path, error *e)
+{
+    char name[STORE_INPUT_NAME_SIZE];
+    if (!e || (e->code != ERROR_INPUT_MISSING && e->code != ERROR_PATH_FORBIDDEN) ||
+        !store_inputs_is_sent(path, name))
+        return;
+    error_set(
+        e, ERROR_INPUT_UNSUPPORTED,
+        "it names other files, which an uploaded header cannot: upload one file (.mha with ElementDataFile = "
+        "LOCAL, .nrrd with the data in it), or put header and data below an input root");
+}
+
 static char *path_of(const store_inputs *s, const char *hex)
 {
     return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);

@@ -32,6 +32,10 @@ bool store_inputs_is_hash(const char *hex);
 /* Whether the path of a spec names an uploaded file. If so, `name` is the name without its extension. */
 bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE]);
 
+/* Replaces the error of a file that a header names but that cannot be opened, if the header at `path` was uploaded: other
+ * files do not lie beside it. */
+void store_inputs_explain_header(const char *path, error *e);
+
 typedef struct store_inputs_space {
     int64_t used_bytes, limit_bytes; /* of all files */
 } store_inputs_space;

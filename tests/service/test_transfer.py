@@ -130,6 +130,22 @@ def test_an_input_is_sent_and_used(new_service):
     assert report["inputs"][0]["sha256"] == name
 
 
+@pytest.mark.parametrize("kind", ["nhdr", "mhd"])
+def test_an_uploaded_header_cannot_name_other_files(new_service, kind):
+    """They have no place beside it, also if they were uploaded."""
+    service = new_service().start()
+    headers = {"nhdr": "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nencoding: raw\ndata file: v.raw\n",
+               "mhd": "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementType = MET_UCHAR\nElementDataFile = v.raw\n"}
+    put(service, bytes(512))
+    path = put(service, headers[kind].encode()).json["path"]
+    for surface in ({"volume": {"path": f"{path}.{kind}", "isovalue": 1}}, {"labels": {"path": f"{path}.{kind}"}}):
+        job = service.submit({"version": 1, "surface": surface, "sampling": {"count": 100}})
+        error = service.wait_state(job, "failed")["error"]
+        assert error["code"] == "input_unsupported" and error["message"].endswith(
+            "it names other files, which an uploaded header cannot: upload one file (.mha with ElementDataFile = LOCAL, "
+            ".nrrd with the data in it), or put header and data below an input root"), error
+
+
 def test_a_result_of_what_was_sent_is_given_again(service):
     """That others use the file meanwhile makes no difference."""
     name = put(service, TETRAHEDRON).json["path"]
