@@ -1,6 +1,7 @@
 #include "source/plan.h"
 
 #include <math.h>
+#include <stdio.h>
 
 #include "packing/packing.h"
 
@@ -64,24 +65,29 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
                                                             : BYTES_PER_PARTICLE);
 }
 
-bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e)
-{
-    double particles = count * plan_bytes_per_particle(s, is_continued);
-    if (particles <= memory) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave %.0f of "
-        "%.0f MiB: set it to at least %.0f%s",
-        count, ceil(particles / MIB), fmax(memory, 0) / MIB, limit / MIB,
-        ceil((limit + particles - memory) / MIB),
-        s->resolve ? ", or raise /sampling/min_spacing for fewer points" : "");
-}
-
 /* Rounded to three digits, up or down. */
 static double rounded(double value, bool up)
 {
     const double unit = pow(10, floor(log10(value)) - 2);
     return (up ? ceil(value / unit) : floor(value / unit)) * unit;
+}
+
+bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e)
+{
+    const double each = plan_bytes_per_particle(s, is_continued), particles = count * each,
+                 fitting = memory > 0 ? rounded(memory / each, false) : 0;
+    char fewer[128] = "";
+    if (particles <= memory) return true;
+    if (s->resolve)
+        snprintf(fewer, sizeof fewer, ", or raise /sampling/min_spacing for fewer points");
+    else if (s->count > 0 && fitting >= PLAN_COUNT_MIN)
+        snprintf(fewer, sizeof fewer, ", or lower /sampling/count to at most %.0f", fitting);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave %.0f of "
+        "%.0f MiB: set it to at least %.0f%s",
+        count, ceil(particles / MIB), fmax(memory, 0) / MIB, limit / MIB,
+        ceil((limit + particles - memory) / MIB), fewer);
 }
 
 /* Error: the target, which is not a count, gives too few or too many points. It names the value that gives the least or

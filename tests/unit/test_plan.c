@@ -101,13 +101,20 @@ static void the_limit_that_a_message_recommends_is_sufficient(void **state)
 {
     (void)state;
     error e = {0};
-    const spec plain = {0};
+    spec plain = {0};
     const double mib = 1 << 20, limit = 64 * mib, used = 20 * mib;
     assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
     assert_non_null(strstr(e.message, "the surface and the preview leave 44 of 64 MiB"));
     const double enough = mib * number_after(e.message, "set it to at least ");
     assert_true(plan_check_memory(&plain, false, 1e6, enough - used, enough, &e));
     assert_false(plan_check_memory(&plain, false, 1e6, enough - mib - used, enough - mib, &e));
+    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    assert_null(strstr(e.message, "/sampling/count")); /* the target is another one */
+    plain.count = 1e6;
+    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    const double fewer = number_after(e.message, "lower /sampling/count to at most ");
+    assert_true(plan_check_memory(&plain, false, fewer, limit - used, limit, &e));
+    assert_false(plan_check_memory(&plain, false, 1.01 * fewer, limit - used, limit, &e));
 }
 
 static void memory_includes_defect_repair(void **state)
