@@ -56,6 +56,9 @@ static const parameter parameters[] = {
      .type = PARAMETER_WORDS,
      .word = state_at,
      .schema = "State",
+     .remark =
+         "; converged, not_converged and unresolved are outcomes of succeeded jobs: list these (hexadctl list "
+         "--state succeeded --json) and select by the member outcome",
      .prose = "Only jobs in this state, or in one of these: `queued,running`."},
     {.name = "limit",
      .type = PARAMETER_INTEGER,

@@ -78,8 +78,9 @@ static void describe_values(const parameter *p, char *text, size_t size)
         for (size_t i = 0; used < size && (word = p->word(i)); i++)
             used += (size_t)snprintf(text + used, size - used, "%s, ", word);
         if (used < size)
-            snprintf(text + used - 2, size - used + 2, "%s",
-                     p->type == PARAMETER_WORDS ? ", or several of these, separated by commas" : "");
+            snprintf(text + used - 2, size - used + 2, "%s%s",
+                     p->type == PARAMETER_WORDS ? ", or several of these, separated by commas" : "",
+                     p->remark ? p->remark : "");
     }
 }
 

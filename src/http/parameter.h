@@ -25,6 +25,8 @@ typedef struct parameter {
     const char *(*word)(size_t index); /* the word with this index; NULL after the last */
     /* of PARAMETER_WORDS: the schema of the OpenAPI document that lists them */
     const char *schema;
+    /* for the message about a value that is not permitted, after the permitted values; NULL: none */
+    const char *remark;
     const char *otherwise; /* the default of a number or a word; NULL: none */
     const char *pattern;   /* of a text, for the document; NULL: none */
     const char *example;   /* of a text, for the document; NULL: none */

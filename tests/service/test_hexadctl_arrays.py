@@ -301,6 +301,9 @@ def test_states_are_listed_together_and_named_in_a_complaint(run, service, tmp_p
         pages.append([j["id"] for j in page["jobs"]])
         cursor = page["next"] and f"&cursor={page['next']}"
     assert pages == [[paused], [done]]
+    refused = run("list", "--state", "unresolved")
+    assert refused.returncode == 2 and "or several of these, separated by commas; converged, not_converged and unresolved are " \
+        "outcomes of succeeded jobs: list these (hexadctl list --state succeeded --json)" in refused.stderr
     refused = run("list", "--state", "succeeded,foo")
     assert refused.returncode == 2
     for state in ("queued", "blocked", "paused", "running", "cancelling", "succeeded", "failed", "cancelled", "timed_out"):
