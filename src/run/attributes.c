@@ -13,6 +13,7 @@
 #include "formats/property.h"
 #include "geometry/affine.h"
 #include "run/instances.h"
+#include "store/inputs.h"
 
 struct attributes_entry {
     const spec_attribute *spec; /* NULL: a property of points on patches, or given */
@@ -184,7 +185,10 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
     if (r->has_kind) r->kind = kinds[a->type];
     r->stencil = r->has_kind && r->kind == POINT_ATTRIBUTE_INT ? STENCIL_NEAREST : stencils[a->interpolation];
-    if (!attribute_find(r, &out->kind, &out->components, e)) return false;
+    if (!attribute_find(r, &out->kind, &out->components, e)) {
+        if (r->path) store_inputs_explain_header(r->path, e);
+        return false;
+    }
     r->kind = out->kind;
     return true;
 }

@@ -138,8 +138,10 @@ def test_an_uploaded_header_cannot_name_other_files(new_service, kind):
                "mhd": "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementType = MET_UCHAR\nElementDataFile = v.raw\n"}
     put(service, bytes(512))
     path = put(service, headers[kind].encode()).json["path"]
-    for surface in ({"volume": {"path": f"{path}.{kind}", "isovalue": 1}}, {"labels": {"path": f"{path}.{kind}"}}):
-        job = service.submit({"version": 1, "surface": surface, "sampling": {"count": 100}})
+    volume = {"surface": {"volume": {"path": f"{path}.{kind}", "isovalue": 1}}}
+    for members in (volume, {"surface": {"labels": {"path": f"{path}.{kind}"}}},
+                    {"attributes": [{"from": f"{path}.{kind}", "as": "heat"}]}):
+        job = service.submit({**sphere(100), **members})
         error = service.wait_state(job, "failed")["error"]
         assert error["code"] == "input_unsupported" and error["message"].endswith(
             "it names other files, which an uploaded header cannot: upload one file (.mha with ElementDataFile = LOCAL, "
