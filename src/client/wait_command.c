@@ -65,9 +65,15 @@ typedef struct goal {
     int (*end)(client *c, const json *document, const command_options *options);
 } goal;
 
+static bool is_queued(json_at job)
+{
+    return strcmp(json_string(json_member(&job, "state"), ""), "queued") == 0;
+}
+
 static int wait_for(client *c, const char *path, const goal *g, const command_options *options)
 {
     int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
+    bool is_explained = false; /* why the job is still queued at the longest interval */
     int64_t heard_ms = clock_monotonic_ms();
     bool done = false;
     progress_bar m;
@@ -87,7 +93,14 @@ static int wait_for(client *c, const char *path, const goal *g, const command_op
             json_at job = json_root(reply.document);
             heard_ms = clock_monotonic_ms();
             done = g->is_reached(job);
-            if (!done && g->shows_progress) progress_bar_show(&m, job);
+            if (!done && g->shows_progress) {
+                if (wait_ms == LONGEST_WAIT_MS && is_queued(job) && !is_explained) {
+                    progress_bar_clear(&m);
+                    command_explain_waiting(c, stderr);
+                    is_explained = true;
+                }
+                progress_bar_show(&m, job);
+            }
             if (done) {
                 progress_bar_clear(&m);
                 code = g->end(c, reply.document, options);

@@ -429,6 +429,23 @@ def test_wait_takes_several_jobs_and_ends_with_the_code_of_the_worst(run, tmp_pa
     assert run("wait", unresolved, "01aaaaaaaaaaaaaaaaaaaaaaaa", good).returncode == 4
 
 
+def test_wait_says_why_a_job_is_queued(new_service, build, tmp_path):
+    service = new_service("--listen", f"unix:{tmp_path / 'socket'}").start()  # where the service's own user is an administrator
+    assert service.request("POST", "/v1/admin/hold").status == 200
+    job = service.submit(sphere(100))
+    with subprocess.Popen([build / "hexadctl", "wait", job], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                          env=service.environment()) as process:
+        deadline = threading.Timer(PATIENCE_S, process.kill)
+        deadline.start()
+        lines = iter(process.stderr.readline, "")
+        told = next((line for line in lines if line.startswith("held: ")), None)  # before the release
+        deadline.cancel()
+        assert service.request("POST", "/v1/admin/release").status == 200
+        rest = process.communicate(timeout=PATIENCE_S)
+    assert told == 'held: jobs are accepted, and none starts until "hexadctl release"\n'
+    assert process.returncode == 0 and "held: " not in rest[1]
+
+
 def test_progress_of_several_jobs_names_the_job(clean_gated, build):
     first, second = clean_gated.submit(sphere(name="shot 010")), clean_gated.submit(sphere())
     clean_gated.wait_worker(first)
