@@ -84,7 +84,7 @@ static char *advice_on(const char *place, const char *path, const struct stat *i
             ". ProtectHome= or InaccessiblePaths= in the unit of systemd hides directories with this mode: "
             "see \"Permit more\" in systemd.md");
     if (need == DENIAL_SECRET && !closed && info->st_uid == geteuid())
-        return mem_printf(". Run: chmod 600 %s", place);
+        return mem_printf(". Run: chmod %s %s", geteuid() == 0 ? "640" : "600", place);
     char *command = closed ? mem_printf("chmod o+x %s", place) : command_for(place, path, info, own, need);
     char *text = mem_printf(". Run as root: %s", command);
     free(command);

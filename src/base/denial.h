@@ -1,6 +1,7 @@
 /* denial: the file or directory that denies this process access, for messages about EACCES and EPERM.
  *
- * A message names its owner, group and mode, what this process needs, and a command for root that permits it.
+ * A message names its owner, group and mode, what this process needs, and a command for root that permits it. The
+ * process is the service: a command that a user types says something else (hexadctl token).
  */
 #ifndef HEXAD_BASE_DENIAL_H
 #define HEXAD_BASE_DENIAL_H
