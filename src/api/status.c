@@ -87,11 +87,18 @@ static void look_at_outputs(const http_context *c, finding *f)
     if (output_place_unwritable(c->outputs)) f->state = "unwritable";
 }
 
+/* Without tokens the service accepts jobs from the users of the Unix socket. */
+static void look_at_tokens(const http_context *c, finding *f)
+{
+    if (!access_can_read_tokens(c->access)) f->state = "unreadable";
+}
+
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
-} conditions[] = {{"jobs", look_at_jobs},       {"queue", look_at_queue},     {"outputs", look_at_outputs},
-                  {"results", look_at_results}, {"storage", look_at_storage}, {"database", look_at_database}};
+} conditions[] = {{"jobs", look_at_jobs},        {"queue", look_at_queue},     {"tokens", look_at_tokens},
+                  {"outputs", look_at_outputs},  {"results", look_at_results}, {"storage", look_at_storage},
+                  {"database", look_at_database}};
 
 /* Reports all conditions. The conditions are in the order of severity, so the code of the last failed one is
  * reported. */

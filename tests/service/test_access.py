@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import pathlib
+import re
 import pwd
 import socket
 import subprocess
@@ -208,6 +209,23 @@ def test_a_revoked_token_is_worth_nothing(closed_service):
     environment["HEXAD_TOKEN"] = token
     done = subprocess.run([service.build / "hexadctl", "list"], env=environment, capture_output=True, text=True)
     assert done.returncode == 2 and "token" in done.stderr
+
+
+def test_a_token_file_that_cannot_be_read_is_in_readyz_and_in_the_log(closed_service):
+    service = closed_service
+    tokens = service.state / "tokens"
+
+    def state():
+        done = subprocess.run([service.build / "hexadctl", "list"], env={**service.environment(), "HEXAD_TOKEN": service.token}, capture_output=True)
+        reply = service.get("/readyz")
+        return reply.status, reply.json["checks"]["tokens"], done.returncode
+
+    assert state() == (200, "ok", 0)
+    tokens.chmod(0o644)
+    assert state() == (200, "unreadable", 2)
+    assert re.search(rf"error no token is valid: {tokens}: other users can access the file: .*Run: chmod", service.log.read_text())
+    tokens.chmod(0o600)
+    assert state() == (200, "ok", 0)
 
 
 def run_hexad(build, *options):
