@@ -121,6 +121,15 @@ char *denial_describe(const char *path, denial_need need)
     return text;
 }
 
+char *denial_describe_directory_of_user(const char *path, const char *user)
+{
+    const names own = names_of(geteuid(), getegid());
+    return mem_printf(
+        "%s does not exist, and the user %s cannot create it. Run as root: install -d -o %s -g %s -m 0770 %s && "
+        "setfacl -m u:%s:rwx,d:u:%s:rwx %s (\"A directory for each user\" in operations.md)",
+        path, own.user, own.user, own.group, path, user, user, path);
+}
+
 char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise)
 {
     if (fault != EACCES && fault != EPERM) return mem_strdup(otherwise);

@@ -19,6 +19,10 @@ typedef enum denial_need {
  * Any thread may call it. */
 char *denial_describe(const char *path, denial_need need);
 
+/* Describes that the directory of a user below an output root is missing and cannot be made. Any thread. The caller frees
+ * the text. */
+char *denial_describe_directory_of_user(const char *path, const char *user);
+
 /* The end of a message about a failed call: ": " and the description if errno was EACCES or EPERM, otherwise
  * `otherwise`. The caller frees it. */
 char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise);
