@@ -140,7 +140,9 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     fputs("warning: ", stderr);
     print_text(stderr, spec);
     fputs(": ", stderr);
-    print_text(stderr, json_string(json_member(&root, "detail"), "?"));
+    const char *detail = json_string(json_member(&root, "detail"), "?");
+    print_text(stderr, detail);
+    if (!*detail || detail[strlen(detail) - 1] != '.') fputc('.', stderr);
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
