@@ -416,6 +416,8 @@ export type Problem = {
   detail: string;
   code: ProblemCode;
   checks?: Checks;
+  /** The command that permits a user of the Unix socket, to be followed by the name of the user. */
+  allow_command?: string;
   errors: {
     pointer: string;
     detail: string;

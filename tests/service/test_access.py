@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import pwd
 import socket
 import subprocess
@@ -291,6 +292,22 @@ def test_unix_peers(new_service, public_directory):
     assert ask(60003, 60100) == 200
     assert ask(60003, path="/healthz") == 200
     assert service.get("/v1/jobs").status == 200
+
+
+def test_a_refused_user_of_the_socket_is_named_with_the_command_that_permits_it(build, new_service, public_directory):
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    settings = public_directory / "hexad.conf"
+    settings.write_text("unix_users = 60001\n")
+    shutil.copy(build / "hexadctl", public_directory / "hexadctl")
+    new_service("--listen", f"unix:{public_directory}/s", "--config", settings).start()
+    nobody = pwd.getpwnam("nobody").pw_uid
+    for uid, name in ((nobody, "nobody"), (60003, "60003")):
+        done = subprocess.run([public_directory / "hexadctl", "--server", f"unix:{public_directory}/s", "list"], capture_output=True, text=True,
+                              user=uid, group=60000, extra_groups=[], cwd="/", timeout=PATIENCE_S)
+        assert done.returncode == 2 and done.stderr == (
+            f'hexadctl: the user "{name}" may not use this service: run `hexad --config {settings} --allow {name}` as root, '
+            "or set HEXAD_TOKEN to a token\n")
 
 
 def test_deleted_users_and_groups_do_not_keep_the_service_from_starting(new_service, tmp_path):
