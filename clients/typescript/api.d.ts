@@ -153,6 +153,8 @@ export type Workers = {
     threads_limit: number;
     memory_mb: number;
     memory_mb_limit: number;
+    /** Maximum number of running attempts of each user (setting user_running); null: no maximum. */
+    user_running: number | null;
   };
   workers: ({
     job: string;

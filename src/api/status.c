@@ -154,6 +154,10 @@ void status_workers(const http_context *c, const http_request *request, reply *r
     json_put_integer(o, "threads_limit", load.all_threads);
     json_put_integer(o, "memory_mb", load.memory_mb);
     json_put_integer(o, "memory_mb_limit", load.all_memory_mb);
+    if (load.most_of_owner)
+        json_put_integer(o, "user_running", load.most_of_owner);
+    else
+        json_put_null(o, "user_running");
     json *list = json_put_array(document, "workers");
     for (size_t i = 0; i < count; i++)
         job_json_append_worker(list, &running[i], job_json_viewer_of(request->caller, running[i].job.owner));
