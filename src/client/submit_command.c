@@ -183,6 +183,7 @@ static int submit(client *c, const char *from, const char *given, const command_
     int code = post_spec(c, JOBS, from, given, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
+    if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
     if (code == COMMAND_OK && options->wait) {
         char *path = command_job_path(id, "");
         /* printed first, so that the id is known if the wait is interrupted */
