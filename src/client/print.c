@@ -39,7 +39,7 @@ static void print_fault(json_at fault)
     fputc('\n', stderr);
 }
 
-/* Prints the refusal of a user of the Unix socket. The server knows its number only. */
+/* Prints the refusal of a user of the Unix socket. The server sends its number only. */
 static int print_refused_user(const char *allow_command)
 {
     char name[CLIENT_NAME_SIZE];
