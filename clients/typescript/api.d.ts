@@ -153,6 +153,8 @@ export type Workers = {
     threads_limit: number;
     memory_mb: number;
     memory_mb_limit: number;
+    /** Maximum number of running attempts of each user (setting user_running); null: no maximum. */
+    user_running: number | null;
   };
   workers: ({
     job: string;
@@ -416,6 +418,8 @@ export type Problem = {
   detail: string;
   code: ProblemCode;
   checks?: Checks;
+  /** The command that permits a user of the Unix socket, to be followed by the name of the user. */
+  allow_command?: string;
   errors: {
     pointer: string;
     detail: string;

@@ -87,11 +87,18 @@ static void look_at_outputs(const http_context *c, finding *f)
     if (output_place_unwritable(c->outputs)) f->state = "unwritable";
 }
 
+/* Without tokens the service accepts jobs from the users of the Unix socket. */
+static void look_at_tokens(const http_context *c, finding *f)
+{
+    if (!access_can_read_tokens(c->access)) f->state = "unreadable";
+}
+
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
-} conditions[] = {{"jobs", look_at_jobs},       {"queue", look_at_queue},     {"outputs", look_at_outputs},
-                  {"results", look_at_results}, {"storage", look_at_storage}, {"database", look_at_database}};
+} conditions[] = {{"jobs", look_at_jobs},        {"queue", look_at_queue},     {"tokens", look_at_tokens},
+                  {"outputs", look_at_outputs},  {"results", look_at_results}, {"storage", look_at_storage},
+                  {"database", look_at_database}};
 
 /* Reports all conditions. The conditions are in the order of severity, so the code of the last failed one is
  * reported. */
@@ -147,6 +154,10 @@ void status_workers(const http_context *c, const http_request *request, reply *r
     json_put_integer(o, "threads_limit", load.all_threads);
     json_put_integer(o, "memory_mb", load.memory_mb);
     json_put_integer(o, "memory_mb_limit", load.all_memory_mb);
+    if (load.most_of_owner)
+        json_put_integer(o, "user_running", load.most_of_owner);
+    else
+        json_put_null(o, "user_running");
     json *list = json_put_array(document, "workers");
     for (size_t i = 0; i < count; i++)
         job_json_append_worker(list, &running[i], job_json_viewer_of(request->caller, running[i].job.owner));

@@ -44,6 +44,7 @@ struct access_control {
     token_set tokens;
     uint64_t generation;
     bool troubled;    /* the log has a message that the file cannot be read */
+    bool unreadable;  /* the last attempt to read the file failed */
     struct stat seen; /* status of the file that the tokens were read from; zero: it did not exist */
 };
 
@@ -128,12 +129,13 @@ static bool refresh(access_control *a, error *e)
     token_set read = {0};
     error why = {0};
     if (stat(a->token_file, &now) != 0) {
-        if (errno != ENOENT && errno != ENOTDIR)
-            return error_set(e, ERROR_INTERNAL, "%s: %s", a->token_file, strerror(errno));
+        a->unreadable = errno != ENOENT && errno != ENOTDIR;
+        if (a->unreadable) return error_set(e, ERROR_INTERNAL, "%s: %s", a->token_file, strerror(errno));
         now = (struct stat){0};
     }
     if (is_same(&now, &a->seen)) return true;
     bool ok = token_set_read(a->token_file, &read, &why);
+    a->unreadable = !ok;
     if (!ok && e) *e = why;
     if (!ok && why.code == ERROR_INTERNAL) return false;
     a->seen = now;
@@ -331,6 +333,14 @@ static const token_set *lock_tokens(access_control *a)
 static void unlock_tokens(access_control *a)
 {
     pthread_mutex_unlock(&a->mutex);
+}
+
+bool access_can_read_tokens(access_control *a)
+{
+    lock_tokens(a);
+    bool readable = !a->unreadable;
+    unlock_tokens(a);
+    return readable;
 }
 
 uint64_t access_generation(access_control *a)

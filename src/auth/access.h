@@ -76,6 +76,8 @@ const char *access_find_group_of(const access_names *groups, const char *user);
 bool access_may_search(const char *name, bool group, const struct stat *directory);
 
 bool access_has_tokens(access_control *a);
+/* Whether the token file can be read and is valid; true without a file. Reads it again after a change. */
+bool access_can_read_tokens(access_control *a);
 
 /* Properties of a connection before its first request. */
 typedef struct access_peer {

@@ -84,7 +84,7 @@ static char *advice_on(const char *place, const char *path, const struct stat *i
             ". ProtectHome= or InaccessiblePaths= in the unit of systemd hides directories with this mode: "
             "see \"Permit more\" in systemd.md");
     if (need == DENIAL_SECRET && !closed && info->st_uid == geteuid())
-        return mem_printf(". Run: chmod 600 %s", place);
+        return mem_printf(". Run: chmod %s %s", geteuid() == 0 ? "640" : "600", place);
     char *command = closed ? mem_printf("chmod o+x %s", place) : command_for(place, path, info, own, need);
     char *text = mem_printf(". Run as root: %s", command);
     free(command);
@@ -119,6 +119,15 @@ char *denial_describe(const char *path, denial_need need)
     free(demand);
     free(place);
     return text;
+}
+
+char *denial_describe_directory_of_user(const char *path, const char *user)
+{
+    const names own = names_of(geteuid(), getegid());
+    return mem_printf(
+        "%s does not exist, and the user %s cannot create it. Run as root: install -d -o %s -g %s -m 0770 %s && "
+        "setfacl -m u:%s:rwx,d:u:%s:rwx %s (\"A directory for each user\" in operations.md)",
+        path, own.user, own.user, own.group, path, user, user, path);
 }
 
 char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise)

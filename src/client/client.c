@@ -146,23 +146,22 @@ static bool answers_without_tls(const client *c)
     return status == 200;
 }
 
-/* The user of this process: its name, or its number if it has no name. */
-static void name_self(char name[64])
+void client_name_self(char name[CLIENT_NAME_SIZE])
 {
     char record_text[16384];
     struct passwd record, *found = NULL;
     if (getpwuid_r(geteuid(), &record, record_text, sizeof record_text, &found) == 0 && found)
-        snprintf(name, 64, "%s", found->pw_name);
+        snprintf(name, CLIENT_NAME_SIZE, "%s", found->pw_name);
     else
-        snprintf(name, 64, "%u", (unsigned)geteuid());
+        snprintf(name, CLIENT_NAME_SIZE, "%u", (unsigned)geteuid());
 }
 
 /* Sets the error for a Unix socket to which this user must not connect. */
 static bool explain_refusal(const client *c, error *e)
 {
     struct stat info;
-    char name[64];
-    name_self(name);
+    char name[CLIENT_NAME_SIZE];
+    client_name_self(name);
     bool found = stat(c->server + strlen(UNIX), &info) == 0;
     if (found && strcmp(c->server, SYSTEM_SOCKET) == 0)
         return error_set(e, ERROR_INTERNAL,

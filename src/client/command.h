@@ -88,6 +88,10 @@ int command_print_frame_outcomes(client *c, json_at job, FILE *file);
  * service does not answer so. */
 void command_explain_waiting(client *c, FILE *file);
 
+/* Prints the users that have all running attempts that the setting user_running permits: other jobs of them wait.
+ * `owner`: this user only; NULL: all. */
+void command_explain_user_limits(client *c, const char *owner, FILE *file);
+
 /* Waits for the end of a job, prints it, and returns its exit code. */
 int command_wait_for(client *c, const char *path, const command_options *options);
 

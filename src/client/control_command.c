@@ -1,6 +1,7 @@
 /* control_command: commands of hexadctl that control jobs and the service: pause, resume, retry, deliver, delete,
  * priority, watch, workers, usage, hold, release, drain and undrain.
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -175,6 +176,42 @@ void command_explain_waiting(client *c, FILE *file)
     client_reply_clear(&reply);
 }
 
+static const char *owner_of(json_at workers, size_t i)
+{
+    json_at worker = json_element(&workers, i);
+    return json_string(json_member(&worker, "owner"), "");
+}
+
+/* Prints a line for each owner, at its first attempt. */
+static void print_user_limits(const json *document, const char *owner, FILE *file)
+{
+    json_at root = json_root(document), load = json_member(&root, "load"),
+            list = json_member(&root, "workers");
+    const double most = json_number(json_member(&load, "user_running"), INFINITY);
+    for (size_t i = 0; i < json_size(list); i++) {
+        const char *name = owner_of(list, i);
+        size_t before = 0, count = 0;
+        for (size_t k = 0; k < json_size(list); k++) {
+            const bool same = strcmp(owner_of(list, k), name) == 0;
+            count += same;
+            before += same && k < i;
+        }
+        if (before || (double)count < most || (owner && strcmp(owner, name) != 0)) continue;
+        print_text(file, name);
+        fprintf(file, ": %zu of %.0f running attempts (setting user_running): other jobs of this user wait\n",
+                count, most);
+    }
+}
+
+void command_explain_user_limits(client *c, const char *owner, FILE *file)
+{
+    error e = {0};
+    client_reply reply = {0};
+    if (client_call(c, "GET", "/v1/workers", NULL, 0, &reply, &e) && reply.status == 200)
+        print_user_limits(reply.document, owner, file);
+    client_reply_clear(&reply);
+}
+
 int command_workers(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
@@ -198,6 +235,7 @@ int command_workers(client *c, const char *argument, const command_options *opti
             print_text(stdout, json_string(json_member(&worker, "owner"), "?"));
             putchar('\n');
         }
+        print_user_limits(document, NULL, stdout);
         command_explain_waiting(c, stdout);
     }
     json_free(document);

@@ -113,7 +113,10 @@ int command_list(client *c, const char *argument, const command_options *options
     if (l.next && !options->json)
         fputs("hexadctl: the list continues: raise --limit to see more jobs\n", stderr);
     if (code == COMMAND_OK) print_listing(&l);
-    if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
+    if (code == COMMAND_OK && !options->json) {
+        command_explain_user_limits(c, NULL, stderr);
+        command_explain_waiting(c, stderr);
+    }
     listing_clear(&l);
     return code;
 }
@@ -225,7 +228,11 @@ int command_show(client *c, const char *argument, const command_options *options
     if (code == COMMAND_OK && !options->json && failed > 0 && json_bool(json_member(&job, "array"), false))
         code = show_failures(c, argument, failed);
     if (code == COMMAND_OK && !options->json) code = command_print_frame_outcomes(c, job, stdout);
-    if (code == COMMAND_OK && !options->json && !command_has_ended(job)) command_explain_waiting(c, stderr);
+    if (code == COMMAND_OK && !options->json && !command_has_ended(job)) {
+        if (json_number(json_member(&tasks, "waiting"), 0) > 0)
+            command_explain_user_limits(c, json_string(json_member(&job, "owner"), ""), stderr);
+        command_explain_waiting(c, stderr);
+    }
     if (code == COMMAND_OK && options->picture) code = save_picture(c, argument, options->picture);
     json_free(document);
     free(path);

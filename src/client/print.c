@@ -39,6 +39,17 @@ static void print_fault(json_at fault)
     fputc('\n', stderr);
 }
 
+/* Prints the refusal of a user of the Unix socket. The server sends its number only. */
+static int print_refused_user(const char *allow_command)
+{
+    char name[CLIENT_NAME_SIZE];
+    client_name_self(name);
+    print_failure(
+        "the user \"%s\" may not use this service: run `%s %s` as root, or set HEXAD_TOKEN to a token", name,
+        allow_command, name);
+    return COMMAND_USAGE;
+}
+
 int print_refused_spec(const client_reply *reply, const char *file)
 {
     json_at root = json_root(reply->document), errors = json_member(&root, "errors");
@@ -60,6 +71,8 @@ int print_refused_spec(const client_reply *reply, const char *file)
             has_token ? " new" : "");
         return COMMAND_USAGE;
     }
+    const char *allow_command = json_string(json_member(&root, "allow_command"), NULL);
+    if (allow_command) return print_refused_user(allow_command);
     fputs("hexadctl: ", stderr);
     if (file) {
         print_text(stderr, file);

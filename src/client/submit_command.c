@@ -140,7 +140,9 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     fputs("warning: ", stderr);
     print_text(stderr, spec);
     fputs(": ", stderr);
-    print_text(stderr, json_string(json_member(&root, "detail"), "?"));
+    const char *detail = json_string(json_member(&root, "detail"), "?");
+    print_text(stderr, detail);
+    if (!*detail || detail[strlen(detail) - 1] != '.') fputc('.', stderr);
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
@@ -181,6 +183,7 @@ static int submit(client *c, const char *from, const char *given, const command_
     int code = post_spec(c, JOBS, from, given, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
+    if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
     if (code == COMMAND_OK && options->wait) {
         char *path = command_job_path(id, "");
         /* printed first, so that the id is known if the wait is interrupted */

@@ -26,12 +26,40 @@ static int fail(const error *e)
     return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
 }
 
+/* The directory of the file, which the caller frees. */
+static char *directory_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
+}
+
+/* Whether this user has to be another one to use the token file, or to make it. */
+static bool is_denied(const char *path)
+{
+    struct stat info;
+    if (geteuid() == 0) return false;
+    if (stat(path, &info) == 0) return info.st_uid != geteuid();
+    char *directory = directory_of(path);
+    bool denied = access(directory, W_OK) != 0 && errno == EACCES;
+    free(directory);
+    return denied;
+}
+
+/* Prints the error about the token file. The commands in errors of auth are for the administrator of a service that
+ * is denied access: for the user of hexadctl they would take the file from the service. */
+static int fail_at_file(const command_options *options, const error *e)
+{
+    if (!is_denied(options->file)) return fail(e);
+    fprintf(stderr, "hexadctl: %s: access to the token file is denied. Run the same command with sudo.\n",
+            options->file);
+    return COMMAND_USAGE;
+}
+
 /* Locks the directory of the file, so that of two concurrent changes none is lost; -1 and an error on failure. The
  * directory of the system service is made if it is missing. */
 static int lock_file(const command_options *options, error *e)
 {
-    const char *path = options->file, *slash = strrchr(path, '/');
-    char *directory = slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
+    char *directory = directory_of(options->file);
     if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
         chmod(directory, 0755); /* whatever root's umask: the service reads it. open reports failures */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -64,7 +92,6 @@ int command_token_add(client *c, const char *argument, const command_options *op
     char text[TOKEN_SIZE];
     unsigned scopes = 0;
     int most = TOKEN_ANY_PRIORITY;
-    bool ok = false;
     const char *wanted = options->scopes ? options->scopes : default_scopes;
     if (!scope_parse(wanted, &scopes)) {
         error_set(&e, ERROR_SPEC_INVALID, "--scopes %s: must be a list of read, submit, cancel, admin",
@@ -77,10 +104,11 @@ int command_token_add(client *c, const char *argument, const command_options *op
         return fail(&e);
     }
     int lock = lock_file(options, &e);
-    if (lock < 0) return fail(&e);
+    if (lock < 0) return fail_at_file(options, &e);
     const token *t = NULL;
-    if (token_set_read(options->file, &set, &e)) t = token_set_add(&set, argument, scopes, most, text, &e);
-    ok = t && token_set_write(options->file, &set, options->file_group, &e);
+    const bool read = token_set_read(options->file, &set, &e);
+    if (read) t = token_set_add(&set, argument, scopes, most, text, &e);
+    bool ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
         fprintf(stderr, "hexadctl: token %s of %s was added to %s; it is shown only once\n", t->id, t->user,
@@ -89,7 +117,8 @@ int command_token_add(client *c, const char *argument, const command_options *op
         puts(text);
     }
     token_set_clear(&set);
-    return ok ? COMMAND_OK : fail(&e);
+    if (ok) return COMMAND_OK;
+    return read && !t ? fail(&e) : fail_at_file(options, &e);
 }
 
 static void put_token(json *list, const token *t, const char *scopes, const char *created)
@@ -108,7 +137,7 @@ int command_token_list(client *c, const char *argument, const command_options *o
     (void)argument;
     error e = {0};
     token_set set = {0};
-    if (!token_set_read(options->file, &set, &e)) return fail(&e);
+    if (!token_set_read(options->file, &set, &e)) return fail_at_file(options, &e);
     json *list = json_new_array();
     if (!options->json) printf(TOKEN_ROW, "ID", "USER", "SCOPES", "CREATED", "MAX_PRIORITY");
     for (size_t i = 0; i < set.count; i++) {
@@ -143,16 +172,16 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     error e = {0};
     token_set set = {0};
     int lock = lock_file(options, &e), code = COMMAND_FAILED;
-    if (lock < 0) return fail(&e);
+    if (lock < 0) return fail_at_file(options, &e);
     if (!token_set_read(options->file, &set, &e)) {
-        code = fail(&e);
+        code = fail_at_file(options, &e);
     } else if (!token_set_remove(&set, argument)) {
         fprintf(stderr,
                 "hexadctl: the token %s is not in %s: run hexadctl token list --file %s for the IDs\n",
                 argument, options->file, options->file);
         code = COMMAND_MISSING;
     } else if (!token_set_write(options->file, &set, options->file_group, &e)) {
-        code = fail(&e);
+        code = fail_at_file(options, &e);
     } else {
         code = COMMAND_OK;
         if (set.count == 0)

@@ -659,7 +659,8 @@ executor_load executor_get_load(executor *x)
 {
     executor_load load = {.workers = (int)x->workers,
                           .all_threads = (int)(x->threads * x->times),
-                          .all_memory_mb = x->memory_mb * x->times};
+                          .all_memory_mb = x->memory_mb * x->times,
+                          .most_of_owner = x->settings.most_of_owner};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
         load.attempts += usage.attempts;

@@ -105,6 +105,7 @@ typedef struct executor_load {
     int attempts, workers;
     int threads, all_threads;
     int64_t memory_mb, all_memory_mb;
+    int most_of_owner; /* maximum number of attempts of one owner; 0: no limit */
 } executor_load;
 
 /* Resources used by the attempts, and total resources. */

@@ -340,26 +340,28 @@ static bool refuse_connection(exchange *x, reply *r)
 }
 
 /* Refuses a user of the Unix socket without a token. The answer has the user's number, because looking up the name
- * may block the serving thread. */
-static void set_user_unknown(uid_t uid, const char *settings_file, reply *r)
+ * may block the serving thread; hexadctl adds the name to `allow_command`. */
+static void set_user_unknown(uid_t uid, const char *allow_command, reply *r)
 {
-    if (settings_file)
+    if (allow_command) {
         reply_set_problem(r, "unauthorized", NULL,
                           "the user with the number %u may not use this service: ask the administrator to run"
-                          " `hexad --config %s --allow %u` as root, or send a token",
-                          (unsigned)uid, settings_file, (unsigned)uid);
-    else
+                          " `%s %u` as root, or send a token",
+                          (unsigned)uid, allow_command, (unsigned)uid);
+        reply_add_member(r, "allow_command", json_new_string(allow_command));
+    } else {
         reply_set_problem(
             r, "unauthorized", NULL,
             "the user with the number %u may not use this service, which has no settings file:"
             " ask the administrator to restart it with %u in its option --unix_users, or send a token",
             (unsigned)uid, (unsigned)uid);
+    }
 }
 
 static void set_unauthorized(const exchange *x, const access_peer *from, const fields *f, reply *r)
 {
     if (from->local && !f->authorization)
-        set_user_unknown(from->uid, x->s->settings.settings_file, r);
+        set_user_unknown(from->uid, x->s->settings.allow_command, r);
     else
         reply_set_problem(r, "unauthorized", NULL,
                           f->authorization

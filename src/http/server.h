@@ -34,7 +34,8 @@ typedef struct server_settings {
     double thread_wait_s;
     const address_ranges *proxies; /* proxies whose header Forwarded is trusted */
     const pages *pages;
-    const char *settings_file; /* path that the answer to an unknown local user contains; NULL: none */
+    const char *
+        allow_command; /* permits the user whose name follows, for unknown local users; NULL: there is none */
 } server_settings;
 
 /* Serves `count` >= 1 sockets until server_stop. They stay the caller's; access and all that the settings point to outlive

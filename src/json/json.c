@@ -247,7 +247,7 @@ json *json_new_number(double value)
     return json_must(isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
 }
 
-static cJSON *new_string(const char *value)
+json *json_new_string(const char *value)
 {
     return json_must(value ? cJSON_CreateString(value) : cJSON_CreateNull());
 }
@@ -287,7 +287,7 @@ void json_put_integer(json *object, const char *key, int64_t value)
 
 void json_put_string(json *object, const char *key, const char *value)
 {
-    json_put(object, key, new_string(value));
+    json_put(object, key, json_new_string(value));
 }
 
 void json_put_text(json *object, const char *key, const char *text)
@@ -326,7 +326,7 @@ void json_append_number(json *array, double value)
 
 void json_append_string(json *array, const char *value)
 {
-    json_append(array, new_string(value));
+    json_append(array, json_new_string(value));
 }
 
 json *json_append_object(json *array)

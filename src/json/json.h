@@ -69,6 +69,7 @@ json *json_find(json *node, const char *pointer);
 json *json_new_object(void);
 json *json_new_array(void);
 json *json_new_number(double value);
+json *json_new_string(const char *value); /* null for NULL */
 /* Puts a value at a JSON Pointer and replaces an existing value. Missing objects on the path are created. False, and
  * `value` stays the caller's, if the path leads through a value that is not an object or array, or to a missing
  * element of an array. */

@@ -69,7 +69,7 @@ typedef struct service {
     bool adopt;                 /* --adopt: take over the database of another instance */
     int signals;                /* signalfd */
     char *state_dir, *work_dir; /* absolute */
-    char *settings_file;        /* absolute; NULL: none */
+    char *allow_command;        /* permits the user whose name follows; NULL: no settings file */
     queue *q;
     checker *checker;
     store_inputs *inputs;
@@ -648,10 +648,20 @@ static size_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
     return bytes > longest ? bytes : longest;
 }
 
+/* The command that permits a user, without the name; NULL: there is no settings file to change. */
+static char *find_allow_command(const char *settings_file)
+{
+    if (settings_file && strcmp(settings_file, CONFIG_FILE) == 0) return mem_strdup("hexad --allow");
+    char *file = settings_file ? realpath(settings_file, NULL) : NULL;
+    char *command = file ? mem_printf("hexad --config %s --allow", file) : NULL;
+    free(file);
+    return command;
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
-    s->settings_file = c->file ? realpath(c->file, NULL) : NULL;
+    s->allow_command = find_allow_command(c->file);
     server_settings settings = {
         .routes = &api_routes,
         .context = &s->context,
@@ -672,12 +682,12 @@ static bool init_http(service *s, error *e)
         .thread_wait_s = c->thread_wait_s,
         .proxies = &s->proxies,
         .pages = s->pages,
-        .settings_file = s->settings_file,
+        .allow_command = s->allow_command,
     };
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
     if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
-        free(s->settings_file);
+        free(s->allow_command);
         return false;
     }
     s->context = (http_context){
@@ -715,7 +725,7 @@ static bool init_http(service *s, error *e)
     if (s->http) return true;
     estimator_close(m);
     free_context(s);
-    free(s->settings_file);
+    free(s->allow_command);
     return false;
 }
 
@@ -725,7 +735,7 @@ static void fini_http(service *s)
     server_stop(s->http);
     estimator_close(s->context.estimator);
     free_context(s);
-    free(s->settings_file);
+    free(s->allow_command);
 }
 
 static bool init_port_file(service *s, error *e)
@@ -950,7 +960,7 @@ static void warn_of_roots(const service *s)
     for (size_t i = 0; i < s->output_roots.root_count; i++) {
         const char *root = s->output_root[i];
         int fd = store_output_open_root(root, &e);
-        if (fd < 0 || (!s->output_root_of_user[i] && !store_output_try(fd, root, &e)))
+        if (fd < 0 || (!s->output_root_of_user[i] && !store_output_try(NULL, fd, root, &e)))
             warn("output_roots", e.message);
         if (fd >= 0) close(fd);
     }

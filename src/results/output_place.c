@@ -218,7 +218,10 @@ static void *run(void *argument)
                             : store_output_open_root(l->root, &e);
     char *name = directory >= 0 && whole ? name_with_report(directory, l->path) : NULL;
     if (directory >= 0) {
-        if (l->path || !l->of_user) store_output_try(directory, l->path ? l->path : l->root, &e);
+        if (l->path)
+            store_output_try(&l->outputs, directory, l->path, &e);
+        else if (!l->of_user)
+            store_output_try(NULL, directory, l->root, &e);
         close(directory);
     }
     pthread_mutex_lock(&l->mutex);
@@ -249,6 +252,7 @@ static bool look_at(output_place *p, size_t index, const char *path, char **name
     l->outputs = *p->outputs;
     l->outputs.roots = (const char *const *)&l->root;
     l->outputs.root_count = 1;
+    l->outputs.of_user = &l->of_user;
     pthread_mutex_init(&l->mutex, NULL);
     background_init_condition(&l->ended);
     atomic_int *count = &p->looks->of_root[index];

@@ -6,9 +6,8 @@
 #include "field/patches.h"
 #include "field/projection.h"
 
-/* Newton steps from the centre of a cell to the surface, and limits of distances, in cell sizes. */
-static const int STEPS = 5;
-static const double ACCEPT = 1e-2, REJECT = 0.1, FARTHEST = 1.5;
+/* Maximum distance of a sample from the centre of its cell, in cell sizes. */
+static const double FARTHEST = 1.5;
 
 typedef struct sample_job {
     const surface *scan;
@@ -39,7 +38,7 @@ static void sample_cell(const surface *scan, size_t k, cell_samples *out)
     }
     surface_cell(scan, k, &cell);
     const double size = field_cell_size(f, &cell);
-    const projection_limits limits = {STEPS, ACCEPT * size, ACCEPT * size, REJECT * size};
+    const projection_limits limits = projection_draft(size);
     vec3 middle = field_cell_middle(&cell), x = middle;
     out->found[k] =
         projection_find(f, &limits, &x, &out->normal[k]) && vec3_norm(vec3_sub(x, middle)) <= FARTHEST * size;

@@ -10,7 +10,7 @@
 
 typedef struct cell_samples {
     vec3 *
-        /* Per cell: on the surface to a hundredth of the cell if found; otherwise the centre of the cell. */
+        /* Per cell: on the surface to a thousandth of the cell if found; otherwise the centre of the cell. */
         position;
     vec3 *normal;    /* unit vectors, if found */
     uint32_t *patch; /* patch of the place; 0 without patches */

@@ -114,11 +114,36 @@ static error_code code_of(int why)
     return why == EROFS || why == EACCES || why == EPERM ? ERROR_OUTPUT_UNWRITABLE : error_code_of_errno(why);
 }
 
-static bool fail(error *e, const char *what, const char *path)
+/* The directory of the user on a path below a root of users, to be freed; NULL: the root is not such. */
+static char *find_directory_of_user(const store_outputs *outputs, const char *path, char user[NAME_MAX + 1])
+{
+    const size_t index = outputs ? store_output_root_of(outputs, path) : 0;
+    if (!outputs || !outputs->of_user || !outputs->of_user[index]) return NULL;
+    const char *rest = below(path, outputs->roots[index]);
+    bool ok;
+    return next_part(&rest, user, &ok) ? mem_strndup(path, (size_t)(rest - path)) : NULL;
+}
+
+/* Why a call failed for the path, as denial_explain. The service must not make the directory of a user: the user could
+ * not delete what is in it. */
+static char *explain(const store_outputs *outputs, const char *path, int fault)
+{
+    char user[NAME_MAX + 1], *directory = find_directory_of_user(outputs, path, user);
+    const bool is_denied = fault == EACCES || fault == EPERM;
+    const bool is_missing = is_denied && directory && access(directory, F_OK) != 0 && errno == ENOENT;
+    char *why = is_missing ? denial_describe_directory_of_user(directory, user) : NULL;
+    char *text = why ? mem_printf(": %s", why) : denial_explain(path, fault, DENIAL_WRITE, "");
+    free(why);
+    free(directory);
+    return text;
+}
+
+/* Sets the error of a failed call. `outputs` NULL: the path is not one that store_output_check has accepted. */
+static bool fail_below(const store_outputs *outputs, error *e, const char *what, const char *path)
 {
     const int fault = errno;
     const error_code code = code_of(fault);
-    char *why = denial_explain(path, fault, DENIAL_WRITE, "");
+    char *why = explain(outputs, path, fault);
     error_set(e, code, "%s: %s: %s%s%s", path, what, fault == ELOOP ? "a symbolic link" : strerror(fault),
               why,
               code == ERROR_OUTPUT_UNWRITABLE
@@ -126,6 +151,11 @@ static bool fail(error *e, const char *what, const char *path)
                   : "");
     free(why);
     return false;
+}
+
+static bool fail(error *e, const char *what, const char *path)
+{
+    return fail_below(NULL, e, what, path);
 }
 
 /* Sets the mode and group of a new file or directory, whatever the umask. */
@@ -195,7 +225,8 @@ static int open_directory(const store_outputs *outputs, const char *path, missin
         errno = why;
         here = next;
     }
-    if (here < 0) fail(e, way == MISSING_IS_MADE ? "cannot be created" : "cannot be opened", path);
+    if (here < 0)
+        fail_below(outputs, e, way == MISSING_IS_MADE ? "cannot be created" : "cannot be opened", path);
     return here;
 }
 
@@ -219,16 +250,17 @@ char *store_output_name(int directory)
     return length > 0 && (size_t)length < sizeof name ? mem_strndup(name, (size_t)length) : NULL;
 }
 
-bool store_output_try(int directory, const char *path, error *e)
+bool store_output_try(const store_outputs *outputs, int directory, const char *path, error *e)
 {
     char name[64];
     uint64_t random = 0;
-    if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "cannot be written", path);
+    if (getrandom(&random, sizeof random, 0) != sizeof random)
+        return fail_below(outputs, e, "cannot be written", path);
     snprintf(name, sizeof name, ".%016" PRIx64 ".hexad-tmp", random);
     int fd = openat(directory, name, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-    if (fd < 0) return fail(e, "cannot be written", path);
+    if (fd < 0) return fail_below(outputs, e, "cannot be written", path);
     close(fd);
-    return unlinkat(directory, name, 0) == 0 || fail(e, "cannot be written", path);
+    return unlinkat(directory, name, 0) == 0 || fail_below(outputs, e, "cannot be written", path);
 }
 
 static bool copy_bytes(int from, int to)

@@ -4,6 +4,8 @@ import hashlib
 import json
 import os
 import pathlib
+import re
+import shutil
 import pwd
 import socket
 import subprocess
@@ -210,6 +212,23 @@ def test_a_revoked_token_is_worth_nothing(closed_service):
     assert done.returncode == 2 and "token" in done.stderr
 
 
+def test_a_token_file_that_cannot_be_read_is_in_readyz_and_in_the_log(closed_service):
+    service = closed_service
+    tokens = service.state / "tokens"
+
+    def state():
+        done = subprocess.run([service.build / "hexadctl", "list"], env={**service.environment(), "HEXAD_TOKEN": service.token}, capture_output=True)
+        reply = service.get("/readyz")
+        return reply.status, reply.json["checks"]["tokens"], done.returncode
+
+    assert state() == (200, "ok", 0)
+    tokens.chmod(0o644)
+    assert state() == (200, "unreadable", 2)
+    assert re.search(rf"error no token is valid: {tokens}: other users can access the file: .*Run: chmod", service.log.read_text())
+    tokens.chmod(0o600)
+    assert state() == (200, "ok", 0)
+
+
 def run_hexad(build, *options):
     return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
 
@@ -273,6 +292,22 @@ def test_unix_peers(new_service, public_directory):
     assert ask(60003, 60100) == 200
     assert ask(60003, path="/healthz") == 200
     assert service.get("/v1/jobs").status == 200
+
+
+def test_a_refused_user_of_the_socket_is_named_with_the_command_that_permits_it(build, new_service, public_directory):
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    settings = public_directory / "hexad.conf"
+    settings.write_text("unix_users = 60001\n")
+    shutil.copy(build / "hexadctl", public_directory / "hexadctl")
+    new_service("--listen", f"unix:{public_directory}/s", "--config", settings).start()
+    nobody = pwd.getpwnam("nobody").pw_uid
+    for uid, name in ((nobody, "nobody"), (60003, "60003")):
+        done = subprocess.run([public_directory / "hexadctl", "--server", f"unix:{public_directory}/s", "list"], capture_output=True, text=True,
+                              user=uid, group=60000, extra_groups=[], cwd="/", timeout=PATIENCE_S)
+        assert done.returncode == 2 and done.stderr == (
+            f'hexadctl: the user "{name}" may not use this service: run `hexad --config {settings} --allow {name}` as root, '
+            "or set HEXAD_TOKEN to a token\n")
 
 
 def test_deleted_users_and_groups_do_not_keep_the_service_from_starting(new_service, tmp_path):

@@ -491,7 +491,7 @@ def test_a_fault_of_the_inputs_is_warned_of_when_a_job_is_submitted(run, service
 
     done = wait_until(warned, "a warning")
     fault = service.wait_state(done.stdout.strip(), "failed")["error"]["message"]
-    assert done.stderr == (f"warning: {tmp_path}/spec.json: {fault} "
+    assert done.stderr == (f"warning: {tmp_path}/spec.json: {fault.rstrip('.')}. "
                            "The job is accepted, and fails if this is still so when it runs.\n") and told in fault
 
 

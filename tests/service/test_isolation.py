@@ -1,9 +1,9 @@
 """What one user can learn of another, or do to another, through the cache and through output directories."""
-import getpass
 import hashlib
 import json
 import os
 import pathlib
+import re
 import sqlite3
 import struct
 import subprocess
@@ -327,13 +327,17 @@ def test_an_unwritable_output_root_is_told_and_jobs_for_it_are_refused(new_servi
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["b"] and delivered(tmp_path / "a" / "b")
 
 
-def test_a_parent_of_user_directories_need_not_be_writable(new_service):
-    """With %u in a root, hexad writes to the directories of users only."""
-    service = new_service("--output_roots", f"{UNWRITABLE}/%u").start()
+def test_a_parent_of_user_directories_need_not_be_writable(new_service, tmp_path):
+    """With %u in a root, hexad writes to the directories of users only. The refusal has the commands that make one."""
+    service = new_service("--output_roots", f"{tmp_path}:{UNWRITABLE}/%u").start()
     assert service.get("/readyz").json["checks"]["outputs"] == "ok"
     assert UNWRITABLE not in service.log.read_text()
-    reply = service.post("/v1/jobs", some(directory=f"{UNWRITABLE}/{getpass.getuser()}/film"))
-    assert reply.json["code"] in ("output_unwritable", "path_forbidden")
+    user = "anyone"
+    own = f"{UNWRITABLE}/{user}"
+    told = refused(service.post("/v1/jobs", some(directory=f"{own}/film")), 422, "output_unwritable")
+    assert re.search(f"{own} does not exist, .* Run as root: install -d -o [^ ]+ -g [^ ]+ -m 0770 {own} && setfacl -m u:{user}:rwx,d:u:{user}:rwx {own} ",
+                     told), told
+    assert "chgrp" not in told
 
 
 def test_writable_output_roots_are_ready(new_service, tmp_path):

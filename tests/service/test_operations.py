@@ -1,7 +1,8 @@
 """What doc/operations.md says can be typed in, typed in: its blocks of shell, in order, on hosts that are directories.
 
-A host has the paths of the page below a directory of its own. `systemctl` and `journalctl` are scripts that start and end
-the real hexad as the unit would, on a Unix socket; all else are the programs of the page.
+A host has the paths of the page below a directory of its own, and the user of the test instead of the user hexad.
+`systemctl` and `journalctl` are scripts that start and end the real hexad as the unit would, on a Unix socket; all else
+are the programs of the page.
 """
 import json
 import os
@@ -62,6 +63,7 @@ class Host:
         script = "".join(blocks)
         for path in PATHS:
             script = script.replace(path, f"{self.root}{path}")
+        script = script.replace("-o hexad -g hexad", f"-o {os.geteuid()} -g {os.getegid()}")
         environment = {**os.environ, "HOST": str(self.root), "HEXAD_SERVER": f"unix:{self.socket}",
                        "PATH": f"{self.root}/bin:{os.environ['PATH']}"}
         with open(self.root / "shown", "w+") as shown:  # no pipe: hexad itself would keep it open
@@ -259,6 +261,10 @@ class Story:
         assert "no faults in the database and" in shown
         assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
 
+    def after_the_state_directory_is_gone(self, shown):
+        self.expect_kept()
+        assert self.host.state.stat().st_mode & 0o777 == 0o700 and self.kept[-1] in shown
+
     def before_upgrade(self):
         self.kept.append(self.host.submit(count=301))
 
@@ -323,6 +329,10 @@ class Story:
         self.expect_kept()
         wait_until(lambda: self.host.readiness()["database"] == "ok", "the quick check")
 
+    def lose_state(self):
+        self.host.run("systemctl stop hexad.socket hexad.service\n")
+        shutil.rmtree(self.host.state)
+
     def change_host(self, mark):
         """Another machine, to which backups were brought; the old one does not run any more."""
         fresh = self.new_host()
@@ -342,8 +352,10 @@ def test_the_whole_page(page, new_host):
         getattr(story, f"before_{name}", lambda: None)()
         shown = ""
         for mark, block in blocks:
-            assert mark in ("", "new-host", "bare-host")
-            if mark:
+            assert mark in ("", "new-host", "bare-host", "no-state")
+            if mark == "no-state":
+                story.lose_state()
+            elif mark:
                 story.change_host(mark)
             shown += story.host.run(prelude, block)
             done += 1

@@ -93,3 +93,25 @@ def test_roots_that_the_service_cannot_use_are_named_with_the_command_that_permi
     assert f"{out} {ROOTS} 0755, and the user 60003 must be able to write to it. Run as root: chgrp 60003 {out} && chmod g+rwx {out}" in told
     subprocess.run(f"chgrp 60003 {out} && chmod g+rwx {out} && chmod o+rx {closed}", shell=True, check=True)
     assert "warning" not in start_as_user("--output_roots", out, "--input_roots", closed)
+
+
+def test_hexadctl_tells_a_user_who_may_not_use_the_token_file_to_run_the_command_with_sudo(start_as_user, build):
+    """The commands for a service that is denied access would take the file from the service."""
+    place = start_as_user.place
+    shutil.copy(build / "hexadctl", place / "hexadctl")
+    tokens = place / "tokens"
+
+    def say(*words):
+        done = subprocess.run([sys.executable, "-c", AS_USER, place / "hexadctl", "token", *words, "--file", tokens], stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        return done.returncode, done.stderr
+
+    denied = (2, f"hexadctl: {tokens}: access to the token file is denied. Run the same command with sudo.\n")
+    assert say("add", "alice") == denied  # root has made the directory
+    subprocess.run([build / "hexadctl", "token", "add", "alice", "--file", tokens], check=True, capture_output=True)
+    for mode in (0o600, 0o644):
+        tokens.chmod(mode)
+        for words in (("list",), ("add", "alice"), ("revoke", "0")):
+            assert say(*words) == denied, (oct(mode), words)
+    done = subprocess.run([build / "hexadctl", "token", "list", "--file", tokens], capture_output=True, text=True)
+    assert f"Run: chmod 640 {tokens}" in done.stderr, "with 600 a service of another user could not read it"

@@ -1,5 +1,6 @@
 """How users share the service: turns, weights, priorities, limits, and a hold of the whole queue."""
 import json
+import subprocess
 
 import pytest
 
@@ -12,8 +13,8 @@ from test_rest import expect_problem
 class Farm:
     """A daemon with a worker whose jobs end when they are told to, and a token for each user."""
 
-    def __init__(self, new_service, tmp_path, *options):
-        self.service = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--cache", 0, *options)
+    def __init__(self, new_service, tmp_path, *options, workers=1):
+        self.service = new_service("--worker", gated_worker(tmp_path), "--workers", workers, "--cache", 0, *options)
         self.service.options = [o for o in self.service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
         self.service.state.mkdir(mode=0o700)
         self.tokens = {user: new_token(self.service, user) for user in ("ann", "bob", "eve")}
@@ -44,7 +45,7 @@ class Farm:
 
 @pytest.fixture
 def farm(new_service, tmp_path):
-    return lambda *options: Farm(new_service, tmp_path, *options)
+    return lambda *options, **more: Farm(new_service, tmp_path, *options, **more)
 
 
 @pytest.mark.parametrize("many", [60, pytest.param(300, marks=pytest.mark.extended)])
@@ -181,3 +182,19 @@ def test_the_client_holds_and_releases(new_service):
     assert code == 0 and out in ("0 attempts run\n", "1 attempt runs\n") and "held" not in control(service, "workers")[1]
     service.wait_state(job, "succeeded")
     assert control(service, "list")[2] == control(service, "show", job)[2] == ""
+
+
+def test_a_job_that_waits_for_its_users_own_attempts_says_so(farm):
+    shared = farm("--user_running", 1, workers=3)
+    submitted = {user: [shared.submit(user), shared.submit(user)] for user in ("ann", "bob")}
+
+    def say(user, *words):
+        environment = {**shared.service.environment(), "HEXAD_TOKEN": shared.tokens[user]}
+        done = subprocess.run([shared.service.build / "hexadctl", *words], env=environment, capture_output=True, text=True, check=True)
+        return [line for line in (done.stdout + done.stderr).splitlines() if "user_running" in line]
+
+    wait_until(lambda: len(shared.ask("admin", "GET", "/v1/workers").json["workers"]) == 2, "an attempt of each user")
+    lines = {user: f"{user}: 1 of 1 running attempts (setting user_running): other jobs of this user wait" for user in submitted}
+    assert sorted(say("ann", "workers")) == sorted(say("ann", "list")) == sorted(lines.values())
+    for user, jobs in submitted.items():
+        assert [say(user, "show", job) for job in jobs] == [[], [lines[user]]]

@@ -93,6 +93,15 @@ def is_full(service):
     return reply.status == 503 and b"storage_full" in reply.body
 
 
+def test_submit_says_that_the_job_waits_for_free_space(new_service, tmp_path):
+    service = new_service("--free_space_mb", 1000000000).start()
+    (tmp_path / "spec.json").write_text(json.dumps(small(1)))
+    done = subprocess.run([service.build / "hexadctl", "submit", tmp_path / "spec.json"], env=service.environment(), capture_output=True,
+                          text=True, check=True)
+    assert service.job(done.stdout.strip())["state"] == "queued"
+    assert done.stderr.startswith("storage_full: ") and done.stderr.count("\n") == 1, done.stderr
+
+
 @pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.extended)])
 def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service, count):
     disk = new_disk(64)

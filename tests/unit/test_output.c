@@ -219,7 +219,7 @@ static void test_the_nearest_existing_directory_is_tried(void **state)
     assert_true(store_directory_create(there, NULL));
     int directory = open_nearest(p, "a/b/c/d", &whole, &e);
     assert_true(directory >= 0 && !whole);
-    assert_true(store_output_try(directory, there, &e));
+    assert_true(store_output_try(NULL, directory, there, &e));
     char *name = store_output_name(directory), *real = realpath(there, NULL);
     assert_string_equal(name, real);
     close(directory);
@@ -276,7 +276,7 @@ static void test_a_directory_that_cannot_be_written(void **state)
     bool whole;
     int directory = store_output_open_nearest(&outputs, "/sys/kernel/hexad-test", &whole, &e);
     assert_true(directory >= 0 && !whole);
-    assert_false(store_output_try(directory, "/sys/kernel/hexad-test", &e));
+    assert_false(store_output_try(NULL, directory, "/sys/kernel/hexad-test", &e));
     assert_int_equal(e.code, ERROR_OUTPUT_UNWRITABLE);
     close(directory);
 }

@@ -259,7 +259,7 @@ static double move_particle(repair_scratch *b, repair_region *p, uint32_t i)
     const double length = sqrt(along_u * along_u + along_v * along_v);
     const double scale = fmin(1, MAX_STEP * p->h[i] / fmax(length, 1e-300));
     x = vec3_axpy(scale * along_u, u, vec3_axpy(scale * along_v, v, p->x[i]));
-    const projection_limits limits = {6, 1e-3 * p->h[i], 3e-2 * p->h[i], 1e-2 * p->h[i]};
+    const projection_limits limits = projection_draft(p->h[i]);
     if (!projection_find_near(p->field, &limits, &p->hint[i], &x, &normal)) return 0;
     p->x[i] = x;
     p->normal[i] = normal;
