@@ -126,7 +126,8 @@ char *denial_describe_directory_of_user(const char *path, const char *user)
     const names own = names_of(geteuid(), getegid());
     return mem_printf(
         "%s does not exist, and the user %s cannot create it. Run as root: install -d -o %s -g %s -m 0770 %s && "
-        "setfacl -m u:%s:rwx,d:u:%s:rwx %s (\"A directory for each user\" in operations.md)",
+        "setfacl -m u:%s:rwx,d:u:%s:rwx %s (\"A directory for each user\" in operations.md; the user can delete "
+        "results with the setting output_mode = 0660 only)",
         path, own.user, own.user, own.group, path, user, user, path);
 }
 

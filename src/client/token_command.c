@@ -64,8 +64,10 @@ static int lock_file(const command_options *options, error *e)
         chmod(directory, 0755); /* whatever root's umask: the service reads it. open reports failures */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "%s: %s. Give the daemon's token file with --file.", directory,
-                  strerror(errno));
+        error_set(
+            e, ERROR_SPEC_INVALID,
+            "%s: %s. Run the same command with sudo, or give the token file of another daemon with --file.",
+            directory, strerror(errno));
         if (fd >= 0) close(fd);
         fd = -1;
     }
@@ -157,10 +159,11 @@ int command_token_list(client *c, const char *argument, const command_options *o
         free(text);
     }
     if (set.count == 0)
-        fprintf(stderr,
-                "hexadctl: %s contains no tokens: give the token file of another daemon with --file, "
-                "or create a token with \"hexadctl token add USER\"\n",
-                options->file);
+        fprintf(
+            stderr,
+            "hexadctl: %s contains no tokens: create one with \"sudo hexadctl token add USER\", or give the token "
+            "file of another daemon with --file\n",
+            options->file);
     json_free(list);
     token_set_clear(&set);
     return COMMAND_OK;

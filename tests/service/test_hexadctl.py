@@ -128,6 +128,8 @@ def test_a_submission_with_a_key_is_repeated_safely(run, tmp_path, service):
 def test_tokens_name_their_file(run, tmp_path):
     done = run("token", "list", "--file", tmp_path / "tokens")
     assert done.returncode == 0 and f"{tmp_path}/tokens contains no tokens" in done.stderr
+    done = run("token", "add", "alice", "--file", tmp_path / "nowhere" / "tokens")
+    assert done.returncode == 2 and "sudo" in done.stderr, done.stderr
     done = run("token", "add", "alice", "--file", tmp_path / "tokens")
     assert f"of alice was added to {tmp_path}/tokens;" in done.stderr
     assert not run("token", "list", "--file", tmp_path / "tokens").stderr

@@ -337,7 +337,7 @@ def test_a_parent_of_user_directories_need_not_be_writable(new_service, tmp_path
     told = refused(service.post("/v1/jobs", some(directory=f"{own}/film")), 422, "output_unwritable")
     assert re.search(f"{own} does not exist, .* Run as root: install -d -o [^ ]+ -g [^ ]+ -m 0770 {own} && setfacl -m u:{user}:rwx,d:u:{user}:rwx {own} ",
                      told), told
-    assert "chgrp" not in told
+    assert "chgrp" not in told and "output_mode = 0660" in told
 
 
 def test_writable_output_roots_are_ready(new_service, tmp_path):
