@@ -25,11 +25,15 @@ static vec3 middle_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_scale(vec3_add(m->vertex[a], m->vertex[b]), 0.5);
 }
 
-/* The corner of its triangle at which side `s` of an edge begins; v: the lower vertex of the edge. */
+/* The corner of its triangle at which side `s` of an edge begins; v: the lower vertex of the edge. A triangle in which two vertices are joined
+ * has two sides that begin at the same vertex. */
 static int begins_at(const mesh *m, const mesh_side *s, uint32_t v)
 {
-    const uint32_t from = s->upwards ? v : s->other, *t = m->triangle[s->triangle];
-    return t[0] == from ? 0 : t[1] == from ? 1 : 2;
+    const uint32_t from = s->upwards ? v : s->other, to = s->upwards ? s->other : v,
+                   *t = m->triangle[s->triangle];
+    int k = 0;
+    while (k < 2 && !(t[k] == from && t[k + 1] == to)) k++;
+    return k;
 }
 
 /* The vertices of the edge of a triangle from corner k, the lesser first. */
@@ -105,6 +109,9 @@ static bool find_middles(halving *h, const vec3 *normal, double longest, error *
     mesh_edges edges = {0};
     const bool ok = mesh_copy(h->m, NULL, &joined, e) && mesh_join(&joined, NULL, e) &&
                     mesh_edges_list(&joined, NULL, &edges, e);
+    /* sides that no edge has: of triangles whose vertices are all joined */
+    for (size_t n = 0; ok && n < h->m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) h->middle[n][k] = NONE;
     if (ok) mark_sides(h, &joined, &edges, normal, longest);
     mesh_edges_free(&edges);
     mesh_free(&joined);

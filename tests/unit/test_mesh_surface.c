@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mesh/mesh_refinement.h"
 #include "mesh/mesh_surface.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
@@ -495,6 +496,35 @@ static void test_refined_patches_meet(void **state)
     mesh_surface_free(s);
 }
 
+/* Two triangles, and between them one whose first and last vertex have the same position. */
+static void a_triangle_with_two_equal_vertices_is_halved_with_its_neighbours(void **state)
+{
+    (void)state;
+    static const vec3 vertex[] = {{0, 0, 0}, {2, 0, 0}, {1, 1, 0}, {0, 0, 0}, {1, -1, 0}};
+    static const uint32_t corner[][3] = {{0, 1, 2}, {3, 1, 0}, {1, 3, 4}};
+    error e = {0};
+    mesh m = {5, 3, calloc(5, sizeof *m.vertex), calloc(3, sizeof *m.triangle), false};
+    vec3 normal[5];
+    size_t first[] = {0, 3};
+    bool changed;
+    memcpy(m.vertex, vertex, sizeof vertex);
+    memcpy(m.triangle, corner, sizeof corner);
+    for (int v = 0; v < 5; v++) normal[v] = vec3_make(0.6, 0, 0.8);
+    assert_true(mesh_refine(&m, normal, 1.9, 100, first, 1, &changed, &e));
+    assert_true(changed);
+    assert_int_equal(m.triangle_count, 7); /* each outer triangle has a halved side, the one between two */
+    assert_int_equal(first[1], m.triangle_count);
+    double area = 0;
+    for (size_t n = 0; n < m.triangle_count; n++) {
+        const uint32_t *t = m.triangle[n];
+        for (int k = 0; k < 3; k++) assert_true(t[k] < m.vertex_count);
+        area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m.vertex[t[1]], m.vertex[t[0]]),
+                                           vec3_sub(m.vertex[t[2]], m.vertex[t[0]])));
+    }
+    assert_true(fabs(area - 2) < 1e-12);
+    mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -510,6 +540,7 @@ int main(void)
         cmocka_unit_test(test_cells),
         cmocka_unit_test(test_a_spacing_beyond_memory_is_refused),
         cmocka_unit_test(test_elements_of_a_patch),
+        cmocka_unit_test(a_triangle_with_two_equal_vertices_is_halved_with_its_neighbours),
         cmocka_unit_test(test_feature_sizes_use_face_normals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
