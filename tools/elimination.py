@@ -155,9 +155,9 @@ def main():
             print(*found[-1], sep="\n", flush=True)
     other = ["CPU s, Open3D"] if options.open3d else []
     lines = ["# Sample elimination", "",
-             "Written by `tools/elimination.py`: hexad beside the sample elimination of cyCodeBase (Yuksel 2015), which chooses from five random "
-             "candidates for each point. Even spacing; distances count between points that are not on opposite walls. CPU times of hexad are those "
-             "of whole jobs on one thread, with reading and measures; those of the others are of the elimination alone, without its candidates.", "",
+             "Written by `tools/elimination.py`. It compares hexad with sample elimination (Yuksel 2015) as cyCodeBase has it, which chooses from five "
+             "random candidates for each point. The spacing is even. Distances are between points that are not on opposite walls. CPU times of hexad "
+             "are those of whole jobs on one thread, with reading and measures. The others are those of the elimination alone, without its candidates.", "",
              "## Blue noise", "", "Least distances are over the spacing h of a hexagonal packing; coverage is over the least distance.", "",
              *table(["surface", "N", "least distance, hexad", "coverage, hexad", "least distance, elimination", "coverage, elimination",
                      "CPU s, hexad", "CPU s, cyCodeBase", *other, "ratio to cyCodeBase"], [row[0] for row in found]), "",

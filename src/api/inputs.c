@@ -17,8 +17,8 @@ typedef struct upload {
 
 static void refuse(const http_context *c, store_upload_outcome outcome, const error *why, reply *r)
 {
-    store_inputs_space uploads = store_inputs_get_space(c->inputs);
-    executor_space disk = executor_get_space(c->x);
+    store_inputs_space uploads;
+    executor_space disk;
     switch (outcome) {
     case STORE_UPLOAD_GOOD:
         break;
@@ -28,6 +28,7 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
                           "reduce it, or put it below an input root");
         break;
     case STORE_UPLOAD_ALL_FULL:
+        uploads = store_inputs_get_space(c->inputs);
         reply_set_problem(r, "storage_full", NULL,
                           "the file does not fit: all uploads have %lld of %lld bytes (setting "
                           "upload_total_bytes). Delete uploads that are not needed; unused ones expire after "
@@ -35,6 +36,7 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
                           (long long)uploads.used_bytes, (long long)uploads.limit_bytes);
         break;
     case STORE_UPLOAD_DISK_FULL:
+        disk = executor_get_space(c->x);
         reply_set_problem(
             r, "storage_full", NULL,
             "the file does not fit: %lld MiB are free on the disk of %s. Delete uploads and jobs that "

@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <grp.h>
-#include <pwd.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,11 +10,12 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/user_name.h"
 
-enum { NAME_SIZE = 64, RECORD_BYTES = 16384 };
+enum { RECORD_BYTES = 16384 };
 
 typedef struct names {
-    char user[NAME_SIZE], group[NAME_SIZE];
+    char user[USER_NAME_SIZE], group[USER_NAME_SIZE];
 } names;
 
 /* The names of a user and a group; their numbers if they have no names. */
@@ -23,12 +23,9 @@ static names names_of(uid_t uid, gid_t gid)
 {
     names n;
     char buffer[RECORD_BYTES];
-    struct passwd user, *found_user = NULL;
     struct group group, *found_group = NULL;
-    snprintf(n.user, sizeof n.user, "%u", (unsigned)uid);
+    user_name_of(uid, n.user);
     snprintf(n.group, sizeof n.group, "%u", (unsigned)gid);
-    if (getpwuid_r(uid, &user, buffer, sizeof buffer, &found_user) == 0 && found_user)
-        snprintf(n.user, sizeof n.user, "%s", user.pw_name);
     if (getgrgid_r(gid, &group, buffer, sizeof buffer, &found_group) == 0 && found_group)
         snprintf(n.group, sizeof n.group, "%s", group.gr_name);
     return n;

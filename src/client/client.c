@@ -1,7 +1,6 @@
 #include "client/client.h"
 
 #include <errno.h>
-#include <pwd.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -10,6 +9,7 @@
 #include <curl/curl.h>
 
 #include "base/memory.h"
+#include "base/user_name.h"
 
 #define HTTP "http://"
 #define HTTPS "https://"
@@ -146,22 +146,12 @@ static bool answers_without_tls(const client *c)
     return status == 200;
 }
 
-void client_name_self(char name[CLIENT_NAME_SIZE])
-{
-    char record_text[16384];
-    struct passwd record, *found = NULL;
-    if (getpwuid_r(geteuid(), &record, record_text, sizeof record_text, &found) == 0 && found)
-        snprintf(name, CLIENT_NAME_SIZE, "%s", found->pw_name);
-    else
-        snprintf(name, CLIENT_NAME_SIZE, "%u", (unsigned)geteuid());
-}
-
 /* Sets the error for a Unix socket to which this user must not connect. */
 static bool explain_refusal(const client *c, error *e)
 {
     struct stat info;
-    char name[CLIENT_NAME_SIZE];
-    client_name_self(name);
+    char name[USER_NAME_SIZE];
+    user_name_of(geteuid(), name);
     bool found = stat(c->server + strlen(UNIX), &info) == 0;
     if (found && strcmp(c->server, SYSTEM_SOCKET) == 0)
         return error_set(e, ERROR_INTERNAL,

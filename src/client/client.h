@@ -10,8 +10,6 @@
 #include "base/error.h"
 #include "json/json.h"
 
-#define CLIENT_NAME_SIZE 64
-
 typedef struct client client;
 
 typedef struct client_reply {
@@ -41,9 +39,6 @@ bool client_post_within(client *c, const char *path, const char *body, size_t le
 bool client_post_once(client *c, const char *path, const char *key, const char *body, size_t length,
                       client_reply *reply, error *e);
 void client_reply_clear(client_reply *reply);
-
-/* The user of this process: its name, or its number if it has no name. */
-void client_name_self(char name[CLIENT_NAME_SIZE]);
 
 /* Escapes a text for use in a query; the caller frees it. */
 char *client_escape(client *c, const char *text);

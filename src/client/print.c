@@ -3,7 +3,9 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "base/user_name.h"
 #include "client/command.h"
 
 void print_text(FILE *file, const char *text)
@@ -42,8 +44,8 @@ static void print_fault(json_at fault)
 /* Prints the refusal of a user of the Unix socket. The server sends its number only. */
 static int print_refused_user(const char *allow_command)
 {
-    char name[CLIENT_NAME_SIZE];
-    client_name_self(name);
+    char name[USER_NAME_SIZE];
+    user_name_of(geteuid(), name);
     print_failure(
         "the user \"%s\" may not use this service: run `%s %s` as root, or set HEXAD_TOKEN to a token", name,
         allow_command, name);

@@ -50,7 +50,7 @@ typedef struct node {
 /* Iterations for a request that depends on the spacing. */
 enum { IMPLICIT_PASSES = 4 };
 
-/* The cube of a node and those that touch it, by three coordinates each of which is 0 to 2. */
+/* The cube of a node and those that touch it, by three coordinates from 0 to 2. */
 enum { ROW = 3, AROUND = ROW * ROW * ROW };
 typedef uint32_t node_links[AROUND]; /* NO_NODE: the surface does not pass there */
 

@@ -459,7 +459,7 @@ def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
 
 
 def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):
-    """systemd listens, does not answer for a service that fails, and at last closes the socket."""
+    """systemd listens, does not answer for a service that fails, then closes the socket."""
     where = tmp_path / "hexad.sock"
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(where))
