@@ -133,8 +133,24 @@ def private_phrases(root):
     return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
 
 
+PRINTERS = ("src/client/", "src/inspect/page.c", "src/run/summary.c", "src/results/audit.c")  # print to streams that their callers choose
+PLAIN_PRINTERS = ("src/client/list_query.c",)  # writes URLs
+
+
+def unescaped_prints(root):
+    """Calls that print texts, which may come from others, without base/terminal_text."""
+    faults = []
+    for name in code_of(root, ("src",)):
+        streams = r"[^,]+" if name.startswith(PRINTERS) and name not in PLAIN_PRINTERS else r"std(?:out|err)"
+        for call in re.finditer(rf"(?<!\w)(?:printf\(|fprintf\(\s*{streams},)(.*?);\n", (root / name).read_text(), re.S):
+            if any(re.search(r"%[-+#0-9.*]*s", literal.replace("%%", "")) for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', call[1])):
+                line = (root / name).read_text()[:call.start()].count("\n") + 1
+                faults.append(f"{name}:{line}: printf with %s: call terminal_text_print")
+    return faults
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases]
+          private_phrases, unescaped_prints]
 
 
 @pytest.mark.parametrize(
@@ -187,6 +203,9 @@ FAULTS = [
     (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
     (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),
     (private_phrases, "clients/spec.py", "asked = 1\ntext = (\"the file \"\n        \"knows it\")\n", "clients/spec.py:3: \"knows\""),
+    (unescaped_prints, "src/json/json.c", 'void f(void)\n{\n    fprintf(stderr, "a %d\\n", 1);\n    printf("a "\n           "%-3s", x);\n}\n',
+     "src/json/json.c:4: printf with %s"),
+    (unescaped_prints, "src/client/wait.c", 'void f(FILE *out)\n{\n    fprintf(out, "%s", x);\n}\n', "src/client/wait.c:3: printf with %s"),
     (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/terminal_text.h"
 
 static const char *const names[] = {LOG_LEVEL_LIST(WORDS_TEXT, )};
 
@@ -35,6 +36,7 @@ bool log_level_from_name(const char *name, log_level *level)
 
 /* Maximum length of a record; longer ones are truncated. */
 #define RECORD_SIZE 2048
+#define CUT "..." /* the end of a truncated record */
 /* Size of a value of a field: an id or a number. */
 #define VALUE_SIZE 64
 
@@ -82,12 +84,14 @@ static void write_line(log_level level, const char *message)
 void log_write_list(log_level level, const char *format, va_list arguments)
 {
     if ((int)level > atomic_load(&threshold)) return;
-    char message[RECORD_SIZE];
-    int wanted = vsnprintf(message, sizeof message, format, arguments);
+    char text[RECORD_SIZE], message[RECORD_SIZE];
+    int wanted = vsnprintf(text, sizeof text, format, arguments);
     if (wanted < 0) return;
-    if ((size_t)wanted >= sizeof message) strcpy(message + sizeof message - 4, "...");
-    for (char *c = message; *c; c++)
-        if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = ' ';
+    if ((size_t)wanted < sizeof text)
+        while (wanted > 0 && text[wanted - 1] == '\n') text[--wanted] = '\0';
+    size_t shown = terminal_text_copy(message, sizeof message - strlen(CUT), TERMINAL_TEXT_RECORD, text);
+    if (shown >= sizeof message - strlen(CUT))
+        strcat(message, CUT); /* a truncated text is longer than that, too */
     if (!journal || !write_to_journal(level, message)) write_line(level, message);
 }
 

@@ -3,8 +3,9 @@
  * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so that records of several threads do
  * not mix. If standard error is connected to the journal, it receives fields instead: the message, its priority, and
  * HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are the values of the first job=, attempt= and worker= in the
- * message. Callers write these before any text from outside. Control characters are replaced, so that such text cannot
- * forge a record. Callers do not log secrets (tokens, credentials). Any thread may log. Only programs that call
+ * message. Callers write these before any text from outside. The message is escaped as base/terminal_text describes:
+ * tabs stay, line breaks within it are escaped, so that such text cannot forge a record; line breaks at its end are
+ * removed. Callers do not log secrets (tokens, credentials). Any thread may log. Only programs that call
  * log_set_journal write to the journal, so that others need no libsystemd.
  */
 #ifndef HEXAD_BASE_LOG_H

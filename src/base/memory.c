@@ -41,14 +41,20 @@ char *mem_strndup(const char *text, size_t length)
     return not_null(strndup(text, length));
 }
 
-char *mem_printf(const char *format, ...)
+char *mem_print_list(const char *format, va_list arguments)
 {
     char *text = NULL;
+    int length = vasprintf(&text, format, arguments);
+    return not_null(length < 0 ? NULL : text);
+}
+
+char *mem_printf(const char *format, ...)
+{
     va_list arguments;
     va_start(arguments, format);
-    int length = vasprintf(&text, format, arguments);
+    char *text = mem_print_list(format, arguments);
     va_end(arguments);
-    return not_null(length < 0 ? NULL : text);
+    return text;
 }
 
 /* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since

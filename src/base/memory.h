@@ -7,6 +7,7 @@
 #ifndef HEXAD_BASE_MEMORY_H
 #define HEXAD_BASE_MEMORY_H
 
+#include <stdarg.h>
 #include <stddef.h>
 
 #include "base/error.h"
@@ -16,6 +17,7 @@ void *mem_resize(void *old, size_t bytes);
 char *mem_strdup(const char *text);
 char *mem_strndup(const char *text, size_t length);
 char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
+char *mem_print_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
 /* `count` zeroed elements of `size` bytes, aligned to 64 bytes for vector units. Error: limit_memory, NULL; the message
  * contains `what`. For a count of 0 the result is not NULL. */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/list_query.h"
 #include "client/print.h"
@@ -81,7 +82,7 @@ static int cancel_all(client *c, const command_options *options)
     if (options->json)
         printf("{\"cancelled\":%zu}\n", cancelled);
     else
-        printf("%zu job%s cancelled\n", cancelled, cancelled == 1 ? "" : "s");
+        terminal_text_print(stdout, "%zu job%s cancelled\n", cancelled, cancelled == 1 ? "" : "s");
     if (code == COMMAND_OK && cancelled < list.count)
         fprintf(stderr, "%zu other jobs were not cancelled: they have ended or belong to other users\n",
                 list.count - cancelled);

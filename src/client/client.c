@@ -9,6 +9,7 @@
 #include <curl/curl.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "base/user_name.h"
 
 #define HTTP "http://"
@@ -338,7 +339,8 @@ static void take_line(listener *l)
 {
     if (strncmp(l->line, "id: ", 4) == 0) l->id = strtoll(l->line + 4, NULL, 10);
     if (strncmp(l->line, "data: ", 6) == 0) {
-        fprintf(l->stream, "%s\n", l->line + 6);
+        terminal_text_write(l->stream, TERMINAL_TEXT_JSON, l->line + 6, strlen(l->line + 6));
+        fputc('\n', l->stream);
         fflush(l->stream);
     }
 }

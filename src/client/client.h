@@ -44,7 +44,7 @@ void client_reply_clear(client_reply *reply);
 char *client_escape(client *c, const char *text);
 
 /* Reads an event stream (Server-Sent Events) until the server ends it. The first event is the one after `*last`; 0:
- * from the beginning. Writes the data of each event to `stream` as a line and sets *last to its id. Status 204 of
+ * from the beginning. Writes the data of each event, JSON, to `stream` as a line for terminals and sets *last to its id. Status 204 of
  * the reply: there are no more events. From status 300 the document has the reason. Fails if the connection is lost. */
 bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, client_reply *reply, error *e);
 

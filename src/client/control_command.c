@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 
@@ -49,10 +50,11 @@ static void print_dependents(json_at job)
 {
     json_at dependents = json_member(&job, "dependents"), others = json_member(&dependents, "others");
     double count = json_number(json_member(&dependents, "retried"), 0);
-    printf("%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
+    terminal_text_print(stdout, "%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
     for (size_t i = 0; i < json_size(others); i++)
-        printf("%s was not retried: it belongs to another user or depends on another failed job\n",
-               json_string(json_element(&others, i), "?"));
+        terminal_text_print(
+            stdout, "%s was not retried: it belongs to another user or depends on another failed job\n",
+            json_string(json_element(&others, i), "?"));
 }
 
 int command_retry(client *c, const char *argument, const command_options *options)
@@ -81,13 +83,13 @@ static void explain_pause(json_at job)
            waiting = json_number(json_member(&tasks, "waiting"), 0);
     bool array = json_bool(json_member(&job, "array"), false);
     if (running > 0 && array)
-        printf("%.0f running frame%s continue%s; ", running, running == 1 ? "" : "s",
-               running == 1 ? "s" : "");
+        terminal_text_print(stdout, "%.0f running frame%s continue%s; ", running, running == 1 ? "" : "s",
+                            running == 1 ? "s" : "");
     else if (running > 0)
         fputs("the running attempt continues; ", stdout);
     if (array)
-        printf("%.0f frame%s wait%s until \"hexadctl resume\"\n", waiting, waiting == 1 ? "" : "s",
-               waiting == 1 ? "s" : "");
+        terminal_text_print(stdout, "%.0f frame%s wait%s until \"hexadctl resume\"\n", waiting,
+                            waiting == 1 ? "" : "s", waiting == 1 ? "s" : "");
     else
         puts("no attempt starts until \"hexadctl resume\"");
 }
@@ -102,7 +104,7 @@ int command_delete(client *c, const char *argument, const command_options *optio
     json *document = NULL;
     char *path = command_job_path(argument, "");
     int code = path ? command_ask(c, "DELETE", path, NULL, &document) : COMMAND_USAGE;
-    if (code == COMMAND_OK && !options->json) printf("%s deleted\n", argument);
+    if (code == COMMAND_OK && !options->json) terminal_text_print(stdout, "%s deleted\n", argument);
     json_free(document);
     free(path);
     return code;
@@ -169,7 +171,7 @@ void command_explain_waiting(client *c, FILE *file)
         if (strcmp(json_string(json_member(&checks, "queue"), ""), "held") == 0)
             fputs("held: jobs are accepted, and none starts until \"hexadctl release\"\n", file);
         if (detail) {
-            print_text(file, detail);
+            terminal_text_put(file, detail);
             fputc('\n', file);
         }
     }
@@ -197,7 +199,7 @@ static void print_user_limits(const json *document, const char *owner, FILE *fil
             before += same && k < i;
         }
         if (before || (double)count < most || (owner && strcmp(owner, name) != 0)) continue;
-        print_text(file, name);
+        terminal_text_put(file, name);
         fprintf(file, ": %zu of %.0f running attempts (setting user_running): other jobs of this user wait\n",
                 count, most);
     }
@@ -230,9 +232,9 @@ int command_workers(client *c, const char *argument, const command_options *opti
                json_number(json_member(&load, "memory_mb_limit"), 0));
         for (size_t i = 0; i < json_size(list); i++) {
             json_at worker = json_element(&list, i);
-            print_text(stdout, json_string(json_member(&worker, "job"), "?"));
+            terminal_text_put(stdout, json_string(json_member(&worker, "job"), "?"));
             printf("  attempt %.0f  ", json_number(json_member(&worker, "attempt"), 0));
-            print_text(stdout, json_string(json_member(&worker, "owner"), "?"));
+            terminal_text_put(stdout, json_string(json_member(&worker, "owner"), "?"));
             putchar('\n');
         }
         print_user_limits(document, NULL, stdout);
@@ -253,10 +255,10 @@ static void print_usage_row(json_at row, const char *name)
         if (json_type_of(most) == JSON_NUMBER)
             printf(" of %-10.*f  ", i == 0, json_number(most, 0) / unit);
         else
-            printf("    %-10s  ", "");
+            terminal_text_print(stdout, "    %-10s  ", "");
         free(limit);
     }
-    print_text(stdout, name);
+    terminal_text_put(stdout, name);
     putchar('\n');
 }
 
@@ -268,7 +270,7 @@ int command_usage(client *c, const char *argument, const command_options *option
     int code = command_ask(c, "GET", "/v1/usage", NULL, &document);
     json_at root = json_root(document), list = json_member(&root, "users");
     if (code == COMMAND_OK) {
-        printf("%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
+        terminal_text_print(stdout, "%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
         print_usage_row(json_member(&root, "all"), "(all)");
         for (size_t i = 0; i < json_size(list); i++) {
             json_at row = json_element(&list, i);
@@ -290,7 +292,8 @@ static int change_service(client *c, const char *path, const command_options *op
     json_at root = json_root(document);
     double running = json_number(json_member(&root, "running"), 0);
     if (code == COMMAND_OK) {
-        printf("%.0f attempt%s run%s\n", running, running == 1 ? "" : "s", running == 1 ? "s" : "");
+        terminal_text_print(stdout, "%.0f attempt%s run%s\n", running, running == 1 ? "" : "s",
+                            running == 1 ? "s" : "");
         command_explain_waiting(c, stdout);
     }
     json_free(document);

@@ -9,6 +9,7 @@
 #include "base/compare.h"
 #include "base/frames.h"
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
@@ -92,7 +93,7 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
     if (code != COMMAND_OK) {
         print_failure("%s", e.message);
     } else if (!quiet) {
-        print_text(stdout, path);
+        terminal_text_put(stdout, path);
         putchar('\n');
     }
     free(path);
@@ -228,7 +229,7 @@ static int sum_up(fetching *f)
         json_free(document);
     }
     fprintf(stderr, "%d of %d frames are fetched to ", f->fetched, f->all);
-    print_text(stderr, f->directory);
+    terminal_text_put(stderr, f->directory);
     if (f->lost) fprintf(stderr, "; %d have no results", f->lost);
     if (f->unended) fprintf(stderr, "; %d have not ended: fetch again later", f->unended);
     if (unknown) fprintf(stderr, "; %d are not frames of the job", unknown);
@@ -319,13 +320,18 @@ int command_log(client *c, const char *argument, const command_options *options)
 {
     error e = {0};
     client_reply reply = {0};
-    char *path = log_path(c, argument, options);
+    char *path = log_path(c, argument, options), *text = NULL;
+    size_t length = 0;
+    FILE *log = open_memstream(&text, &length);
     int code = COMMAND_USAGE;
     if (path)
-        code = !client_download(c, path, stdout, &reply, &e) ? print_unreachable(&e)
-               : reply.status != 200                         ? print_refused(&reply)
-                                                             : COMMAND_OK;
+        code = !client_download(c, path, log, &reply, &e) ? print_unreachable(&e)
+               : reply.status != 200                      ? print_refused(&reply)
+                                                          : COMMAND_OK;
+    fclose(log);
+    terminal_text_write(stdout, TERMINAL_TEXT_PAGE, text, length);
     client_reply_clear(&reply);
+    free(text);
     free(path);
     return code;
 }

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 
@@ -18,7 +19,7 @@ typedef struct frame_list {
 static void write_range(frame_list *l)
 {
     if (l->first > l->last) return;
-    fprintf(l->out, "%s%ld", ftell(l->out) > 0 ? ", " : "", l->first);
+    terminal_text_print(l->out, "%s%ld", ftell(l->out) > 0 ? ", " : "", l->first);
     if (l->last > l->first) fprintf(l->out, "-%ld", l->last);
 }
 
@@ -35,7 +36,7 @@ static void print_frame_list(frame_list *l, FILE *file)
 {
     write_range(l);
     fclose(l->out);
-    if (*l->text) fprintf(file, "%s: frames %s\n", l->word, l->text);
+    if (*l->text) terminal_text_print(file, "%s: frames %s\n", l->word, l->text);
     free(l->text);
 }
 
@@ -46,7 +47,7 @@ enum { FRAMES_SHOWN = 10 };
 static void add_note(FILE *line, const char *text)
 {
     fputs("; ", line);
-    print_text(line, text);
+    terminal_text_put(line, text);
 }
 
 /* Writes the outcome of a frame, the ratings that are not good, why it is unresolved or not converged, and its warnings.
@@ -58,14 +59,14 @@ static bool write_frame(json_at task, FILE *line)
     const char *outcome = json_string(json_member(&task, "outcome"), NULL);
     if (!outcome) return false; /* it failed, or was cancelled */
     fprintf(line, "frame %.0f: ", json_number(json_member(&task, "frame"), 0));
-    print_text(line, outcome);
+    terminal_text_put(line, outcome);
     const long before = ftell(line);
     for (size_t i = 0; i < json_size(ratings); i++) {
         json_at item = json_element(&ratings, i);
         const char *rating = json_string(json_member(&item, "rating"), "good");
         if (strcmp(rating, "good") == 0) continue;
-        fprintf(line, ", %s %.3g ", item.key, json_number(json_member(&item, "value"), 0));
-        print_text(line, rating);
+        terminal_text_print(line, ", %s %.3g ", item.key, json_number(json_member(&item, "value"), 0));
+        terminal_text_put(line, rating);
     }
     for (size_t i = 0; i < json_size(reasons); i++) {
         json_at reason = json_element(&reasons, i);
@@ -84,7 +85,7 @@ static void add_frame_line(json_at task, size_t *noted, FILE *text)
     FILE *out = open_memstream(&line, &size);
     const bool worth = write_frame(task, out);
     fclose(out);
-    if (worth && (*noted)++ < FRAMES_SHOWN) fprintf(text, "%s\n", line);
+    if (worth && (*noted)++ < FRAMES_SHOWN) terminal_text_print(text, "%s\n", line);
     free(line);
 }
 

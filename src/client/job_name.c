@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
+#include "base/terminal_text.h"
 #include "base/ulid.h"
 #include "client/command.h"
 #include "client/list_query.h"
@@ -85,11 +86,11 @@ static int refuse_several(const matches *m)
     for (size_t i = 0; i < json_size(jobs); i++) {
         json_at job = json_element(&jobs, i);
         fputs("  ", stderr);
-        print_text(stderr, json_string(json_member(&job, "id"), "?"));
+        terminal_text_put(stderr, json_string(json_member(&job, "id"), "?"));
         fputc(' ', stderr);
-        print_text(stderr, json_string(json_member(&job, "state"), "?"));
+        terminal_text_put(stderr, json_string(json_member(&job, "state"), "?"));
         fputc(' ', stderr);
-        print_text(stderr, json_string(json_member(&job, "name"), ""));
+        terminal_text_put(stderr, json_string(json_member(&job, "name"), ""));
         fputc('\n', stderr);
     }
     return COMMAND_USAGE;

@@ -6,6 +6,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 
@@ -152,8 +153,8 @@ void job_table_add_frame(table *t, json_at task)
 
 static void print_line(const char *title, const char *text)
 {
-    printf("  %-10s", title);
-    print_text(stdout, text);
+    terminal_text_print(stdout, "  %-10s", title);
+    terminal_text_put(stdout, text);
     putchar('\n');
 }
 
@@ -162,10 +163,10 @@ static void print_words(const char *title, json_at list)
 {
     for (size_t i = 0; i < json_size(list); i++) {
         if (i == 0)
-            printf("  %-9s ", title);
+            terminal_text_print(stdout, "  %-9s ", title);
         else
             fputs(", ", stdout);
-        print_text(stdout, json_string(json_element(&list, i), "?"));
+        terminal_text_put(stdout, json_string(json_element(&list, i), "?"));
     }
     if (json_size(list)) putchar('\n');
 }
@@ -178,8 +179,8 @@ static void print_moment(json_at job, const char *key, int64_t since_ms, const c
     int64_t at = time_of(job, key);
     if (!at) return;
     int64_t ms = since_ms > at ? since_ms - at : at - since_ms;
-    printf("  %-10s%s (%s%s%s)\n", key, text_of(job, key, "?"), before, print_span(ms, span, sizeof span),
-           behind);
+    terminal_text_print(stdout, "  %-10s%s (%s%s%s)\n", key, text_of(job, key, "?"), before,
+                        print_span(ms, span, sizeof span), behind);
 }
 
 static void print_tasks(json_at job)
@@ -217,8 +218,8 @@ static void print_attempts(json_at job)
         table_clear(&t);
     }
     if (all > shown || shown > ATTEMPTS_SHOWN)
-        printf("  %-10s%zu; \"hexadctl attempts %s\" lists them\n", "attempts", all,
-               text_of(job, "id", "ID"));
+        terminal_text_print(stdout, "  %-10s%zu; \"hexadctl attempts %s\" lists them\n", "attempts", all,
+                            text_of(job, "id", "ID"));
 }
 
 static void print_dependents(json_at page)
@@ -227,9 +228,9 @@ static void print_dependents(json_at page)
     for (size_t i = 0; i < json_size(jobs); i++) {
         json_at job = json_element(&jobs, i);
         fputs(i == 0 ? "  needed by " : ", ", stdout);
-        print_text(stdout, text_of(job, "id", "?"));
+        terminal_text_put(stdout, text_of(job, "id", "?"));
         putchar(' ');
-        print_text(stdout, text_of(job, "state", "?"));
+        terminal_text_put(stdout, text_of(job, "state", "?"));
     }
     if (text_of(page, "next", NULL)) fputs(", and more", stdout);
     if (json_size(jobs)) putchar('\n');

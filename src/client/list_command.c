@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/job_table.h"
 #include "client/list_query.h"
@@ -206,7 +207,7 @@ static int save_picture(client *c, const char *id, const char *path)
         print_failure("%s cannot be written: %s", path, e.code ? e.message : strerror(errno));
     else
         code = COMMAND_OK;
-    if (code == COMMAND_OK) fprintf(stderr, "hexadctl: the picture was written to %s\n", path);
+    if (code == COMMAND_OK) terminal_text_print(stderr, "hexadctl: the picture was written to %s\n", path);
     store_file_abort(&file);
     client_reply_clear(&reply);
     free(href);

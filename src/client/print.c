@@ -5,24 +5,19 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/memory.h"
+#include "base/terminal_text.h"
 #include "base/user_name.h"
 #include "client/command.h"
 
-void print_text(FILE *file, const char *text)
-{
-    for (const char *c = text; *c; c++) fputc((unsigned char)*c < 0x20 || *c == 0x7F ? '?' : *c, file);
-}
-
 int print_failure(const char *format, ...)
 {
-    char text[2048];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    char *text = mem_print_list(format, arguments);
     va_end(arguments);
-    fputs("hexadctl: ", stderr);
-    print_text(stderr, text);
-    fputc('\n', stderr);
+    terminal_text_print(stderr, "hexadctl: %s\n", text);
+    free(text);
     return COMMAND_FAILED;
 }
 
@@ -35,9 +30,9 @@ int print_unreachable(const error *e)
 static void print_fault(json_at fault)
 {
     const char *pointer = json_string(json_member(&fault, "pointer"), "");
-    print_text(stderr, *pointer ? pointer : "the whole document");
+    terminal_text_put(stderr, *pointer ? pointer : "the whole document");
     fputs(": ", stderr);
-    print_text(stderr, json_string(json_member(&fault, "detail"), ""));
+    terminal_text_put(stderr, json_string(json_member(&fault, "detail"), ""));
     fputc('\n', stderr);
 }
 
@@ -77,7 +72,7 @@ int print_refused_spec(const client_reply *reply, const char *file)
     if (allow_command) return print_refused_user(allow_command);
     fputs("hexadctl: ", stderr);
     if (file) {
-        print_text(stderr, file);
+        terminal_text_put(stderr, file);
         fputs(": ", stderr);
     }
     if (json_size(errors) == 1) {
@@ -89,7 +84,7 @@ int print_refused_spec(const client_reply *reply, const char *file)
             print_fault(json_element(&errors, i));
         }
     } else {
-        print_text(stderr, json_string(json_member(&root, "detail"), status));
+        terminal_text_put(stderr, json_string(json_member(&root, "detail"), status));
         fputc('\n', stderr);
     }
     if (reply->status == 404 || reply->status == 409) return COMMAND_MISSING;
@@ -112,12 +107,12 @@ static void print_job_text(json_at job)
 {
     json_at fault = json_member(&job, "error"), copy = json_member(&job, "delivery");
     const char *outcome = json_string(json_member(&job, "outcome"), NULL);
-    print_text(stdout, json_string(json_member(&job, "id"), "?"));
+    terminal_text_put(stdout, json_string(json_member(&job, "id"), "?"));
     putchar(' ');
-    print_text(stdout, json_string(json_member(&job, "state"), "?"));
+    terminal_text_put(stdout, json_string(json_member(&job, "state"), "?"));
     if (outcome) {
         putchar(' ');
-        print_text(stdout, outcome);
+        terminal_text_put(stdout, outcome);
         if (!json_bool(json_member(&job, "accepted"), true)) fputs(" (not accepted)", stdout);
     }
     if (json_type_of(fault) == JSON_OBJECT) {
@@ -125,14 +120,14 @@ static void print_job_text(json_at job)
         /* "cancelled" is a state and an error code */
         if (strcmp(why, json_string(json_member(&job, "state"), "")) != 0) {
             putchar(' ');
-            print_text(stdout, why);
+            terminal_text_put(stdout, why);
         }
         fputs(": ", stdout);
-        print_text(stdout, json_string(json_member(&fault, "message"), ""));
+        terminal_text_put(stdout, json_string(json_member(&fault, "message"), ""));
     }
     if (print_is_undelivered(job)) {
         fputs(" not delivered: ", stdout);
-        print_text(stdout, json_string(json_member(&copy, "message"), ""));
+        terminal_text_put(stdout, json_string(json_member(&copy, "message"), ""));
     }
 }
 
@@ -150,8 +145,8 @@ void print_delivered_job(json_at job)
 
 static void print_note(FILE *file, const char *kind, json_at text)
 {
-    fprintf(file, "%s: ", kind);
-    print_text(file, json_string(text, "?"));
+    terminal_text_print(file, "%s: ", kind);
+    terminal_text_put(file, json_string(text, "?"));
     fputc('\n', file);
 }
 
@@ -161,9 +156,9 @@ void print_ratings(FILE *file, const char *title, json_at notes)
     for (size_t i = 0; i < json_size(ratings); i++) {
         json_at item = json_element(&ratings, i), value = json_member(&item, "value");
         fputs(i == 0 ? title : ", ", file);
-        print_text(file, item.key);
+        terminal_text_put(file, item.key);
         if (json_type_of(value) == JSON_NUMBER) fprintf(file, " %.3g ", json_number(value, 0));
-        print_text(file, json_string(json_member(&item, "rating"), " not measured"));
+        terminal_text_put(file, json_string(json_member(&item, "rating"), " not measured"));
     }
     if (json_size(ratings)) fputc('\n', file);
 }
@@ -181,6 +176,11 @@ void print_notes(FILE *file, json_at notes)
         json_at item = json_element(&advice, i);
         print_note(file, "advice", json_member(&item, "message"));
     }
+}
+
+void print_page(const char *text)
+{
+    terminal_text_write(stdout, TERMINAL_TEXT_PAGE, text, strlen(text));
 }
 
 void print_document(const json *document)

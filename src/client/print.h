@@ -1,5 +1,5 @@
-/* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit codes. One
- * thread.
+/* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit codes. Texts
+ * of others are escaped by base/terminal_text; documents are printed as they are. One thread.
  */
 #ifndef HEXAD_CLIENT_PRINT_H
 #define HEXAD_CLIENT_PRINT_H
@@ -7,10 +7,6 @@
 #include <stdio.h>
 
 #include "client/client.h"
-
-/* Prints a text with its control characters replaced: texts of jobs may contain any, and a terminal would execute
- * them. */
-void print_text(FILE *file, const char *text);
 
 int print_failure(const char *format, ...) __attribute__((format(printf, 1, 2))); /* COMMAND_FAILED */
 int print_unreachable(const error *e);                                            /* COMMAND_UNREACHABLE */
@@ -33,6 +29,9 @@ bool print_is_undelivered(json_at job);
 void print_ratings(FILE *file, const char *title, json_at notes);
 /* Prints the notes of a job or task, or the warnings and advice of an estimate, one line each. */
 void print_notes(FILE *file, json_at notes);
+
+/* Prints a text of several lines. */
+void print_page(const char *text);
 
 void print_document(const json *document);
 

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/terminal_text.h"
 #include "client/print.h"
 
 #define BAR_WIDTH 24
@@ -75,10 +76,10 @@ static double describe_single(json_at job, char *text, size_t size)
 static void print_identity(json_at job)
 {
     const char *name = json_string(json_member(&job, "name"), "");
-    print_text(stderr, json_string(json_member(&job, "id"), "?"));
+    terminal_text_put(stderr, json_string(json_member(&job, "id"), "?"));
     if (*name) {
         fputs(" (", stderr);
-        print_text(stderr, name);
+        terminal_text_put(stderr, name);
         fputc(')', stderr);
     }
     fputs(": ", stderr);
@@ -90,12 +91,10 @@ void progress_bar_show(progress_bar *b, json_at job)
     char now[sizeof b->last];
     bool array = json_bool(json_member(&job, "array"), false);
     double fraction = array ? describe_array(job, now, sizeof now) : describe_single(job, now, sizeof now);
-    for (char *c = now; *c; c++)
-        if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = '?';
     if (b->terminal) {
         draw_bar(b, fraction);
         if (b->identify) print_identity(job);
-        fputs(now, stderr);
+        terminal_text_put(stderr, now);
         if (!array) {
             print_member(progress, "sweep", "  sweep %.0f");
             print_member(progress, "energy_excess", "  excess %.2g");
@@ -104,7 +103,7 @@ void progress_bar_show(progress_bar *b, json_at job)
         fflush(stderr);
     } else if (strcmp(now, b->last) != 0) {
         if (b->identify) print_identity(job);
-        fprintf(stderr, "%s\n", now);
+        terminal_text_print(stderr, "%s\n", now);
         strcpy(b->last, now);
     }
 }

@@ -10,6 +10,7 @@
 #include "base/compare.h"
 #include "base/frames.h"
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "store/file.h"
@@ -138,10 +139,10 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     if (found->status != 422)
         return; /* the spec and its inputs are good as far as known, or nothing is known of them */
     fputs("warning: ", stderr);
-    print_text(stderr, spec);
+    terminal_text_put(stderr, spec);
     fputs(": ", stderr);
     const char *detail = json_string(json_member(&root, "detail"), "?");
-    print_text(stderr, detail);
+    terminal_text_put(stderr, detail);
     if (!*detail || detail[strlen(detail) - 1] != '.') fputc('.', stderr);
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
@@ -187,13 +188,13 @@ static int submit(client *c, const char *from, const char *given, const command_
     if (code == COMMAND_OK && options->wait) {
         char *path = command_job_path(id, "");
         /* printed first, so that the id is known if the wait is interrupted */
-        fprintf(stderr, "job %s\n", id);
+        terminal_text_print(stderr, "job %s\n", id);
         code = path ? command_wait_for(c, path, options) : COMMAND_FAILED;
         free(path);
     } else if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
-        puts(id);
+        terminal_text_print(stdout, "%s\n", id);
     }
     json_free(document);
     return code;
@@ -216,7 +217,7 @@ int command_validate(client *c, const char *argument, const command_options *opt
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
-        print_text(stdout, name_of(argument));
+        terminal_text_put(stdout, name_of(argument));
         puts(": the spec is valid");
     }
     json_free(document);
@@ -233,7 +234,7 @@ static void print_estimate(json_at document)
     double threads = json_number(json_member(&estimate, "threads"), 1);
     if (frames) {
         fputs("of the first frame of ", stdout);
-        print_text(stdout, frames);
+        terminal_text_put(stdout, frames);
         putchar('\n');
     }
     if (json_type_of(count) == JSON_NUMBER)
@@ -243,11 +244,11 @@ static void print_estimate(json_at document)
     printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
     printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
     if (json_type_of(seconds) == JSON_NUMBER) {
-        printf("time     %.3g s with %.0f thread%s, without writing the results\n", json_number(seconds, 0),
-               threads, threads == 1 ? "" : "s");
+        terminal_text_print(stdout, "time     %.3g s with %.0f thread%s, without writing the results\n",
+                            json_number(seconds, 0), threads, threads == 1 ? "" : "s");
     } else {
         fputs("time     unknown: ", stdout);
-        print_text(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
+        terminal_text_put(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
         putchar('\n');
     }
     print_notes(stdout, estimate);
@@ -320,7 +321,7 @@ static int upload_file(client *c, const char *argument, const command_options *o
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        printf(STORE_INPUT_PREFIX "%s%s\n", hex, ending_of(argument));
+        terminal_text_print(stdout, STORE_INPUT_PREFIX "%s%s\n", hex, ending_of(argument));
     if (file) fclose(file);
     json_free(document);
     return code;
@@ -375,8 +376,7 @@ int command_inspect(client *c, const char *argument, const command_options *opti
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        /* the worker writes no control characters */
-        fputs(json_string(json_member(&root, "text"), ""), stdout);
+        print_page(json_string(json_member(&root, "text"), ""));
     free(body);
     json_free(asked);
     json_free(document);

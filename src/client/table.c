@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/print.h"
 
 table table_new(const char *const *titles, size_t columns)
@@ -20,21 +21,30 @@ void table_add(table *t, char *text)
 {
     if (t->count % (64 * t->columns) == 0)
         t->cell = mem_resize(t->cell, (t->count + 64 * t->columns) * sizeof *t->cell);
-    t->cell[t->count++] = text;
+    t->cell[t->count++] = terminal_text_new(text);
+    free(text);
+}
+
+/* The number of characters of a text in UTF-8. */
+static size_t width_of(const char *text)
+{
+    size_t width = 0;
+    for (; *text; text++) width += ((unsigned char)*text & 0xC0) != 0x80;
+    return width;
 }
 
 void table_print(const table *t)
 {
     size_t width[TABLE_COLUMNS_MOST] = {0};
     for (size_t i = 0; i < t->count; i++)
-        if (strlen(t->cell[i]) > width[i % t->columns]) width[i % t->columns] = strlen(t->cell[i]);
+        if (width_of(t->cell[i]) > width[i % t->columns]) width[i % t->columns] = width_of(t->cell[i]);
     for (size_t i = 0; i < t->count; i++) {
         size_t column = i % t->columns;
-        print_text(stdout, t->cell[i]);
+        fputs(t->cell[i], stdout);
         if (column == t->columns - 1)
             putchar('\n');
         else
-            printf("%*s", (int)(width[column] - strlen(t->cell[i]) + 2), "");
+            terminal_text_print(stdout, "%*s", (int)(width[column] - width_of(t->cell[i]) + 2), "");
     }
 }
 

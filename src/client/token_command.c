@@ -13,6 +13,7 @@
 #include "auth/token.h"
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/command.h"
 #include "json/json.h"
 
@@ -22,7 +23,7 @@ static const char default_scopes[] = "read,submit,cancel";
 
 static int fail(const error *e)
 {
-    fprintf(stderr, "hexadctl: %s\n", e->message);
+    terminal_text_print(stderr, "hexadctl: %s\n", e->message);
     return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
 }
 
@@ -50,8 +51,9 @@ static bool is_denied(const char *path)
 static int fail_at_file(const command_options *options, const error *e)
 {
     if (!is_denied(options->file)) return fail(e);
-    fprintf(stderr, "hexadctl: %s: access to the token file is denied. Run the same command with sudo.\n",
-            options->file);
+    terminal_text_print(stderr,
+                        "hexadctl: %s: access to the token file is denied. Run the same command with sudo.\n",
+                        options->file);
     return COMMAND_USAGE;
 }
 
@@ -79,7 +81,7 @@ static int lock_file(const command_options *options, error *e)
 static void warn_of_unknown_user(const token *t, const char *file)
 {
     if (getpwnam(t->user)) return;
-    fprintf(
+    terminal_text_print(
         stderr,
         "hexadctl: warning: this machine has no user %s. Clients with the token own the jobs of this name. If the "
         "name is misspelt, run \"hexadctl token revoke %s --file %s\" and add a token for the right name.\n",
@@ -113,8 +115,8 @@ int command_token_add(client *c, const char *argument, const command_options *op
     bool ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
-        fprintf(stderr, "hexadctl: token %s of %s was added to %s; it is shown only once\n", t->id, t->user,
-                options->file);
+        terminal_text_print(stderr, "hexadctl: token %s of %s was added to %s; it is shown only once\n",
+                            t->id, t->user, options->file);
         warn_of_unknown_user(t, options->file);
         puts(text);
     }
@@ -159,7 +161,7 @@ int command_token_list(client *c, const char *argument, const command_options *o
         free(text);
     }
     if (set.count == 0)
-        fprintf(
+        terminal_text_print(
             stderr,
             "hexadctl: %s contains no tokens: create one with \"sudo hexadctl token add USER\", or give the token "
             "file of another daemon with --file\n",
@@ -179,19 +181,20 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     if (!token_set_read(options->file, &set, &e)) {
         code = fail_at_file(options, &e);
     } else if (!token_set_remove(&set, argument)) {
-        fprintf(stderr,
-                "hexadctl: the token %s is not in %s: run hexadctl token list --file %s for the IDs\n",
-                argument, options->file, options->file);
+        terminal_text_print(
+            stderr, "hexadctl: the token %s is not in %s: run hexadctl token list --file %s for the IDs\n",
+            argument, options->file, options->file);
         code = COMMAND_MISSING;
     } else if (!token_set_write(options->file, &set, options->file_group, &e)) {
         code = fail_at_file(options, &e);
     } else {
         code = COMMAND_OK;
         if (set.count == 0)
-            fprintf(stderr,
-                    "hexadctl: %s contains no tokens now: a daemon that listens on a TCP port will not start "
-                    "again without a token. Create one, or remove the port from listen or tcp.conf\n",
-                    options->file);
+            terminal_text_print(
+                stderr,
+                "hexadctl: %s contains no tokens now: a daemon that listens on a TCP port will not start "
+                "again without a token. Create one, or remove the port from listen or tcp.conf\n",
+                options->file);
     }
     close(lock);
     token_set_clear(&set);

@@ -1,6 +1,8 @@
 /* page: prints an inspection as text. */
 #include <stdlib.h>
+#include <string.h>
 
+#include "base/terminal_text.h"
 #include "inspect/inspection.h"
 
 static double number_of(json_at object, const char *key)
@@ -13,16 +15,10 @@ static const char *text_of(json_at object, const char *key)
     return json_string(json_member(&object, key), "?");
 }
 
-/* Names come from the file. */
-static void print_name(FILE *out, const char *text)
-{
-    for (const char *c = text; *c; c++) putc((unsigned char)*c < ' ' || *c == 127 ? '?' : *c, out);
-}
-
 static void print_numbers(FILE *out, json_at list, const char *between)
 {
     for (size_t k = 0; k < json_size(list); k++)
-        fprintf(out, "%s%.6g", k ? between : "", json_number(json_element(&list, k), 0));
+        terminal_text_print(out, "%s%.6g", k ? between : "", json_number(json_element(&list, k), 0));
 }
 
 static void print_box(FILE *out, json_at object)
@@ -60,8 +56,8 @@ static void print_values(FILE *out, json_at object)
             fault = json_member(&object, "error");
     if (fault.node) {
         fputs("  error      ", out);
-        print_name(out,
-                   json_type_of(fault) == JSON_OBJECT ? text_of(fault, "message") : json_string(fault, "?"));
+        terminal_text_put(out, json_type_of(fault) == JSON_OBJECT ? text_of(fault, "message")
+                                                                  : json_string(fault, "?"));
         putc('\n', out);
     }
     if (voxel.node) {
@@ -73,7 +69,8 @@ static void print_values(FILE *out, json_at object)
     if (!range.node || number_of(object, "values") == 0) return;
     fputs("  values     ", out);
     print_numbers(out, range, " to ");
-    fprintf(out, "%s", json_bool(json_member(&object, "integral"), false) ? ", whole numbers" : "");
+    terminal_text_print(out, "%s",
+                        json_bool(json_member(&object, "integral"), false) ? ", whole numbers" : "");
     if (number_of(object, "not_finite") > 0)
         fprintf(out, ", %.0f not finite", number_of(object, "not_finite"));
     putc('\n', out);
@@ -85,8 +82,8 @@ static void print_grids(FILE *out, json_at grids)
     for (size_t k = 0; k < json_size(grids); k++) {
         json_at g = json_element(&grids, k), voxels = json_member(&g, "active_voxels");
         fputs("grid \"", out);
-        print_name(out, text_of(g, "name"));
-        fprintf(out, "\": %s, %s", text_of(g, "type"), text_of(g, "class"));
+        terminal_text_put(out, text_of(g, "name"));
+        terminal_text_print(out, "\": %s, %s", text_of(g, "type"), text_of(g, "class"));
         if (voxels.node)
             fprintf(out, ", %.0f active voxels, background %.6g", json_number(voxels, 0),
                     number_of(g, "background"));
@@ -103,12 +100,12 @@ static void print_images(FILE *out, json_at root)
     for (size_t k = 0; k < json_size(channels); k++) {
         json_at c = json_element(&channels, k), window = json_member(&c, "data_window");
         fputs("channel \"", out);
-        print_name(out, text_of(c, "channel"));
+        terminal_text_put(out, text_of(c, "channel"));
         if (*text_of(c, "part")) {
             fputs("\" of part \"", out);
-            print_name(out, text_of(c, "part"));
+            terminal_text_put(out, text_of(c, "part"));
         }
-        fprintf(out, "\": %s, %s, pixels ", text_of(c, "type"), text_of(c, "storage"));
+        terminal_text_print(out, "\": %s, %s, pixels ", text_of(c, "type"), text_of(c, "storage"));
         print_numbers(out, window, " ");
         putc('\n', out);
     }
@@ -120,7 +117,7 @@ static void print_images(FILE *out, json_at root)
     for (size_t k = 0; k < json_size(stacks); k++) {
         json_at s = json_element(&stacks, k);
         fputs("stack of channel \"", out);
-        print_name(out, text_of(s, "channel"));
+        terminal_text_put(out, text_of(s, "channel"));
         fputs("\"\n", out);
         print_values(out, s);
     }
@@ -145,14 +142,14 @@ static void print_labels(FILE *out, json_at labels)
 static void print_volume(FILE *out, json_at volume)
 {
     if (!volume.node) return;
-    fprintf(out, "volume: %s, ", text_of(volume, "type"));
+    terminal_text_print(out, "volume: %s, ", text_of(volume, "type"));
     print_numbers(out, json_member(&volume, "size"), " x ");
     if (json_type_of(json_member(&volume, "space")) == JSON_STRING)
-        fprintf(out, ", %s", text_of(volume, "space"));
+        terminal_text_print(out, ", %s", text_of(volume, "space"));
     putc('\n', out);
     const json_at warnings = json_member(&volume, "warnings");
     for (size_t k = 0; k < json_size(warnings); k++)
-        fprintf(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
+        terminal_text_print(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
     print_values(out, volume);
     print_labels(out, json_member(&volume, "labels"));
 }
@@ -161,7 +158,7 @@ static void print_levels(FILE *out, json_at levels)
 {
     for (size_t k = 0; k < json_size(levels); k++) {
         const json_at l = json_element(&levels, k);
-        fprintf(out, "level %zu: %s, ", k, text_of(l, "type"));
+        terminal_text_print(out, "level %zu: %s, ", k, text_of(l, "type"));
         print_numbers(out, json_member(&l, "size"), " x ");
         fputs(", voxel ", out);
         print_numbers(out, json_member(&l, "voxel_size"), " x ");
@@ -176,9 +173,10 @@ static void print_mesh(FILE *out, json_at mesh)
     if (!mesh.node) return;
     double open = number_of(mesh, "open_edges");
     json_at notes = json_member(&mesh, "notes");
-    fprintf(out, "mesh: %.0f vertices, %.0f triangles, %.0f component%s, area %.6g, ",
-            number_of(mesh, "vertices"), number_of(mesh, "triangles"), number_of(mesh, "components"),
-            number_of(mesh, "components") == 1 ? "" : "s", number_of(mesh, "area"));
+    terminal_text_print(out, "mesh: %.0f vertices, %.0f triangles, %.0f component%s, area %.6g, ",
+                        number_of(mesh, "vertices"), number_of(mesh, "triangles"),
+                        number_of(mesh, "components"), number_of(mesh, "components") == 1 ? "" : "s",
+                        number_of(mesh, "area"));
     if (open > 0)
         fprintf(out, "open at %.0f edges\n", open);
     else
@@ -189,7 +187,16 @@ static void print_mesh(FILE *out, json_at mesh)
         print_box(out, json_member(&mesh, "open_at"));
     }
     for (size_t k = 0; k < json_size(notes); k++)
-        fprintf(out, "  note       %s\n", json_string(json_element(&notes, k), "?"));
+        terminal_text_print(out, "  note       %s\n", json_string(json_element(&notes, k), "?"));
+}
+
+/* Prints a value that can be pasted into a spec, and a line break. */
+static void print_json(FILE *out, const json *value)
+{
+    char *text = json_print(value);
+    terminal_text_write(out, TERMINAL_TEXT_JSON, text, strlen(text));
+    fputc('\n', out);
+    free(text);
 }
 
 static void print_suggestion(FILE *out, json_at s)
@@ -197,15 +204,15 @@ static void print_suggestion(FILE *out, json_at s)
     json_at spec = json_member(&s, "spec"), fault = json_member(&s, "error"),
             count = json_member(&s, "count"), shape = json_member(fault.node ? &s : &spec, "surface"),
             warnings = json_member(&s, "warnings");
-    char *text = json_print(fault.node ? shape.node : spec.node);
     if (fault.node) {
         fputs("cannot be sampled: ", out);
-        print_name(out, text_of(fault, "message"));
-        fprintf(out, "\n  surface    %s\n", text);
+        terminal_text_put(out, text_of(fault, "message"));
+        fputs("\n  surface    ", out);
+        print_json(out, shape.node);
     } else {
         bool measured = json_bool(json_member(&s, "measured"), false);
         if (json_type_of(json_member(&s, "area")) == JSON_NUMBER)
-            fprintf(out, "area %s%.6g, ", measured ? "" : "about ", number_of(s, "area"));
+            terminal_text_print(out, "area %s%.6g, ", measured ? "" : "about ", number_of(s, "area"));
         if (!measured)
             fputs("not measured: the scan of its cells exceeds the time of an inspection\n", out);
         else if (json_type_of(count) == JSON_NUMBER)
@@ -214,18 +221,18 @@ static void print_suggestion(FILE *out, json_at s)
         else
             fprintf(out, "resolved by a spacing of %.3g, which exceeds the maximum number of points\n",
                     number_of(s, "spacing"));
-        fprintf(out, "  spec       %s\n", text);
+        fputs("  spec       ", out);
+        print_json(out, spec.node);
     }
     for (size_t k = 0; k < json_size(warnings); k++)
-        fprintf(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
-    free(text);
+        terminal_text_print(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
 }
 
 void inspection_print(const json *inspection, FILE *out)
 {
     json_at root = json_root(inspection), suggestions = json_member(&root, "suggestions");
-    print_name(out, text_of(root, "path"));
-    fprintf(out, ": %s, %.0f bytes\n", text_of(root, "format"), number_of(root, "bytes"));
+    terminal_text_put(out, text_of(root, "path"));
+    terminal_text_print(out, ": %s, %.0f bytes\n", text_of(root, "format"), number_of(root, "bytes"));
     print_grids(out, json_member(&root, "grids"));
     print_levels(out, json_member(&root, "levels"));
     print_volume(out, json_member(&root, "volume"));

@@ -11,6 +11,7 @@
 #include "auth/access.h"
 #include "auth/token.h"
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "config/config_edit.h"
 #include "store/file.h"
 
@@ -120,7 +121,9 @@ static bool edit_setting(const change *w, error *e)
     if (!text) return false;
     char *edited = (w->allow ? config_edit_add : config_edit_remove)(text, w->key, w->name);
     bool ok = write_setting(w, edited, e);
-    if (ok) printf("%s: %s %s = %s\n", w->file, w->allow ? "added" : "removed", w->key, w->name);
+    if (ok)
+        terminal_text_print(stdout, "%s: %s %s = %s\n", w->file, w->allow ? "added" : "removed", w->key,
+                            w->name);
     free(text);
     free(edited);
     return ok;
@@ -144,7 +147,8 @@ static bool change_setting(change *w, error *e)
     bool ok = (named && !w->allow) || access_check_name(w->name, w->group, e);
     config_clear(&now);
     if (!ok || !unchanged) return ok && edit_setting(w, e);
-    printf("%s: %s is %s %s\n", w->file, w->name, w->allow ? "already in" : "not in", w->key);
+    terminal_text_print(stdout, "%s: %s is %s %s\n", w->file, w->name, w->allow ? "already in" : "not in",
+                        w->key);
     return true;
 }
 
@@ -152,8 +156,8 @@ static void warn_of(const change *w, const char *key, const char *item)
 {
     if (!item) return;
     fflush(stdout);
-    fprintf(stderr, "hexad: warning: %s%s is still admitted by %s = %s; remove it from %s\n",
-            w->group ? "the group " : "", w->name, key, item, w->file);
+    terminal_text_print(stderr, "hexad: warning: %s%s is still admitted by %s = %s; remove it from %s\n",
+                        w->group ? "the group " : "", w->name, key, item, w->file);
 }
 
 /* Warns of settings that admit the denied user or group by another name or number. */
@@ -183,7 +187,7 @@ static void warn_of_tokens(const change *w)
         for (size_t k = 0; k < set.count; k++) count += strcmp(set.item[k].user, w->name) == 0;
     fflush(stdout);
     if (count > 0)
-        fprintf(
+        terminal_text_print(
             stderr,
             "hexad: warning: %s still has %zu token%s in %s, which stay%s valid: `hexadctl token list` prints their IDs, "
             "`hexadctl token revoke ID` revokes one\n",
@@ -205,7 +209,7 @@ static bool has_drop_in(const change *w)
 static bool write_drop_in(const change *w, error *e)
 {
     if (has_drop_in(w)) {
-        printf("%s: exists already\n", w->drop_in);
+        terminal_text_print(stdout, "%s: exists already\n", w->drop_in);
         return true;
     }
     if (!store_directory_create(w->drop_in_directory, e) ||
@@ -213,7 +217,7 @@ static bool write_drop_in(const change *w, error *e)
         return false;
     if (chmod(w->drop_in, 0644) != 0)
         return error_set(e, ERROR_INTERNAL, "%s cannot be made readable: %s", w->drop_in, strerror(errno));
-    printf("%s: written (SocketMode=0666)\n", w->drop_in);
+    terminal_text_print(stdout, "%s: written (SocketMode=0666)\n", w->drop_in);
     return true;
 }
 
@@ -222,7 +226,7 @@ static bool remove_drop_in(const change *w, error *e)
 {
     if (!store_remove(w->drop_in, e)) return false;
     rmdir(w->drop_in_directory);
-    printf("%s: removed\n", w->drop_in);
+    terminal_text_print(stdout, "%s: removed\n", w->drop_in);
     return true;
 }
 
@@ -234,7 +238,8 @@ static bool set_socket_mode(const change *w, mode_t mode, error *e)
     if (!w->socket) return true;
     int fd = open(w->socket, O_PATH | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0 && errno == ENOENT) {
-        printf("%s: does not exist yet; hexad.socket creates it with mode %04o\n", w->socket, (unsigned)mode);
+        terminal_text_print(stdout, "%s: does not exist yet; hexad.socket creates it with mode %04o\n",
+                            w->socket, (unsigned)mode);
         return true;
     }
     char *path = mem_printf("/proc/self/fd/%d", fd);
@@ -247,7 +252,7 @@ static bool set_socket_mode(const change *w, mode_t mode, error *e)
                        strerror(errno));
     free(path);
     if (fd >= 0) close(fd);
-    if (ok) printf("%s: mode %04o\n", w->socket, (unsigned)mode);
+    if (ok) terminal_text_print(stdout, "%s: mode %04o\n", w->socket, (unsigned)mode);
     return ok;
 }
 
@@ -320,10 +325,10 @@ static void obey(const char *words, char **failed)
     bool ok;
     char *text = call_systemctl(words, &ok), *rest = text;
     for (char *line; (line = strsep(&rest, "\n"));)
-        if (*line) fprintf(ok ? stdout : stderr, "systemctl %s: %s\n", words, line);
+        if (*line) terminal_text_print(ok ? stdout : stderr, "systemctl %s: %s\n", words, line);
     free(text);
     if (ok) {
-        printf("systemctl %s: done\n", words);
+        terminal_text_print(stdout, "systemctl %s: done\n", words);
         return;
     }
     char *all = mem_printf("%s%s`systemctl %s`", *failed, **failed ? ", " : "", words);
@@ -447,17 +452,20 @@ static void tell_reach(const change *w)
     char *closed = w->socket ? find_closed_directory(w, &mode) : NULL;
     fflush(stdout);
     if (!w->socket)
-        fprintf(stderr,
-                "hexad: warning: this service listens on a TCP port, where %s has no effect; run"
-                " `hexadctl token add %s%s%s`\n",
-                w->key, w->group ? "USER" : w->name, w->tokens ? " --file " : "", w->tokens ? w->tokens : "");
+        terminal_text_print(stderr,
+                            "hexad: warning: this service listens on a TCP port, where %s has no effect; run"
+                            " `hexadctl token add %s%s%s`\n",
+                            w->key, w->group ? "USER" : w->name, w->tokens ? " --file " : "",
+                            w->tokens ? w->tokens : "");
     else if (closed)
-        fprintf(stderr,
-                "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
-                " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
-                prefix, w->name, closed, (unsigned)mode, w->socket);
+        terminal_text_print(
+            stderr,
+            "hexad: warning: %s%s cannot enter %s (mode %04o), in which the socket %s lies; set listen ="
+            " unix:/PATH, in a directory that all users can enter, and restart hexad\n",
+            prefix, w->name, closed, (unsigned)mode, w->socket);
     else
-        printf("%s%s%s may use unix:%s\n", w->units ? "" : "then ", prefix, w->name, w->socket);
+        terminal_text_print(stdout, "%s%s%s may use unix:%s\n", w->units ? "" : "then ", prefix, w->name,
+                            w->socket);
     free(closed);
 }
 
@@ -466,12 +474,13 @@ static void tell_reach(const change *w)
 static void print_failure(const config *settings, config_action action, const error *e)
 {
     const size_t length = strlen(e->message);
-    fprintf(stderr, "hexad: %s", e->message);
+    terminal_text_print(stderr, "hexad: %s", e->message);
     if (geteuid() != 0 && e->code != ERROR_SPEC_INVALID)
-        fprintf(stderr, "%s Run as root: sudo hexad %s%s%s--%s %s",
-                length && e->message[length - 1] == '.' ? "" : ".", settings->file ? "--config " : "",
-                settings->file ? settings->file : "", settings->file ? " " : "",
-                action == CONFIG_ALLOW ? "allow" : "deny", settings->admit);
+        terminal_text_print(stderr, "%s Run as root: sudo hexad %s%s%s--%s %s",
+                            length && e->message[length - 1] == '.' ? "" : ".",
+                            settings->file ? "--config " : "", settings->file ? settings->file : "",
+                            settings->file ? " " : "", action == CONFIG_ALLOW ? "allow" : "deny",
+                            settings->admit);
     fputc('\n', stderr);
 }
 
@@ -485,7 +494,8 @@ int admission_change(const config *settings, config_action action)
     if (ok && w.units)
         ok = change_units(&w, &e);
     else if (ok)
-        printf(
+        terminal_text_print(
+            stdout,
             "the daemon reads this file again at its next start, or by `kill -HUP $(cat %s/lock)`; units of systemd"
             " are unchanged\n",
             settings->state_dir);

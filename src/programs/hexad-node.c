@@ -6,6 +6,7 @@
 
 #include "config.h"
 
+#include "base/terminal_text.h"
 #include "slurm/node.h"
 
 /* Reads the names on standard input, one or more per line. The part of this task is `lines` lines. */
@@ -46,7 +47,7 @@ int main(int argc, char **argv)
     task.self.task = atoi(argv[3]);
     read_names(&task, strtoul(argv[4], NULL, 10));
     bool ok = node_run(argv[1], &task, &e);
-    if (!ok) fprintf(stderr, "hexad-node: %s\n", e.message);
+    if (!ok) terminal_text_print(stderr, "hexad-node: %s\n", e.message);
     attempt_files_clear_names(&task.names);
     return ok ? 0 : 1;
 }

@@ -18,6 +18,7 @@
 #include "base/memory.h"
 #include "base/nearest_name.h"
 #include "base/sandbox.h"
+#include "base/terminal_text.h"
 #include "base/worker_contract.h"
 #include "dense/exr_reader.h"
 #include "dense/header.h"
@@ -141,7 +142,8 @@ static int fail(const error *e, const spec_faults *faults)
         }
     }
     char *text = json_print(line);
-    fprintf(stderr, "%s\n", text);
+    terminal_text_write(stderr, TERMINAL_TEXT_JSON, text, strlen(text));
+    fputc('\n', stderr);
     free(text);
     json_free(line);
     return exit_code_of(e->code);
@@ -394,7 +396,7 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
     char text[SANDBOX_TEXT_SIZE];
     sandbox_describe(a->sandbox, text); /* before the process enters it: inside, /proc cannot be read */
     if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
-    fprintf(stderr, "sandbox: %s\n", text);
+    terminal_text_print(stderr, "sandbox: %s\n", text);
     return true;
 }
 
@@ -586,7 +588,8 @@ static int print_energies(void)
     const energy_function *const all[] = {&energy_gaussian, &energy_electrostatic, &energy_cotangent};
     enum { COUNT = sizeof all / sizeof all[0], STEPS = 120 };
     printf("u");
-    for (int k = 0; k < COUNT; k++) printf(",%s_energy,%s_force", all[k]->name, all[k]->name);
+    for (int k = 0; k < COUNT; k++)
+        terminal_text_print(stdout, ",%s_energy,%s_force", all[k]->name, all[k]->name);
     for (int i = 1; i <= STEPS; i++) {
         double u = i / 100.0;
         printf("\n%.2f", u);
@@ -612,10 +615,10 @@ static int print_spec_help(const char *member)
     nearest_name n = nearest_name_to(member, strlen(member));
     for (size_t i = 0; i < spec_row_count; i++) nearest_name_offer(&n, spec_row_key(&spec_rows[i]));
     if (n.name)
-        fprintf(stderr, "hexad-worker: unknown member %s; did you mean %s?\n", member, n.name);
+        terminal_text_print(stderr, "hexad-worker: unknown member %s; did you mean %s?\n", member, n.name);
     else
-        fprintf(stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n",
-                member);
+        terminal_text_print(
+            stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n", member);
     return WORKER_EXIT_SPEC;
 }
 
@@ -657,7 +660,7 @@ int main(int argc, char **argv)
     if (strcmp(name, COMMAND_ATTACH) == 0) return obey(argc - 1, argv + 1, run);
     if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
     if (strcmp(name, WORKER_COMMAND_INSPECT) == 0) return inspect(argc - 1, argv + 1);
-    if (strcmp(name, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
+    if (strcmp(name, "--version") == 0) return puts("hexad-worker " VERSION) < 0;
     if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(name, "energies") == 0) return print_energies();
     if (strcmp(name, "schema") == 0) return print_schema();

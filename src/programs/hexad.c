@@ -27,6 +27,7 @@
 #include "base/manager.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "base/terminal_text.h"
 #include "config/config.h"
 #include "database/checker.h"
 #include "executor/estimator.h"
@@ -924,7 +925,7 @@ static int run(service *s)
 
 static void warn(const char *setting, const char *message)
 {
-    fprintf(stderr, "hexad: warning: %s: %s\n", setting, message);
+    terminal_text_print(stderr, "hexad: warning: %s: %s\n", setting, message);
 }
 
 static void warn_of_unknown_users(const config_list *numbers, const char *setting)
@@ -953,7 +954,8 @@ static void warn_of_roots(const service *s)
     for (size_t i = 0; i < inputs->count; i++) {
         const char *const one = inputs->item[i];
         store_roots *opened = store_roots_open(NULL, &one, 1, &e);
-        if (!opened) fprintf(stderr, "hexad: warning: %s; without it hexad does not start\n", e.message);
+        if (!opened)
+            terminal_text_print(stderr, "hexad: warning: %s; without it hexad does not start\n", e.message);
         store_roots_close(opened);
     }
     warn_of_unreadable_inputs(inputs);
@@ -997,7 +999,7 @@ static int check_settings(service *s)
     error e = {0};
     if (!read_values(s, &e)) {
         config_locate_error(c, &e);
-        fprintf(stderr, "hexad: %s\n", e.message);
+        terminal_text_print(stderr, "hexad: %s\n", e.message);
         return EXIT_SETTINGS;
     }
     warn_of_unknown_users(&c->user_weights, "user_weights");
@@ -1007,7 +1009,8 @@ static int check_settings(service *s)
     warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
     warn_of_roots(s);
     free_output_roots(s);
-    printf("no faults in the settings%s%s\n", c->file ? " of " : "", c->file ? c->file : "");
+    terminal_text_print(stdout, "no faults in the settings%s%s\n", c->file ? " of " : "",
+                        c->file ? c->file : "");
     return EXIT_SUCCESS;
 }
 
@@ -1024,7 +1027,7 @@ int main(int argc, char **argv)
         if (journal)
             log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
         else
-            fprintf(stderr, "hexad: %s\n", e.message);
+            terminal_text_print(stderr, "hexad: %s\n", e.message);
         return EXIT_SETTINGS;
     }
     int status = EXIT_SUCCESS;

@@ -11,6 +11,7 @@
 #include "auth/token.h"
 #include "base/memory.h"
 #include "base/nearest_name.h"
+#include "base/terminal_text.h"
 #include "client/client.h"
 #include "client/command.h"
 #include "client/job_name.h"
@@ -111,6 +112,10 @@ static const char usage[] =
     "server must be signed by one in the file $SSL_CERT_FILE or, without that variable, by one that the\n"
     "system trusts.\n"
     "\n"
+    "Names, messages and logs may contain characters that a terminal would execute or not display: control,\n"
+    "direction and invisible characters are printed as \\u{202e}, and bytes that are not UTF-8 as \\x{9b}. --json\n"
+    "prints documents as they are.\n"
+    "\n"
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
     "timed out, or the server is unable to do this now, 2 bad usage, a missing, unknown or insufficient\n"
     "token, or another refused request such as a bad spec, 3 the server does not answer, 4 the job does\n"
@@ -203,7 +208,7 @@ static const char *take_value(int argc, char **argv, int *index)
     const char *equals = strchr(argv[*index], '=');
     if (equals) return equals + 1;
     if (*index + 1 < argc) return argv[++*index];
-    fprintf(stderr, "hexadctl: %s requires a value; see hexadctl --help\n", argv[*index]);
+    terminal_text_print(stderr, "hexadctl: %s requires a value; see hexadctl --help\n", argv[*index]);
     return NULL;
 }
 
@@ -216,9 +221,10 @@ static bool is_option(const char *word, const char *name)
 static bool refuse_unknown(const char *kind, const char *word, const char *dashes, const nearest_name *n)
 {
     if (n->name)
-        fprintf(stderr, "hexadctl: unknown %s %s; did you mean %s%s?\n", kind, word, dashes, n->name);
+        terminal_text_print(stderr, "hexadctl: unknown %s %s; did you mean %s%s?\n", kind, word, dashes,
+                            n->name);
     else
-        fprintf(stderr, "hexadctl: unknown %s %s; see hexadctl --help\n", kind, word);
+        terminal_text_print(stderr, "hexadctl: unknown %s %s; see hexadctl --help\n", kind, word);
     return false;
 }
 
@@ -318,8 +324,8 @@ static bool take_word(line *l, const char *word)
         bool several = l->entry->argument == FILES || l->entry->argument == JOB_FILES ||
                        l->entry->argument == JOBS || l->entry->argument == MAYBE_JOBS;
         if (l->entry->argument == NONE || (l->argument_count && !several)) {
-            fprintf(stderr, "hexadctl %s: unexpected argument %s; %s\n", l->entry->name, word,
-                    hint_of(l->entry->name));
+            terminal_text_print(stderr, "hexadctl %s: unexpected argument %s; %s\n", l->entry->name, word,
+                                hint_of(l->entry->name));
             return false;
         }
         l->argument[l->argument_count++] = word;
@@ -358,20 +364,21 @@ static bool check(const line *l)
     }
     for (size_t i = 0; i < l->given_count; i++) {
         if (has_word(l->entry->options, l->given[i])) continue;
-        fprintf(stderr, "hexadctl %s: this command has no option %s; see hexadctl --help\n", l->entry->name,
-                l->given[i]);
+        terminal_text_print(stderr, "hexadctl %s: this command has no option %s; see hexadctl --help\n",
+                            l->entry->name, l->given[i]);
         return false;
     }
     bool needed = l->entry->argument == ONE || l->entry->argument == FILES || l->entry->argument == JOB ||
                   l->entry->argument == JOBS;
     if (l->entry->argument == JOB_FILES && l->argument_count < 2) {
-        fprintf(stderr, "hexadctl %s: the arguments ID and PATH are required; see hexadctl --help\n",
-                l->entry->name);
+        terminal_text_print(stderr,
+                            "hexadctl %s: the arguments ID and PATH are required; see hexadctl --help\n",
+                            l->entry->name);
         return false;
     }
     if (!needed || l->argument_count) return true;
-    fprintf(stderr, "hexadctl %s: the argument %s is missing; see hexadctl --help\n", l->entry->name,
-            argument_of(l->entry));
+    terminal_text_print(stderr, "hexadctl %s: the argument %s is missing; see hexadctl --help\n",
+                        l->entry->name, argument_of(l->entry));
     return false;
 }
 
@@ -380,7 +387,7 @@ static bool is_print_only(int argc, char **argv)
     if (argc > 1 && strcmp(argv[1], "help") == 0) return fputs(usage, stdout) >= 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
-        if (strcmp(argv[i], "--version") == 0) return printf("hexadctl %s\n", PACKAGE_VERSION) >= 0;
+        if (strcmp(argv[i], "--version") == 0) return puts("hexadctl " PACKAGE_VERSION) >= 0;
     }
     return false;
 }
@@ -416,8 +423,8 @@ static int resolve_jobs(client *c, const line *l, char **ids)
         const char *name = l->argument[i];
         code = job_name_resolve(c, name, &ids[i]);
         if (code != COMMAND_OK || !final || l->options.yes || !job_name_is_short(name)) continue;
-        fprintf(stderr, "hexadctl %s: %s is short for the job %s: give this ID, or add --yes\n",
-                l->entry->name, name, ids[i]);
+        terminal_text_print(stderr, "hexadctl %s: %s is short for the job %s: give this ID, or add --yes\n",
+                            l->entry->name, name, ids[i]);
         code = COMMAND_USAGE;
     }
     return code;
@@ -486,7 +493,7 @@ static int obey(line *l)
     if (!l->options.file) set_default_tokens(&l->options);
     client *c = client_open(l->server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
     if (!c) {
-        fprintf(stderr, "hexadctl: %s\n", e.message);
+        terminal_text_print(stderr, "hexadctl: %s\n", e.message);
         return COMMAND_USAGE;
     }
     int code = run(c, l);

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "client/client.h"
 #include "database/backup.h"
 #include "database/backup_directory.h"
@@ -22,7 +23,7 @@
 
 static int fail(const error *e)
 {
-    fprintf(stderr, "hexad: %s\n", e->message);
+    terminal_text_print(stderr, "hexad: %s\n", e->message);
     return EXIT_FAILURE;
 }
 
@@ -180,7 +181,7 @@ static void print_findings(const char *findings, tally *t)
 {
     for (const char *line = findings; *line;) {
         size_t length = strcspn(line, "\n");
-        printf("database damaged: %.*s\n", (int)length, line);
+        terminal_text_print(stdout, "database damaged: %.*s\n", (int)length, line);
         t->findings++;
         line += length + (line[length] == '\n'); /* the last line may lack a line break */
     }
@@ -194,7 +195,8 @@ static bool ask_health(const config *c, tally *t, error *e)
     bool ok = daemon && client_call(daemon, "GET", "/readyz", NULL, 0, &reply, e);
     json_at root = json_root(reply.document);
     if (ok && strcmp(json_string(json_member(&root, "code"), ""), "database_damaged") == 0) {
-        printf("the daemon reports: %s\n", json_string(json_member(&root, "detail"), ""));
+        terminal_text_print(stdout, "the daemon reports: %s\n",
+                            json_string(json_member(&root, "detail"), ""));
         t->findings++;
     }
     client_reply_clear(&reply);
@@ -220,7 +222,8 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
 static int sum_up(const tally *t)
 {
     if (t->findings)
-        printf(
+        terminal_text_print(
+            stdout,
             "%zu fault%s found; see operations.md, \"A damaged database\" and \"Restore\" (package hexad-doc:"
             " /usr/share/doc/hexad-doc/doc)\n",
             t->findings, t->findings == 1 ? "" : "s");

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/terminal_text.h"
 #include "results/inventory.h"
 #include "results/result.h"
 
@@ -28,7 +29,7 @@ static bool look_at_task(audit *a, const char *id, const queue_task *task, error
     bool whole = result_read(directory, &r, &why), seen = whole || why.code != ERROR_INTERNAL;
     a->results++;
     if (!whole && seen) {
-        fprintf(a->out, "result of %s: %s\n", id, why.message);
+        terminal_text_print(a->out, "result of %s: %s\n", id, why.message);
         a->findings++;
     }
     result_clear(&r);
@@ -76,7 +77,7 @@ static bool look_at_directory(audit *a, const char *name, error *e)
         if (!queue_find_directories(a->q, &d, 1, e)) return false;
         if (d.known || d.to_be_removed) return true;
     }
-    fprintf(a->out, "results/%s: no such job in the queue\n", name);
+    terminal_text_print(a->out, "results/%s: no such job in the queue\n", name);
     a->findings++;
     return true;
 }

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/terminal_text.h"
 #include "json/json.h"
 
 const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_TEXT, )};
@@ -51,7 +52,8 @@ static void draw_bar(const progress *p, const progress_numbers *n, double elapse
     memset(bar, '.', WIDTH);
     memset(bar, '#', (size_t)filled);
     bar[WIDTH] = '\0';
-    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar, 100 * p->fraction);
+    fputs("\r\033[K", stderr);
+    terminal_text_print(stderr, "%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar, 100 * p->fraction);
     if (n->sweep > 0)
         fprintf(stderr, "  sweep %zu  energy %+.3f %%  step %.1e h", n->sweep, 100 * n->energy_excess,
                 n->rms_step);

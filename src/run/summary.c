@@ -1,5 +1,7 @@
 #include "run/summary.h"
 
+#include "base/terminal_text.h"
+
 static double number_of(json_at object, const char *key)
 {
     return json_number(json_member(&object, key), 0);
@@ -10,9 +12,9 @@ static void print_rating(json_at root, FILE *out)
 {
     json_at ratings = json_member(&root, "ratings"), rated = json_element(&ratings, 0),
             rating = json_member(&rated, "rating");
-    fputs(rated.key, out);
+    terminal_text_put(out, rated.key);
     if (json_type_of(rating) == JSON_STRING)
-        fprintf(out, " %.4f (%s)", number_of(rated, "value"), json_string(rating, "?"));
+        terminal_text_print(out, " %.4f (%s)", number_of(rated, "value"), json_string(rating, "?"));
     else
         fputs(" not measured", out);
 }
@@ -22,8 +24,8 @@ static void print_reasons(json_at report, FILE *err)
     json_at reasons = json_member(&report, "outcome_reasons");
     for (size_t k = 0; k < json_size(reasons); k++) {
         json_at r = json_element(&reasons, k);
-        fprintf(err, "%s: %s\n", json_string(json_member(&report, "outcome"), "?"),
-                json_string(json_member(&r, "message"), "?"));
+        terminal_text_print(err, "%s: %s\n", json_string(json_member(&report, "outcome"), "?"),
+                            json_string(json_member(&r, "message"), "?"));
     }
 }
 
@@ -40,8 +42,8 @@ static void print_attached(json_at root, FILE *out)
 static void print_sampled(json_at root, FILE *out)
 {
     json_at quality = json_member(&root, "quality"), timing = json_member(&root, "timing_s");
-    fprintf(out, "%.0f points, %s, ", number_of(root, "count"),
-            json_string(json_member(&root, "outcome"), "?"));
+    terminal_text_print(out, "%.0f points, %s, ", number_of(root, "count"),
+                        json_string(json_member(&root, "outcome"), "?"));
     print_rating(root, out);
     json_at reached = json_member(&root, "reached"), ratio = json_member(&reached, "ratio");
     if (ratio.node) fprintf(out, ", spacing %.3g:1", json_number(ratio, 0));
@@ -59,9 +61,9 @@ void summary_print(const json *report, FILE *out, FILE *err)
         print_sampled(root, out);
     print_reasons(root, err);
     for (size_t k = 0; k < json_size(warnings); k++)
-        fprintf(err, "warning: %s\n", json_string(json_element(&warnings, k), "?"));
+        terminal_text_print(err, "warning: %s\n", json_string(json_element(&warnings, k), "?"));
     for (size_t k = 0; k < json_size(advice); k++) {
         json_at item = json_element(&advice, k);
-        fprintf(err, "advice: %s\n", json_string(json_member(&item, "message"), "?"));
+        terminal_text_print(err, "advice: %s\n", json_string(json_member(&item, "message"), "?"));
     }
 }

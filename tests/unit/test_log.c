@@ -61,10 +61,11 @@ static void test_lines(void **state)
     (void)state;
     log_set_journal(NULL);
     begin_capture();
-    log_write(LOG_LEVEL_WARNING, "one\nline\x7f job=%s", "x");
+    log_write(LOG_LEVEL_WARNING, "one\nline\x7f\tof \xE2\x80\xAE\xC2\x9B\x9B job=%s\n", "x");
     log_write(LOG_LEVEL_DEBUG, "not at this level");
     end_capture();
-    assert_string_equal(lines + strlen("2026-01-01T00:00:00.000Z"), " warning one line  job=x\n");
+    assert_string_equal(lines + strlen("2026-01-01T00:00:00.000Z"),
+                        " warning one\\u{a}line\\u{7f}\tof \\u{202e}\\u{9b}\\x{9b} job=x\n");
 }
 
 static void test_long_records_are_truncated(void **state)
@@ -87,12 +88,13 @@ static void test_fields(void **state)
     log_set_journal(write_journal);
     takes_records = true;
     begin_capture();
-    log_write(LOG_LEVEL_ERROR, "attempt not settled job=01abc attempt=3: no job=forged\nworker=7");
+    log_write(LOG_LEVEL_ERROR, "attempt not settled job=01abc attempt=3: no job=forged\n worker=7");
     end_capture();
     assert_string_equal(lines, "");
-    assert_string_equal(taken, "PRIORITY=3\nSYSLOG_IDENTIFIER=hexad\n"
-                               "MESSAGE=attempt not settled job=01abc attempt=3: no job=forged worker=7\n"
-                               "HEXAD_JOB=01abc\nHEXAD_ATTEMPT=3\nHEXAD_WORKER=7\n");
+    assert_string_equal(taken,
+                        "PRIORITY=3\nSYSLOG_IDENTIFIER=hexad\n"
+                        "MESSAGE=attempt not settled job=01abc attempt=3: no job=forged\\u{a} worker=7\n"
+                        "HEXAD_JOB=01abc\nHEXAD_ATTEMPT=3\nHEXAD_WORKER=7\n");
     log_write(LOG_LEVEL_INFO, "nothing of the kind");
     assert_string_equal(taken, "PRIORITY=6\nSYSLOG_IDENTIFIER=hexad\nMESSAGE=nothing of the kind\n");
 }
