@@ -17,19 +17,34 @@ enum {
     NUMBERS_OF_TRANSFORM = 12
 };
 
+/* Limits of what components repeat, since components that double at each level place 2^n objects: the objects that are
+ * placed, and the bytes of their text, in addition to TEXT_PER_ELEMENT for each vertex and triangle, which the memory
+ * limit bounds. */
+enum { PLACED_MOST = 1000000, TEXT_PER_ELEMENT = 256 };
+static const size_t TEXT_MOST = (size_t)1 << 30;
+
 /* A model file of the package. */
 typedef struct part {
-    char path[PATH_MOST];
-    char *text;
+    char *path, *text; /* to be freed */
 } part;
 
 /* An object: where its tag begins in its part. */
 typedef struct object {
     size_t part;
-    xml_word id;
     const char *at;
     bool is_built;
 } object;
+
+/* Numbers of words, each word within the part `of`: a hash table with open addressing. */
+typedef struct name {
+    size_t of, number;
+    xml_word word; /* at NULL: an empty place */
+} name;
+
+typedef struct names {
+    name *place;
+    size_t count, size; /* size: a power of 2, more than twice the count; or 0 */
+} names;
 
 typedef struct package {
     const char *archive;
@@ -38,6 +53,8 @@ typedef struct package {
     size_t part_count;
     object *objects;
     size_t object_count, object_room;
+    names part_names, object_names;
+    size_t placed, text_bytes; /* see PLACED_MOST */
     size_t beam_lattices;
     plain_mesh *out;
 } package;
@@ -70,6 +87,46 @@ static bool read_entry(package *p, const char *path, char **out)
     if (!memchr(*out, 0, length)) return true;
     free(*out); /* UTF-16, which the standard allows */
     return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
+}
+
+/* ---- names */
+
+/* The place of a word, or the empty place where it belongs. The table has a size. */
+static name *find_place(const names *n, size_t of, xml_word word)
+{
+    uint64_t hash = 0xCBF29CE484222325u ^ of; /* FNV-1a */
+    for (size_t k = 0; k < word.length; k++) hash = (hash ^ (unsigned char)word.at[k]) * 0x100000001B3u;
+    for (size_t k = (hash ^ hash >> 32) & (n->size - 1);; k = (k + 1) & (n->size - 1)) {
+        name *at = &n->place[k];
+        if (!at->word.at || (at->of == of && at->word.length == word.length &&
+                             memcmp(at->word.at, word.at, word.length) == 0))
+            return at;
+    }
+}
+
+static const name *find_name(const names *n, size_t of, xml_word word)
+{
+    const name *at = n->size && word.at ? find_place(n, of, word) : NULL;
+    return at && at->word.at ? at : NULL;
+}
+
+/* Adds a word unless it is there. The text of the word stays where it is. */
+static bool add_name(package *p, names *n, size_t of, xml_word word, size_t number)
+{
+    if (!word.at) return true;
+    if (2 * (n->count + 1) >= n->size) {
+        names grown = {.count = n->count, .size = n->size ? 2 * n->size : 64};
+        if (!(grown.place = calloc(grown.size, sizeof *grown.place))) return no_memory(p);
+        for (size_t k = 0; k < n->size; k++)
+            if (n->place[k].word.at) *find_place(&grown, n->place[k].of, n->place[k].word) = n->place[k];
+        free(n->place);
+        *n = grown;
+    }
+    name *at = find_place(n, of, word);
+    if (at->word.at) return true;
+    *at = (name){of, number, word};
+    n->count++;
+    return true;
 }
 
 /* ---- numbers */
@@ -119,8 +176,9 @@ static bool add_object(package *p, size_t of, const xml_tag *tag, const char *at
         p->objects = grown;
         p->object_room = room;
     }
-    p->objects[p->object_count++] = (object){of, xml_attribute(tag, "id"), at, false};
-    return true;
+    const xml_word id = xml_attribute(tag, "id");
+    p->objects[p->object_count] = (object){of, at, false};
+    return add_name(p, &p->object_names, of, id, p->object_count++);
 }
 
 /* Extensions that a part requires by prefix: those that change no place of a mesh, and that which is read, are known. */
@@ -155,18 +213,21 @@ static bool check_extensions(package *p, const xml_tag *model)
 /* The part of a path, read when it is first named; its objects are listed. */
 static bool find_part(package *p, const char *path, size_t *out)
 {
-    for (size_t k = 0; k < p->part_count; k++)
-        if (strcmp(p->parts[k].path, path) == 0) {
-            *out = k;
-            return true;
-        }
+    const name *known = find_name(&p->part_names, 0, (xml_word){path, strlen(path)});
+    if (known) {
+        *out = known->number;
+        return true;
+    }
     part *grown = p->part_count < PARTS_MOST ? realloc(p->parts, (p->part_count + 1) * sizeof *grown) : NULL;
     if (!grown) return no_memory(p);
     p->parts = grown;
     part *new = &p->parts[p->part_count];
-    snprintf(new->path, sizeof new->path, "%s", path);
-    if (!read_entry(p, path, &new->text)) return false;
+    *new = (part){.path = strdup(path)};
+    if (!new->path) return no_memory(p);
     *out = p->part_count++;
+    if (!read_entry(p, path, &new->text) ||
+        !add_name(p, &p->part_names, 0, (xml_word){new->path, strlen(new->path)}, *out))
+        return false;
     xml_tag tag;
     const char *at = new->text, *begin = at;
     for (; xml_next_tag(&at, &tag); begin = at) {
@@ -188,15 +249,10 @@ static bool find_object(package *p, size_t of, const xml_tag *tag, object **out)
         snprintf(other, sizeof other, "%.*s", (int)path.length, path.at);
         if (!find_part(p, other, &of)) return false;
     }
-    for (size_t k = 0; id.at && k < p->object_count; k++) {
-        object *o = &p->objects[k];
-        if (o->part != of || o->id.length != id.length || !o->id.at ||
-            memcmp(o->id.at, id.at, id.length) != 0)
-            continue;
-        *out = o;
-        return true;
-    }
-    return damaged(p, "it refers to an object that is missing");
+    const name *named = find_name(&p->object_names, of, id);
+    if (!named) return damaged(p, "it refers to an object that is missing");
+    *out = &p->objects[named->number];
+    return true;
 }
 
 /* ---- meshes */
@@ -223,6 +279,17 @@ static bool add_triangle(package *p, const xml_tag *tag, size_t first, bool is_m
            no_memory(p);
 }
 
+static bool check_repetition(package *p)
+{
+    const size_t elements = p->out->vertices + p->out->triangles;
+    if (++p->placed <= PLACED_MOST && p->text_bytes <= TEXT_MOST + TEXT_PER_ELEMENT * elements) return true;
+    return plain_mesh_refuse(
+        p->out, ERROR_INPUT_UNSUPPORTED,
+        "its components repeat objects too often: more than %d objects, or %zu MiB of text. "
+        "Save it with fewer components, or as one mesh.",
+        PLACED_MOST, TEXT_MOST >> 20);
+}
+
 static bool add_object_at(package *p, object *o, const double m[3][4], int depth);
 
 /* A component of an object, or an item of the build. */
@@ -231,7 +298,8 @@ static bool add_reference(package *p, size_t of, const xml_tag *tag, const doubl
     object *named = NULL;
     double own[16] = {0}, placed[3][4];
     if (depth > DEEPEST_COMPONENT) return damaged(p, "its components contain each other");
-    if (!find_object(p, of, tag, &named) || !read_transform(p, xml_attribute(tag, "transform"), own))
+    if (!check_repetition(p) || !find_object(p, of, tag, &named) ||
+        !read_transform(p, xml_attribute(tag, "transform"), own))
         return false;
     affine_compose(m, own, placed);
     return add_object_at(p, named, (const double(*)[4])placed, depth);
@@ -246,7 +314,9 @@ static bool add_object_at(package *p, object *o, const double m[3][4], int depth
     for (int k = 0; k < 3; k++) axis[k] = affine_axis(m, k);
     const bool is_mirrored = vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0;
     o->is_built = true; /* *o may move from here on */
-    while (xml_next_tag(&at, &tag) && !(tag.is_end && xml_is(tag.name, "object"))) {
+    for (const char *before = at; xml_next_tag(&at, &tag) && !(tag.is_end && xml_is(tag.name, "object"));
+         before = at) {
+        p->text_bytes += (size_t)(at - before);
         if (tag.is_end) continue;
         if (xml_is(tag.name, "vertex") && !add_vertex(p, &tag, m)) return false;
         if (xml_is(tag.name, "triangle") && xml_attribute(&tag, "v1").at &&
@@ -343,8 +413,13 @@ bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out)
     const bool ok = path && find_part(&p, path, &root) && build(&p);
     if (ok) warn(&p);
     free(path);
-    for (size_t k = 0; k < p.part_count; k++) free(p.parts[k].text);
+    for (size_t k = 0; k < p.part_count; k++) {
+        free(p.parts[k].text);
+        free(p.parts[k].path);
+    }
     free(p.parts);
+    free(p.part_names.place);
+    free(p.object_names.place);
     free(p.objects);
     return ok;
 }

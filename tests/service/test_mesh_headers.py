@@ -236,6 +236,42 @@ def test_a_damaged_3mf_is_refused(look, tmp_path, item):
     assert error.get("code") == "input_damaged" and "the 3MF file is damaged" in error["message"], error
 
 
+EMPTY_MESH = "<mesh><vertices/><triangles/></mesh>"
+
+
+def doubled(levels, mesh):
+    """An object, and others of which each has two components, the object before."""
+    pair = '<object id="%d"><components><component objectid="%d"/><component objectid="%d"/></components></object>'
+    return f'<object id="0">{mesh}</object>' + "".join(pair % (k, k - 1, k - 1) for k in range(1, levels + 1))
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("levels, mesh", [(40, EMPTY_MESH), (40, "a box"), (12, f"<!--{2**18 * ' '}-->{EMPTY_MESH}")],
+                         ids=["empty meshes", "boxes", "texts"])
+def test_components_that_repeat_objects_too_often_are_refused(look, tmp_path, levels, mesh):
+    if mesh == "a box":
+        mesh = write.mesh_of_3mf(write.box(numpy.random.default_rng(4)))
+    write.write_3mf(tmp_path / "box.3mf", doubled(levels, mesh), f'<item objectid="{levels}"/>')
+    error = look(tmp_path / "box.3mf")
+    assert error.get("code") == "input_unsupported" and "its components repeat objects too often" in error["message"], error
+
+
+def test_components_that_repeat_an_object_are_read(look, tmp_path, r):
+    """4 096 boxes at the same place."""
+    corners = write.box(r)
+    write.write_3mf(tmp_path / "box.3mf", doubled(12, write.mesh_of_3mf(corners)), '<item objectid="12"/>')
+    found = look(tmp_path / "box.3mf")
+    assert_box(found, corners)
+    assert any(f"{12 * 4095} of {12 * 4096} triangles are duplicates" in note for note in found["notes"]), found
+
+
+def test_the_first_of_objects_with_the_same_id_is_read(look, tmp_path, r):
+    corners = write.box(r)
+    objects = "".join(f'<object id="{k}">{write.mesh_of_3mf(corners + 9 * k)}</object>' for k in range(200))
+    write.write_3mf(tmp_path / "box.3mf", f'{objects}<object id="0">{write.mesh_of_3mf(corners + 5)}</object>', '<item objectid="0"/>')
+    assert_box(look(tmp_path / "box.3mf"), corners)
+
+
 def test_objects_outside_of_a_build_are_warned_of(look, tmp_path, r):
     corners = write.box(r)
     write.write_3mf(tmp_path / "box.3mf", f'<object id="1">{write.mesh_of_3mf(corners)}</object><object id="2">{write.mesh_of_3mf(9 * corners)}'
