@@ -51,7 +51,7 @@ static void print_dependents(json_at job)
     double count = json_number(json_member(&dependents, "retried"), 0);
     printf("%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
     for (size_t i = 0; i < json_size(others); i++)
-        printf("%s was not retried: it belongs to another user or depends on another failed job\n",
+        printf("%s was not retried: it depends on another failed job\n",
                json_string(json_element(&others, i), "?"));
 }
 
