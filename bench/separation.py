@@ -401,6 +401,8 @@ def pair(ann, ben, clients, tally, shared):
             ben.ask_all("pair", job)
             for result in found.values():
                 ben.ask_all("pair", result)
+                if jobs[ann].encode() in result.body:
+                    tally.leak("pair", "a result names the job of ann")
             if reports[ben]["spec"] != job.json["spec"]:
                 tally.leak("pair", "the report's spec is not that of ben's job")
             log = clients[ben].ask("GET", f"/v1/jobs/{jobs[ben]}/log")
