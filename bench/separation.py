@@ -6,9 +6,12 @@
 Two accounts, ann and ben, do what the OpenAPI document offers, in random order; half of it after a restart of the daemon. What ann puts
 into values of specs, paths, webhooks, output directories, uploads, logs, error messages, progress and results has a marker, of letters or
 of digits. Names and labels, which every reader may see (doc/http.md), have a marker of another kind. Every answer with
-its headers, event stream, webhook call and file that ben gets is searched for both. Specs are never equal, but for pairs: there, ben
-gets the same points and a report with ben's own spec. Threads run the operations, so the seed gives the same operations, but in
-another order.
+its headers, event stream, webhook call and file that ben gets is searched for both, and each JSON of ben's for ids of ann's jobs. Specs are
+never equal, but for pairs: there, ben gets the same points and a report with ben's own spec. Threads run the operations, so the seed gives
+the same operations, but in another order.
+
+Relations: jobs of ben wait for jobs of ann that end in every way, and jobs of ann for ben's. What hexad then says to ben must be the same
+text for all jobs of ann that did not succeed as required, and for all whose frames ben's job cannot wait for.
 
 Prints a table in Markdown; ends with 1 when ben found a marker, or when ann did not find it where it must be.
 """
@@ -29,7 +32,7 @@ import traceback
 
 from isolation import Client, Daemon, User, ball
 
-SECRET = re.compile(rb"mkr7x\w*|867530914\d*", re.I)
+SECRET = re.compile(rb"mkr7x\w*|86753091\d+", re.I)
 PUBLIC = re.compile(rb"pub7x\w*", re.I)
 PUBLIC_KEYS = ("name", "labels", "next")  # a cursor of a list sorted by name has a name
 THREADS = {"ann": 2, "ben": 4}
@@ -37,7 +40,10 @@ SCOPES = ("read", "submit", "cancel")
 PATIENCE_S = 120
 PLACES = ("submitJob", "getJob", "of stub", "of path", "of out", "of hook", "webhook")  # where ann finds markers
 ENOUGH = 2000  # operations, for each of these
-PAIRS = 0.02  # of the operations
+PAIRS = 0.02  # of the operations; and as many relations
+RELATIONS = ("depends_on", "after", "after_frames", "retry")
+FRAMES = "867530914-867530916"  # of arrays of ann
+ID = re.compile(r"\b01[0-9a-z]{24}\b")
 OFF = "OFF\n# {}\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n"
 
 # The real worker, but for jobs of certain names: their spec goes into the results, the log, the progress, and the error message.
@@ -45,7 +51,7 @@ WORKER = """#!/bin/sh
 [ "$1" = run ] || exec %(real)s "$@"
 spec=$(cat)
 case "$spec" in
-*stub-result*|*stub-failure*) ;;
+*stub-result*|*stub-unresolved*|*stub-failure*) ;;
 *) printf %%s "$spec" | %(real)s "$@"; exit $?;;
 esac
 marker=$(printf %%s "$spec" | grep -o 'Mkr7x[0-9a-z]*' | head -n 1)
@@ -54,9 +60,21 @@ echo "{\\"phase\\":\\"$marker\\",\\"fraction\\":0.5}" >&3
 case "$spec" in *stub-failure*) echo "{\\"code\\":\\"input_damaged\\",\\"message\\":\\"$marker.vdb is damaged\\"}" >&2; exit 3;; esac
 printf %%s "$spec" > "$4/points.ply"
 set -- "$4" $(sha256sum < "$4/points.ply") $(wc -c < "$4/points.ply")
-printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes":%%d,"sha256":"%%s"}],"surface":{"warnings":["%%s"]}}' \\
-    "$4" "$2" "$marker" > "$1/report.json"
+case "$spec" in *stub-unresolved*) outcome=unresolved;; *) outcome=converged;; esac
+printf '{"outcome":"%%s","count":7,"outputs":[{"name":"points.ply","bytes":%%d,"sha256":"%%s"}],"surface":{"warnings":["%%s"]}}' \\
+    "$outcome" "$4" "$2" "$marker" > "$1/report.json"
 """
+
+
+def find_ids(value):
+    """The ids in a JSON, without the documents of events and of other users' jobs."""
+    if isinstance(value, str):
+        return set(ID.findall(value))
+    if isinstance(value, list):
+        return set().union(*map(find_ids, value))
+    if not isinstance(value, dict) or value.get("owner", "ben") != "ben" or "seq" in value:
+        return set()
+    return set().union(*map(find_ids, value.values()))
 
 
 class Tally:
@@ -66,6 +84,7 @@ class Tally:
         self.lock = threading.Lock()
         self.searched, self.bytes, self.seen = collections.Counter(), 0, collections.Counter()
         self.leaks, self.faults, self.pairs, self.cached = [], [], 0, 0
+        self.related, self.texts = collections.Counter(), collections.defaultdict(dict)
 
     def leak(self, what, found):
         with self.lock:
@@ -86,6 +105,22 @@ class Tally:
         if PUBLIC.search(data) and not (public and self.are_public(json.loads(data))):
             self.leak(what, f"a name or label in {data[:3000]!r}")
 
+    def search_ids(self, what, asked, answer, shared):
+        """Of a JSON that ben got: jobs of ann that neither this request nor a spec of ben's has named."""
+        try:
+            found = find_ids(answer.json) & shared.of_ann - set(ID.findall(asked)) - shared.named
+        except ValueError:
+            return
+        if found:
+            self.leak(what, f"the jobs {found} of ann in {answer.body[:3000]!r}")
+
+    def expect_one_text(self, kind, text):
+        """All texts of a kind must be equal but for ids."""
+        with self.lock:
+            self.texts[kind].setdefault(ID.sub("ID", text), text)
+        if len(self.texts[kind]) > 1:
+            self.leak(kind, f"different texts: {self.texts[kind]}")
+
     def are_public(self, value, key=None):
         if isinstance(value, dict):
             return all(self.are_public(v, k) for k, v in value.items())
@@ -101,6 +136,7 @@ class Shared:
         self.base, self.host = base, host
         self.ids, self.uploads, self.guessed = (collections.deque(maxlen=100) for _ in range(3))
         self.secrets = collections.deque(maxlen=1000)
+        self.of_ann, self.named = set(), set()  # jobs of ann, and jobs in specs of ben
         self.counter, self.lock = 0, threading.Lock()
 
     def number(self):
@@ -115,6 +151,20 @@ class Shared:
 
     def digits(self):
         return int(f"867530914{self.number():06d}")
+
+
+class Recorder(Client):
+    """A client of ben; `asked` is its last request."""
+
+    def __init__(self, address, token, shared):
+        super().__init__(address, token)
+        self.shared, self.asked = shared, ""
+
+    def ask(self, method, path, document=None, *more, **named):
+        self.asked = f"{path} {document}"
+        if method == "POST" and path == "/v1/jobs":
+            self.shared.named.update(ID.findall(self.asked))
+        return super().ask(method, path, document, *more, **named)
 
 
 class Account(User):
@@ -135,8 +185,11 @@ class Account(User):
 
     def keep(self, name, answer):
         if name == "submitJob" and answer.status == 201:
-            self.own.append(answer.json["id"])
-            self.shared.ids.append(answer.json["id"])
+            job = answer.json["id"]
+            self.own.append(job)
+            self.shared.ids.append(job)
+            if self.name == "ann":
+                self.shared.of_ann.add(job)
 
     def wait(self, client, job):
         end = time.monotonic() + PATIENCE_S
@@ -172,28 +225,44 @@ class Ann(Account):
             spec["output"]["directory"] = str(where)
             if where.name.startswith("guess"):
                 shared.guessed.append(where)
+        if rng.random() < 0.3:
+            queue["accept"] = ["converged"]
         spec["queue"] = {**spec.get("queue", {}), **queue}
         return spec
 
+    def stub(self, kind):
+        """A job with a result or a failure of the stub worker, which the name of the job determines."""
+        path = self.shared.base / "inputs" / "of-ann" / f"{self.shared.secret('stub')}.off"
+        path.write_text(OFF.format("any"))
+        return self.private({**ball(self.shared.digits()), "surface": {"mesh": {"path": str(path)}}}, kind)
+
+    def array(self):
+        return {"frames": FRAMES, "by_frame": {"/solver/seed": [self.shared.digits() for _ in range(3)]}}
+
     def spec(self):
+        spec = self.any_spec()
+        if self.shared.ids and self.rng.random() < 0.2:
+            spec["queue"][self.rng.choice(["after", "depends_on"])] = [self.rng.choice(self.shared.ids)]
+        return spec
+
+    def any_spec(self):
         rng, shared = self.rng, self.shared
-        kind = rng.choice(["job", "job", "stub-result", "stub-result", "stub-failure", "missing", "file", "damaged", "upload", "array", "attribute"])
+        kind = rng.choice(["job", "job", "stub-result", "stub-result", "stub-unresolved", "stub-failure", "missing", "file", "damaged", "upload",
+                           "array", "attribute"])
         spec = ball(shared.digits())
         spec["surface"]["analytic"]["radius"] = float(f"1.{shared.digits()}")
         spec["outcome"] = {"require": {"hex_fraction": -float(f"0.{shared.digits()}")}}
         path = shared.base / "inputs" / "of-ann" / f"{shared.secret('path')}.off"
         if kind.startswith("stub"):
-            path = path.with_name(f"{shared.secret('stub')}.off")
-            path.write_text(OFF.format("any"))
-            spec["surface"] = {"mesh": {"path": str(path)}}
-        elif kind == "file":
+            return self.stub(kind)
+        if kind == "file":
             path.write_text(OFF.format(shared.secret("file")))
         elif kind == "damaged":
             path.write_text(f"OFF\n4 {shared.secret('damage')}\n")
         elif kind == "upload" and self.mine:
             spec["surface"] = {"mesh": {"path": f"sha256:{rng.choice(self.mine)}.off"}}
         elif kind == "array":
-            spec["queue"] = {"frames": "1-3", "by_frame": {"/solver/seed": [shared.digits() for _ in range(3)]}}
+            spec["queue"] = self.array()
         elif kind == "attribute":
             spec["attributes"] = [{"from": str(path), "name": shared.secret("grid")}]
         if kind in ("missing", "file", "damaged"):
@@ -249,7 +318,10 @@ class Ben(Account):
         elif shared.guessed and rng.random() < 0.4:
             spec["output"]["directory"] = str(rng.choice(shared.guessed))  # one of ann's
         if shared.ids and rng.random() < 0.3:
-            queue["after" if rng.random() < 0.5 else "depends_on"] = [rng.choice(shared.ids)]
+            kind = rng.choice(["after", "depends_on", "after_frames"])
+            queue[kind] = [rng.choice(shared.ids)]
+            if kind == "after_frames":
+                queue |= {"frames": "1-2", "by_frame": {"/solver/seed": [shared.number(), shared.number()]}}
         spec["queue"] = {**spec.get("queue", {}), **queue}
         return spec
 
@@ -262,10 +334,11 @@ class Ben(Account):
             spec["surface"] = {"mesh": {"path": rng.choice(["/etc/hostname", "missing.off", str(shared.base / "inputs" / "of-ben")])}}
         return self.private(spec)
 
-    def ask_all(self, what, answer, public=False):
+    def ask_all(self, what, answer, public=False, asked=""):
         head = f"{answer.status}\n{answer.headers}".encode()
         self.tally.search(f"{what} headers", PUBLIC.sub(b"", head) if what == "listJobs" else head)  # Link has a cursor
         self.tally.search(what, answer.body, public)
+        self.tally.search_ids(what, asked, answer, self.shared)
 
     def step(self, client):
         rng = self.rng
@@ -292,7 +365,7 @@ class Ben(Account):
         else:
             name, answer = self.offered(client)
         self.keep(name, answer)
-        self.ask_all(name, answer, name not in ("followJob", "followJobs", "getResult", "getLog"))
+        self.ask_all(name, answer, name not in ("followJob", "followJobs", "getResult", "getLog"), client.asked)
 
 
 def pair(ann, ben, clients, tally, shared):
@@ -301,11 +374,9 @@ def pair(ann, ben, clients, tally, shared):
     seed, count = 10**9 + shared.number(), rng.randrange(40, 80)
     specs = {ann: ann.private(ball(seed, count)), ben: ben.private(ball(seed, count))}
     specs[ben]["queue"] = {"labels": ["of-ben"]}
-    for spec in specs.values():
-        spec["queue"]["priority"] = 100  # before all others, which may wait for longer than PATIENCE_S
     order, at_once, jobs, reports, points = rng.sample([ann, ben], 2), rng.random() < 0.3, {}, {}, {}
     for user in order:
-        made = clients[user].ask("POST", "/v1/jobs", specs[user])
+        made = clients[user].ask("POST", "/v1/jobs", urgent(specs[user]))
         if made.status == 409:  # another job has delivered into the directory since it was chosen
             if user is ben:
                 ben.ask_all("pair", made)
@@ -314,6 +385,8 @@ def pair(ann, ben, clients, tally, shared):
             raise ValueError(f"{user.name}: {made.status} {made.body[:500]!r}")
         jobs[user] = made.json["id"]
         user.own.append(jobs[user])
+        if user is ann:
+            shared.of_ann.add(jobs[user])
         if not at_once:
             user.wait(clients[user], jobs[user])
     for user in order:
@@ -328,16 +401,96 @@ def pair(ann, ben, clients, tally, shared):
             ben.ask_all("pair", job)
             for result in found.values():
                 ben.ask_all("pair", result)
+                if jobs[ann].encode() in result.body:
+                    tally.leak("pair", "a result names the job of ann")
             if reports[ben]["spec"] != job.json["spec"]:
                 tally.leak("pair", "the report's spec is not that of ben's job")
+            log = clients[ben].ask("GET", f"/v1/jobs/{jobs[ben]}/log")
+            ben.ask_all("pair", log, asked=clients[ben].asked)
             with tally.lock:
-                tally.cached += job.json["cached_from"] is not None
+                tally.cached += log.status == 404 and "equal job" in log.json["detail"]
     if points[ann] != points[ben]:
         tally.leak("pair", "the points differ")
     if reports[ann]["spec"]["name"] != specs[ann]["name"]:
         tally.leak("pair", "ann's report is not ann's")
     with tally.lock:
         tally.pairs += 1
+
+
+def urgent(spec):
+    """Before all other jobs, which may wait for longer than PATIENCE_S."""
+    return {**spec, "queue": {**spec["queue"], "priority": 100}}
+
+
+def submit_need(ann, client, shared):
+    """A job of ann that succeeds, fails, has an outcome that it does not accept, or is cancelled, and has ended, or not; None: it was refused."""
+    kind = ann.rng.choice(["stub-result", "stub-unresolved", "stub-failure", "array", "cancelled"])
+    spec = ann.private({**ball(shared.digits()), "queue": ann.array()}, kind) if kind == "array" else ann.stub(kind)
+    if kind == "stub-unresolved":
+        spec["queue"]["accept"] = ["converged"]
+    made = client.ask("POST", "/v1/jobs", urgent(spec))
+    if made.status != 201:
+        return None
+    job = made.json["id"]
+    shared.of_ann.add(job)
+    if kind == "cancelled":
+        client.ask("POST", f"/v1/jobs/{job}/cancel")
+    if ann.rng.random() < 0.5:
+        ann.wait(client, job)
+    return job
+
+
+def relate(ann, ben, clients, tally, shared):
+    """A job of ben that waits for one of ann: all that ben can ask about both."""
+    client, kind = clients[ben], ben.rng.choice(["depends_on", "depends_on", "after", "after_frames"])
+    need = submit_need(ann, clients[ann], shared)
+    if not need:
+        return
+    spec = {**ball(5 * 10**8 + shared.number()), "queue": {kind: [need]}}
+    if kind == "after_frames":
+        frames = ben.rng.choice([[1, 2, 3], [2], [0, 7]])
+        spec["queue"] |= {"frames": ",".join(map(str, frames)), "by_frame": {"/solver/seed": frames}}
+
+    def ask(method, path, document=None):
+        answer = client.ask(method, path, document)
+        ben.ask_all(f"relation {kind} {path.rpartition('/')[2]}", answer, asked=client.asked)
+        return answer
+
+    made = ask("POST", "/v1/jobs", urgent(spec))
+    if kind == "after_frames" and made.status != 403 and "does not exist" not in made.json.get("detail", ""):
+        tally.leak(kind, f"the frames of ann were compared: {made.body!r}")
+    elif made.status != 201:
+        tally.expect_one_text(f"{kind} {made.status}", made.json["detail"])
+    else:
+        ann.wait(clients[ann], need)
+        job = made.json["id"]
+        ended = ben.wait(client, job)
+        for path in ("", "/tasks", "/attempts", "/events?after=0", "/log", "/results"):
+            ask("GET", f"/v1/jobs/{job}{path}")
+        ask("GET", f"/v1/jobs?depends_on={need}&owner=ben")
+        ask("POST", f"/v1/jobs/{job}/retry")
+        if (ended.json["error"] or {}).get("code") == "dependency_failed":
+            tally.expect_one_text(kind, ended.json["error"]["message"])
+    with tally.lock:
+        tally.related[kind] += 1
+
+
+def relate_back(ann, ben, clients, tally, shared):
+    """A job of ann that waits for one of ben that fails: what ben's retry with dependents answers."""
+    number = shared.number()
+    made = clients[ben].ask("POST", "/v1/jobs", urgent({**ball(5 * 10**8 + number), "name": f"stub-failure-{number}", "queue": {}}))
+    job = made.json["id"]
+    spec = ann.private(ball(shared.digits()))
+    behind = clients[ann].ask("POST", "/v1/jobs", urgent({**spec, "queue": {**spec["queue"], "depends_on": [job]}}))
+    if behind.status != 201:
+        return
+    shared.of_ann.add(behind.json["id"])
+    ben.wait(clients[ben], job)
+    ann.wait(clients[ann], behind.json["id"])
+    for path in ("/retry?dependents=1", "/retry"):
+        ben.ask_all("relation retry", clients[ben].ask("POST", f"/v1/jobs/{job}{path}"), asked=clients[ben].asked)
+    with tally.lock:
+        tally.related["retry"] += 1
 
 
 def receiver(tally):
@@ -381,9 +534,12 @@ def phase(daemon, tokens, shared, tally, options, round_number):
             left[0] -= 1
             return left[0] >= 0
 
+    def new_client(name):
+        return Client(daemon.address, tokens[name]) if name == "ann" else Recorder(daemon.address, tokens[name], shared)
+
     def work(kind, name, thread):
         user = kind(daemon.address, name, thread + 100 * round_number, tokens[name], options.seed, shared, tally)
-        client = Client(daemon.address, tokens[name])
+        client = new_client(name)
         while take():
             try:
                 user.step(client)
@@ -392,19 +548,20 @@ def phase(daemon, tokens, shared, tally, options, round_number):
                 tally.fault(f"{name}: {traceback.format_exc()}")
         client.close()
 
-    def work_pairs():
-        both = [kind(daemon.address, name, 50 + 100 * round_number, tokens[name], options.seed, shared, tally)
+    def work_pairs(acts, thread):
+        both = [kind(daemon.address, name, thread + 100 * round_number, tokens[name], options.seed, shared, tally)
                 for kind, name in ((Ann, "ann"), (Ben, "ben"))]
-        clients = {user: Client(daemon.address, user.token) for user in both}
-        for _ in range(round(options.operations // 2 * PAIRS)):
+        clients = {user: new_client(user.name) for user in both}
+        for i in range(round(options.operations // 2 * PAIRS)):
             try:
-                pair(*both, clients, tally, shared)
+                acts[i % len(acts)](*both, clients, tally, shared)
             except Exception:
-                tally.fault(f"pair: {traceback.format_exc()}")
+                tally.fault(f"{acts}: {traceback.format_exc()}")
 
     for kind, name in ((Ann, "ann"), (Ben, "ben")):
         threads += [threading.Thread(target=work, args=(kind, name, i)) for i in range(THREADS[name])]
-    threads.append(threading.Thread(target=work_pairs))
+    threads += [threading.Thread(target=work_pairs, args=([pair], 50)),
+                threading.Thread(target=work_pairs, args=([relate, relate, relate, relate_back], 60))]
     follower = threading.Thread(target=follow, args=(daemon.address, tokens["ben"], over, tally))
     for thread in threads + [follower]:
         thread.start()
@@ -445,6 +602,10 @@ def campaign(options, base):
     blind = [place for place in PLACES if not tally.seen[place] and options.operations >= ENOUGH]
     for place in blind:
         print(f"missed: ann did not find a marker: {place}")
+    for relation in RELATIONS:
+        if not tally.related[relation] and options.operations >= ENOUGH:
+            blind.append(relation)
+            print(f"missed: no job was related by {relation}")
     return 1 if tally.leaks or tally.faults or blind or not tally.pairs else 0
 
 
@@ -455,6 +616,9 @@ def report(options, tally):
         print(f"| {what} | {count} |")
     print(f"\n{tally.bytes / 1e6:.0f} MB were searched: {len(tally.leaks)} leaks. {tally.pairs} pairs of equal specs, {tally.cached} of ben's from the"
           f" cache. ann found markers in: " + ", ".join(f"{k}: {n}" for k, n in sorted(tally.seen.items())) + ".")
+    print("\nJobs of ben related to jobs of ann: " + ", ".join(f"{kind}: {tally.related[kind]}" for kind in RELATIONS) + ".")
+    for kind, count in collections.Counter(leak.partition(":")[0] for leak in tally.leaks).items():
+        print(f"missed: {count} leaks: {kind}")
     for text in tally.leaks[:20] + tally.faults[:20]:
         print("missed:", text[:4000])
 

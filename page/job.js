@@ -131,8 +131,8 @@ function Buttons({job, frame, onChange}) {
     ${job.spec && html`<a class="button" href=${`#/submit?from=${job.id}`}>Submit a changed copy</a>`}
     ${ended && html`<button disabled=${busy} onClick=${() => confirm(`Delete ${nameOf(job)} and its results?`) && run("DELETE", "")}>Delete …</button>`}
   </div><${Trouble} error=${error} />
-  ${others.length > 0 && html`<p role="status">${others.length} dependent jobs are not retried: they belong to other users, or depend on
-    another job that failed.</p>`}`;
+  ${others.length > 0 && html`<p role="status">${others.length} dependent jobs are not retried: they depend on another job that
+    failed.</p>`}`;
 }
 
 function Facts({job, now}) {

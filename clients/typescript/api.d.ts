@@ -245,7 +245,8 @@ export type Job = JobSummary & {
   attempts: Attempt[];
   /**
    * Only in the answer to a retry with `dependents`: the number of dependent jobs that were retried, and the
-   * ids of those that were not, because they belong to other users or still depend on a job that failed.
+   * ids of those that were not, because they still depend on a job that failed. Jobs of other users are
+   * neither retried nor listed, but for administrators.
    */
   dependents?: {
     retried: number;
@@ -1087,9 +1088,9 @@ export type JobSpec = {
     /** Identifiers of jobs that must end before this one starts, successful or not. Default: []. */
     after?: string[];
     /**
-     * Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of
-     * these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails.
-     * Requires frames. Default: [].
+     * Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when
+     * the same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of
+     * this job fails. Requires frames. Default: [].
      */
     after_frames?: string[];
     /**
@@ -2222,9 +2223,9 @@ export type AnsweredSpec = {
     /** Identifiers of jobs that must end before this one starts, successful or not. */
     after?: string[];
     /**
-     * Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of
-     * these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails.
-     * Requires frames.
+     * Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when
+     * the same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of
+     * this job fails. Requires frames.
      */
     after_frames?: string[];
     /**

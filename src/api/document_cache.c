@@ -12,7 +12,7 @@
 
 typedef struct place {
     char id[ULID_SIZE]; /* "": the place is unused */
-    bool own;
+    job_json_viewer viewer;
     int64_t seq;
     uint64_t stamp;
     char *owner;
@@ -73,7 +73,7 @@ bool document_cache_find(document_cache *c, queue *q, const char *id, const acce
     pthread_mutex_lock(&c->mutex);
     for (size_t i = 0; !any && i < ROW_PLACES; i++) {
         const place *p = &r->place[i];
-        if (strcmp(p->id, id) != 0 || p->own != access_is_owner(caller, p->owner) ||
+        if (strcmp(p->id, id) != 0 || p->viewer != job_json_viewer_of(caller, p->owner) ||
             p->stamp != queue_stamp(q, p->seq))
             continue;
         any = true;
@@ -84,18 +84,19 @@ bool document_cache_find(document_cache *c, queue *q, const char *id, const acce
     return any;
 }
 
-void document_cache_put(document_cache *c, const queue_job *job, bool own, const cached_document *document)
+void document_cache_put(document_cache *c, const queue_job *job, job_json_viewer viewer,
+                        const cached_document *document)
 {
     if (!c || document->length > DOCUMENT_CACHE_BYTES_MOST) return;
     row *r = row_of(c, job->id);
     pthread_mutex_lock(&c->mutex);
     place *p = NULL;
     for (size_t i = 0; i < ROW_PLACES; i++)
-        if (strcmp(r->place[i].id, job->id) == 0 && r->place[i].own == own) p = &r->place[i];
+        if (strcmp(r->place[i].id, job->id) == 0 && r->place[i].viewer == viewer) p = &r->place[i];
     if (!p) p = &r->place[r->next++ % ROW_PLACES];
     empty(p);
     memcpy(p->id, job->id, sizeof p->id);
-    p->own = own;
+    p->viewer = viewer;
     p->seq = job->seq;
     p->stamp = job->stamp;
     p->owner = mem_strdup(job->owner);

@@ -1,8 +1,8 @@
 /* document_cache: caches the JSON documents of jobs until the jobs change.
  *
  * A document is stored with the stamp of its job (queue_stamp) and is returned only while the job has this stamp. So it
- * always contains every change that was acknowledged to a client. The document for the owner and the document for other
- * readers are separate entries. The number of entries is fixed; a new document replaces an older one. Any thread.
+ * always contains every change that was acknowledged to a client. The documents for the owner, for
+ * administrators and for other readers are separate entries. The number of entries is fixed; a new document replaces an older one. Any thread.
  */
 #ifndef HEXAD_API_DOCUMENT_CACHE_H
 #define HEXAD_API_DOCUMENT_CACHE_H
@@ -34,7 +34,8 @@ bool document_cache_find(document_cache *c, queue *q, const char *id, const acce
                          cached_document *found);
 
 /* Stores a copy. `job` must come from queue_get. The document must not contain anything that can change while the
- * stamp of the job stays the same. `own`: it is the document for the owner and administrators. */
-void document_cache_put(document_cache *c, const queue_job *job, bool own, const cached_document *document);
+ * stamp of the job stays the same. `viewer`: for whom it was made. */
+void document_cache_put(document_cache *c, const queue_job *job, job_json_viewer viewer,
+                        const cached_document *document);
 
 #endif

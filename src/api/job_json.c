@@ -35,7 +35,15 @@ static json *parse_stored(const char *text)
 
 job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owner)
 {
-    return access_is_owner(caller, owner) ? JOB_JSON_OWNER : JOB_JSON_READER;
+    return caller->scopes & SCOPE_ADMIN     ? JOB_JSON_ADMINISTRATOR
+           : access_is_owner(caller, owner) ? JOB_JSON_OWNER
+                                            : JOB_JSON_READER;
+}
+
+const char *job_json_cached_from(const queue_job *job, job_json_viewer viewer)
+{
+    bool shown = viewer == JOB_JSON_ADMINISTRATOR || (viewer == JOB_JSON_OWNER && job->cached_shown);
+    return shown ? job->cached_from : NULL;
 }
 
 static void put_error(json *o, job_json_viewer viewer, const char *code, const char *message)
@@ -46,13 +54,13 @@ static void put_error(json *o, job_json_viewer viewer, const char *code, const c
     }
     json *fault = json_put_object(o, "error");
     json_put_string(fault, "code", code);
-    json_put_string(fault, "message", viewer == JOB_JSON_OWNER ? message : reply_title(code));
+    json_put_string(fault, "message", viewer == JOB_JSON_READER ? reply_title(code) : message);
 }
 
 void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_spec,
                        const char *stored_paths)
 {
-    bool own = viewer == JOB_JSON_OWNER;
+    bool own = viewer != JOB_JSON_READER;
     json *document = parse_stored(own ? stored_spec : NULL), *paths = parse_stored(own ? stored_paths : NULL);
     if (document) {
         paths_restore(paths, document);
@@ -133,7 +141,7 @@ unsigned job_json_outcomes(unsigned accept)
 
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
 {
-    bool own = viewer == JOB_JSON_OWNER;
+    bool own = viewer != JOB_JSON_READER;
     json *o = json_new_object();
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
@@ -159,7 +167,7 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *pro
     json_put_integer(o, "memory_mb", job->memory_mb);
     json_put_integer(o, "retention_s", own ? job->retention_s : 0);
     json_put_string(o, "traceparent", own ? job->trace : NULL);
-    json_put_string(o, "cached_from", own ? job->cached_from : NULL);
+    json_put_string(o, "cached_from", job_json_cached_from(job, viewer));
     job_json_put_stored(o, "progress", own ? progress : NULL);
     put_error(o, viewer, job->error_code, job->error_message);
     put_delivery(o, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
@@ -215,7 +223,7 @@ json *job_json_append_task(json *list, const queue_task *t)
 /* Adds `frame` for the owner; the numbers of frames are part of the spec. */
 static void put_frame(json *o, job_json_viewer viewer, int frame)
 {
-    if (viewer == JOB_JSON_OWNER && frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", frame);
+    if (viewer != JOB_JSON_READER && frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", frame);
 }
 
 json *job_json_new_event(const queue_event *event, job_json_viewer viewer)

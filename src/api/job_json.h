@@ -17,11 +17,14 @@
 
 #define JOB_JSON_TAG_SIZE 40 /* of an ETag, with the terminating 0 */
 
-/* How much an answer shows of a job. */
-typedef enum job_json_viewer { JOB_JSON_READER, JOB_JSON_OWNER } job_json_viewer;
+/* How much an answer shows of a job. An owner who is an administrator is the latter. The owner gets the same members as an
+ * administrator, but learns less of other jobs to which the job is related (queue/relation). */
+typedef enum job_json_viewer { JOB_JSON_READER, JOB_JSON_OWNER, JOB_JSON_ADMINISTRATOR } job_json_viewer;
 
-/* JOB_JSON_OWNER for the owner of the job and for administrators. */
 job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owner);
+
+/* The job whose result was reused; NULL: there is none, or the viewer may not learn of it. */
+const char *job_json_cached_from(const queue_job *job, job_json_viewer viewer);
 
 /* The set of outcomes (queue.h) of spec.accept. */
 unsigned job_json_outcomes(unsigned accept);

@@ -48,7 +48,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     queue_attempt *attempts = NULL;
     size_t count = 0;
     job_json_viewer viewer = job_json_viewer_of(request->caller, job->owner);
-    bool own = viewer == JOB_JSON_OWNER;
+    bool own = viewer != JOB_JSON_READER;
     if (own && job->attempts &&
         !queue_list_attempts(c->q, job->id, -1, 0, ATTEMPTS_SHOWN, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
@@ -68,7 +68,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     made.text = r->body;
     made.length = r->length;
     /* the progress of a running job changes while the stamp of the job does not */
-    if (!progress && !job->tasks.running) document_cache_put(c->documents, job, own, &made);
+    if (!progress && !job->tasks.running) document_cache_put(c->documents, job, viewer, &made);
     free(progress);
 }
 
@@ -398,6 +398,12 @@ static void describe_dependency(const queue_receipt *receipt, const char *id, ch
 {
     if (receipt->admission == QUEUE_UNKNOWN_DEPENDENCY)
         snprintf(detail, 256, "the job %.100s does not exist: list the jobs for their IDs", id);
+    else if (receipt->admission == QUEUE_FOREIGN_DEPENDENCY)
+        snprintf(
+            detail, 256,
+            "the job %.100s belongs to another user, and frames wait for frames of own jobs only: name it in "
+            "depends_on or after",
+            id);
     else if (receipt->admission == QUEUE_REPEATED_DEPENDENCY)
         snprintf(
             detail, 256,
@@ -426,7 +432,8 @@ static void refuse_dependency(const queue_submission *put, const queue_receipt *
     snprintf(pointer, sizeof pointer, "/queue/%s/%zu", lists[k].name, index);
     describe_dependency(receipt, lists[k].ids[index], detail);
     reply_append_fault(errors, pointer, detail);
-    reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
+    reply_set_problem(r, receipt->admission == QUEUE_FOREIGN_DEPENDENCY ? "forbidden" : "spec_invalid",
+                      errors, "%s: %s", pointer, detail);
 }
 
 /* Sets the problem results_full: results have reached a bound, and no job may be deleted automatically. */
@@ -495,6 +502,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         refuse_full_disk(c, r);
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
+    case QUEUE_FOREIGN_DEPENDENCY:
     case QUEUE_REPEATED_DEPENDENCY:
     case QUEUE_UNKNOWN_FRAME:
         refuse_dependency(put, receipt, r);
@@ -660,6 +668,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .after_count = s->after_count,
         .after_frames = (const char *const *)s->after_frames,
         .after_frames_count = s->after_frames_count,
+        .any_frames = request->caller->scopes & SCOPE_ADMIN,
         .accept = job_json_outcomes(s->accept),
         .max_running = s->max_running,
         .chunk = s->chunk,

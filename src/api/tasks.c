@@ -116,6 +116,28 @@ failed:
     return false;
 }
 
+/* Answers that there is no log of the attempt; 0: the attempt does not exist. */
+static void refuse_log(const queue_job *job, int attempt, job_json_viewer viewer, reply *r)
+{
+    const char *from = job_json_cached_from(job, viewer);
+    if (attempt > 0 && from)
+        reply_set_problem(
+            r, "not_found", NULL,
+            "the job %s has no log: it was given the result of the equal job %s. Read the log of that job.",
+            job->id, from);
+    else if (attempt > 0 && job->cached_from)
+        reply_set_problem(
+            r, "not_found", NULL,
+            "the job %s has no log: it was given the result of an equal job. A job with another "
+            "solver.seed computes its own.",
+            job->id);
+    else
+        reply_set_problem(r, "not_found", NULL,
+                          "the job %s has no log: the attempt has not started, or its log was removed. List "
+                          "the attempts of the job.",
+                          job->id);
+}
+
 void tasks_show_log(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
@@ -126,18 +148,8 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
         int fd = attempt > 0 ? open_log(c, &job, frame, attempt, &bytes) : -1;
         if (fd >= 0)
             reply_set_file(r, "text/plain", fd, bytes);
-        else if (attempt > 0 && job.cached_from)
-            reply_set_problem(
-                r, "not_found", NULL,
-                "the job %s has no log: it was given the result of the equal job %s. Read the log of "
-                "that job.",
-                job.id, job.cached_from);
         else
-            reply_set_problem(
-                r, "not_found", NULL,
-                "the job %s has no log: the attempt has not started, or its log was removed. List "
-                "the attempts of the job.",
-                job.id);
+            refuse_log(&job, attempt, job_json_viewer_of(request->caller, job.owner), r);
     }
     queue_job_clear(&job);
 }

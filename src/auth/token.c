@@ -167,6 +167,14 @@ const token *token_set_add(token_set *set, const char *user, unsigned scopes, in
 {
     uint8_t secret[SECRET_BYTES];
     token t = {.scopes = scopes, .created_ms = clock_wall_ms(), .max_priority = max_priority};
+    if (strcmp(user, ".") == 0 || strcmp(user, "..") == 0) {
+        error_set(
+            e, ERROR_SPEC_INVALID,
+            "the user name must not be \"%s\", which is a directory where names of users are parts of paths: "
+            "give another name",
+            user);
+        return NULL;
+    }
     if (!is_user(user)) {
         error_set(e, ERROR_SPEC_INVALID,
                   "the user name must have 1 to %d letters, digits and \"._@-\" (given %.100s)",

@@ -55,7 +55,8 @@ void token_set_clear(token_set *set); /* accepts an empty one */
 const token *token_set_find(const token_set *set, const char *text);
 
 /* Creates a token, adds it to the set and writes its secret to `text`. The secret is not stored. Error spec_invalid:
- * the user is not 1 to 64 letters, digits and "._@-". */
+ * the user is not 1 to 64 letters, digits and "._@-", or is "." or "..". A file of an earlier version may have tokens of
+ * such users, which stay valid. */
 const token *token_set_add(token_set *set, const char *user, unsigned scopes, int max_priority,
                            char text[TOKEN_SIZE], error *e);
 

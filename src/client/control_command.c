@@ -52,9 +52,8 @@ static void print_dependents(json_at job)
     double count = json_number(json_member(&dependents, "retried"), 0);
     terminal_text_print(stdout, "%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
     for (size_t i = 0; i < json_size(others); i++)
-        terminal_text_print(
-            stdout, "%s was not retried: it belongs to another user or depends on another failed job\n",
-            json_string(json_element(&others, i), "?"));
+        terminal_text_print(stdout, "%s was not retried: it depends on another failed job\n",
+                            json_string(json_element(&others, i), "?"));
 }
 
 int command_retry(client *c, const char *argument, const command_options *options)

@@ -108,6 +108,9 @@
 /* Whether a dependent job waits for the end only, and not for success. */
 #define ANY_END "any_end INTEGER NOT NULL DEFAULT 0"
 
+/* Whether the owner of a job may learn of the job `cached_from` (queue/relation). */
+#define CACHED_SHOWN "cached_shown INTEGER NOT NULL DEFAULT 0"
+
 /* Jobs are found and sorted by name and priority, and found by the time of their submission. */
 #define SORTED                                                    \
     "CREATE INDEX job_by_name ON job (" SCHEMA_NAME_KEY ", seq);" \
@@ -243,6 +246,7 @@ static const char tables[] =
     "  error_code TEXT,"
     "  error_message TEXT,"
     "  cached_from TEXT,"
+    "  " CACHED_SHOWN ","
     "  key TEXT,"
     "  body_hash TEXT,"
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
@@ -497,6 +501,14 @@ static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
 static const char add_chunks[] = "ALTER TABLE job ADD COLUMN " CHUNK ";"
                                  "ALTER TABLE job ADD COLUMN " CHUNKS_BUSY ";";
 static const char renew_ready[] = "DROP INDEX job_ready;" READY;
+/* Migration from version 17, in which the owner learned of every job whose result was reused. Jobs that were deleted
+ * may have been of another user. */
+static const char add_cached_shown[] =
+    "ALTER TABLE job ADD COLUMN " CACHED_SHOWN ";"
+    "UPDATE job SET cached_shown = coalesce((SELECT maker.owner = job.owner FROM job AS maker"
+    "  WHERE maker.id = job.cached_from), 0) WHERE cached_from IS NOT NULL;"
+    "UPDATE attempt SET reason = 'the result of an equal job' WHERE reason GLOB 'the result of *' AND"
+    "  job IN (SELECT seq FROM job WHERE cached_from IS NOT NULL);";
 /* Migration from versions in which a job failed if its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -537,6 +549,7 @@ static const struct step {
     {2, 11, add_reports},
     {2, 12, add_undelivered},
     {2, 13, add_accept},
+    {2, 17, add_cached_shown},
     {1, 11, find_linked_reports},
     {1, 11, find_copies},
 };

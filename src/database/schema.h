@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 17
+#define SCHEMA_VERSION 18
 
 /* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"

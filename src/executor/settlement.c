@@ -277,7 +277,7 @@ void settlement_decide_cached(queue_outcome outcome, const char *from, settlemen
 {
     *s = (settlement){.cached_from = from};
     set_success(s, outcome);
-    snprintf(s->reason, sizeof s->reason, "the result of %s", from);
+    snprintf(s->reason, sizeof s->reason, "the result of an equal job"); /* which may be another user's */
 }
 
 bool settlement_decide_kept(const char *directory, settlement *s, error *e)

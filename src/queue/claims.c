@@ -13,6 +13,7 @@
 #include "queue/hold.h"
 #include "queue/members.h"
 #include "queue/owner.h"
+#include "queue/relation.h"
 #include "queue/usage.h"
 
 typedef struct claiming {
@@ -305,6 +306,8 @@ static bool put_back(database *d, const settling *s, job_state *j, int64_t now, 
     return true;
 }
 
+#define MAKER_IS_SHOWN RELATION_IS_SHOWN("job.owner", "maker.owner")
+
 static bool end_task(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
@@ -318,7 +321,10 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
     job_state_count_outcome(j, x->outcome);
     job_state_note_ended(j, frame);
     if (x->cached_from &&
-        !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(j->seq), text(x->cached_from)))
+        !RUN(d, e,
+             "UPDATE job SET cached_from = ?2, cached_shown = coalesce((SELECT " MAKER_IS_SHOWN
+             " FROM job AS maker WHERE maker.id = ?2), 0) WHERE seq = ?1",
+             integer(j->seq), text(x->cached_from)))
         return false;
     if (x->cache_key && !RUN(d, e, "INSERT OR REPLACE INTO cache (key, job, inputs) VALUES (?1, ?2, ?3)",
                              text(x->cache_key), integer(j->seq), text(x->cache_inputs)))

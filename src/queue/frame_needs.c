@@ -1,6 +1,7 @@
 #include "queue/frame_needs.h"
 
 #include "database/schema.h"
+#include "queue/relation.h"
 
 /* The tasks for which a row of `task` waits. */
 #define NEEDS                                                                          \
@@ -18,12 +19,11 @@
 #define HELD "state = 'queued' AND waits > 0"
 #define CANNOT_START "EXISTS (SELECT 1 FROM " NEEDS " AND " LOST ")"
 
-#define FAIL                                                                                          \
-    "UPDATE task SET state = 'failed', waits = 0, finished_ms = ?3, error_code = ?4, error_message =" \
-    " (SELECT 'this frame starts after the same frame of the job ' || need.id || ', which ' ||"       \
-    "  CASE other.state WHEN 'succeeded' THEN 'has the outcome ' || other.outcome ||"                 \
-    "  ', which its queue.accept excludes' ELSE 'is ' || other.state END FROM " NEEDS " AND " LOST    \
-    "  LIMIT 1)"                                                                                      \
+#define FAILURE RELATION_FAILURE("(SELECT owner FROM job WHERE seq = ?1)", "need", "other")
+#define FAIL                                                                                             \
+    "UPDATE task SET state = 'failed', waits = 0, finished_ms = ?3, error_code = ?4, error_message ="    \
+    " (SELECT 'this frame starts after the same frame of the job ' || need.id || ', which ' || " FAILURE \
+    "  FROM " NEEDS " AND " LOST " LIMIT 1)"                                                             \
     " WHERE job = ?1 AND " HELD " AND " CANNOT_START
 
 /* Runs a statement that returns one integer for each task that it changes. Counts the tasks, and those with a 0. */

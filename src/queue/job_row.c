@@ -46,6 +46,7 @@ void job_row_read(sqlite3_stmt *s, int at, queue_job *job)
         .copy_code = database_text(s, at + 31),
         .copy_message = database_text(s, at + 32),
         .accepted = sqlite3_column_int(s, at + 33),
+        .cached_shown = sqlite3_column_int(s, at + 34),
     };
     snprintf(job->id, sizeof job->id, "%s", (const char *)sqlite3_column_text(s, at + 1));
     queue_state_from_name((const char *)sqlite3_column_text(s, at + 7), &job->state);

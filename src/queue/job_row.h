@@ -9,13 +9,14 @@
 #include "database/schema.h"
 #include "queue/queue.h"
 
-#define JOB_COLUMNS                                                                                         \
-    "job.seq, job.id, job.revision, job.name, job.owner, job.labels, job.trace, job.state, job.outcome,"    \
-    " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"         \
-    " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads," \
-    " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"     \
-    " job.error_message, job.cached_from, job.copy_state, job.copy_code, job.copy_message, " SCHEMA_ACCEPTED
-#define JOB_COLUMN_COUNT 34
+#define JOB_COLUMNS                                                                                          \
+    "job.seq, job.id, job.revision, job.name, job.owner, job.labels, job.trace, job.state, job.outcome,"     \
+    " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"          \
+    " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads,"  \
+    " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"      \
+    " job.error_message, job.cached_from, job.copy_state, job.copy_code, job.copy_message, " SCHEMA_ACCEPTED \
+    ", job.cached_shown"
+#define JOB_COLUMN_COUNT 35
 
 #define TASK_COLUMNS                                                                                   \
     "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms," \

@@ -10,6 +10,7 @@
 #include "queue/frame_needs.h"
 #include "queue/job_row.h"
 #include "queue/owner.h"
+#include "queue/relation.h"
 
 #define STATE_COLUMNS                                                                                   \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
@@ -227,18 +228,14 @@ bool job_state_end_waiting(database *d, job_state *j, queue_state state, const c
     return true;
 }
 
-bool job_state_fail_dependent(database *d, job_state *j, const job_state_need *need, int64_t now, error *e)
+bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t now, error *e)
 {
-    char message[160];
-    if (need->state == QUEUE_SUCCEEDED)
-        snprintf(message, sizeof message,
-                 "this job depends on the job %s, whose outcome is %s, which its queue.accept excludes",
-                 need->id, queue_outcome_name(need->outcome));
-    else
-        snprintf(message, sizeof message, "this job depends on the job %s, which is %s: retry that job first",
-                 need->id, queue_state_name(need->state));
-    return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
-                                 e);
+    char *message = NULL;
+    bool ok =
+        relation_describe_failure(d, j->seq, need, &message, e) &&
+        job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now, e);
+    free(message);
+    return ok;
 }
 
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
@@ -262,7 +259,7 @@ bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *
 
 /* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted again,
  * since a retried job ends more than once. */
-static bool update_dependent(database *d, const job_state_need *need, job_state *j, int64_t now, error *e)
+static bool update_dependent(database *d, int64_t need, job_state *j, int64_t now, error *e)
 {
     job_state before = *j;
     bool lost = false;
@@ -282,18 +279,6 @@ static bool next_dependent(database *d, int64_t need, int64_t after, job_state *
     return load(
         d, ASK(d, e, NEXT_DEPENDENT("by_frame = 0 AND state = 'blocked'"), integer(need), integer(after)), j,
         found, e);
-}
-
-static bool read_need(database *d, int64_t seq, job_state_need *need, error *e)
-{
-    bool ok = false;
-    sqlite3_stmt *s = ASK(d, e, "SELECT id, state, outcome FROM job WHERE seq = ?1", integer(seq));
-    while (database_next(d, s, &ok, e)) {
-        snprintf(need->id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
-        queue_state_from_name((const char *)sqlite3_column_text(s, 1), &need->state);
-        need->outcome = job_row_outcome(s, 2);
-    }
-    return ok;
 }
 
 /* Loads the next unfinished job with a seq above `after` whose frames wait for frames of this one. */
@@ -326,15 +311,14 @@ static void add_ended(ended_jobs *list, const job_state *before, const job_state
 
 static bool update_jobs(database *d, ended_jobs *list, int64_t seq, int64_t now, error *e)
 {
-    job_state_need need = {0};
-    bool found = true, ok = read_need(d, seq, &need, e);
+    bool found = true, ok = true;
     for (int64_t after = 0; ok && found;) {
         job_state j;
         ok = next_dependent(d, seq, after, &j, &found, e);
         if (!ok || !found) break;
         after = j.seq;
         job_state before = j;
-        ok = update_dependent(d, &need, &j, now, e);
+        ok = update_dependent(d, seq, &j, now, e);
         add_ended(list, &before, &j);
     }
     return ok;

@@ -59,15 +59,8 @@ bool job_state_end_waiting(database *d, job_state *j, queue_state state, const c
  * with an outcome that it does not accept. */
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
 
-/* A job on which others depend, and how it has ended. */
-typedef struct job_state_need {
-    char id[ULID_SIZE];
-    queue_state state;
-    queue_outcome outcome;
-} job_state_need;
-
-/* Fails all waiting tasks, because this job, which depends on `need`, will not start. */
-bool job_state_fail_dependent(database *d, job_state *j, const job_state_need *need, int64_t now, error *e);
+/* Fails all waiting tasks, because this job, which depends on the job with the seq `need`, will not start. */
+bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t now, error *e);
 
 /* Adds an event. `frame` may be QUEUE_NO_FRAME; `attempt` is 0 if the event belongs to no attempt. */
 bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,

@@ -138,6 +138,7 @@ typedef struct queue_job {
     int64_t retention_s;                         /* after its end; 0: unlimited */
     char *error_code, *error_message;            /* NULL: none */
     char *cached_from; /* the job whose result was reused; NULL: this job computed its own */
+    bool cached_shown; /* the owner may learn of that job (queue/relation) */
     /* state of the copy to its directory: delivered, failed, pending; NULL: not tried yet */
     char *copy_state;
     char *copy_code, *copy_message; /* if the state is failed */
@@ -169,6 +170,7 @@ typedef struct queue_submission {
      * succeeded and were accepted */
     const char *const *after_frames;
     size_t after_frames_count;
+    bool any_frames; /* after_frames may name jobs of other users: the owner is an administrator */
     unsigned accept; /* set of outcomes with which jobs that depend on this one start; 0: all */
     int max_running; /* tasks of the job that run at the same time; 0: any number */
     int chunk; /* consecutive tasks that run one after another (queue_claim); 0 and 1: none. 1 if `ordered` */
@@ -191,6 +193,7 @@ typedef enum queue_admission {
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
     QUEUE_NO_SPACE,          /* free disk space is below the reserve of queue_reserve */
     QUEUE_UNKNOWN_DEPENDENCY, /* the receipt has the index in depends_on, continued in after and after_frames */
+    QUEUE_FOREIGN_DEPENDENCY, /* the receipt has the index of a job in after_frames that belongs to another user */
     QUEUE_REPEATED_DEPENDENCY, /* the receipt has the index of a job in after_frames that was listed before */
     /* the receipt has the index of a job in after_frames that lacks `frame` of the receipt; QUEUE_NO_FRAME: it is
      * not an array */
@@ -317,8 +320,8 @@ typedef struct queue_retried {
 } queue_retried;
 
 /* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents in
- * turn. Jobs of another owner than `owner` (NULL: any), and jobs that still depend on a failed one, are returned in
- * `others`. */
+ * turn. Jobs that still depend on a failed one are returned in `others`. `owner`: jobs of other owners are neither
+ * retried nor returned; NULL: all are retried. */
 bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e);
 
 typedef struct queue_edit {

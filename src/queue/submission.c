@@ -11,6 +11,7 @@
 #include "queue/job_row.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
+#include "queue/relation.h"
 #include "queue/usage.h"
 
 typedef struct submitting {
@@ -63,20 +64,28 @@ static bool check_results(database *d, submitting *s, bool *full, error *e)
     return true;
 }
 
-/* Reads the state of a job on which the new job depends. */
-static bool look_at_need(database *d, const char *id, bool *found, job_state_need *need, bool *accepted,
-                         error *e)
+/* A job for which the new job waits. */
+typedef struct need {
+    int64_t seq; /* 0: there is no such job */
+    bool shown;  /* the new job may wait for its frames */
+    bool ended, accepted;
+} need;
+
+#define NEED_IS_SHOWN RELATION_IS_SHOWN("?2", "owner")
+
+static bool look_at_need(database *d, const submitting *s, const char *id, need *n, error *e)
 {
     bool ok = false;
-    *found = false;
-    snprintf(need->id, sizeof need->id, "%s", id);
-    sqlite3_stmt *row =
-        ASK(d, e, "SELECT state, outcome, " SCHEMA_ACCEPTED " FROM job WHERE id = ?1", text(id));
-    while (database_next(d, row, &ok, e)) {
-        *found = queue_state_from_name((const char *)sqlite3_column_text(row, 0), &need->state);
-        need->outcome = job_row_outcome(row, 1);
-        *accepted = sqlite3_column_int(row, 2);
-    }
+    sqlite3_stmt *row = ASK(d, e,
+                            "SELECT seq, " NEED_IS_SHOWN ", state IN (" SCHEMA_FINAL_STATES
+                            "), " SCHEMA_ACCEPTED " FROM job WHERE id = ?1",
+                            text(id), text(s->owner));
+    *n = (need){0};
+    while (database_next(d, row, &ok, e))
+        *n = (need){.seq = sqlite3_column_int64(row, 0),
+                    .shown = s->in->any_frames || sqlite3_column_int(row, 1),
+                    .ended = sqlite3_column_int(row, 2),
+                    .accepted = sqlite3_column_int(row, 3)};
     return ok;
 }
 
@@ -125,48 +134,49 @@ static bool find_missing_frame(database *d, const queue_submission *in, const ch
     return ok;
 }
 
-/* Checks a job in after_frames. If it is refused, sets the receipt. */
-static bool check_frames(database *d, submitting *s, size_t index, const char *id, bool again, bool *refused,
-                         error *e)
+/* Refuses the dependency with this index. */
+static bool refuse(submitting *s, queue_admission why, size_t index, bool *refused)
 {
-    bool all = false;
-    queue_receipt *r = &s->receipt;
-    if (!again && !find_missing_frame(d, s->in, id, &all, &r->frame, e)) return false;
-    *refused = again || !all;
-    if (!*refused) return true;
-    r->admission = again ? QUEUE_REPEATED_DEPENDENCY : QUEUE_UNKNOWN_FRAME;
-    r->dependency = index;
+    s->receipt.admission = why;
+    s->receipt.dependency = index;
+    *refused = true;
     return true;
 }
 
-/* Counts the jobs for which the new job has to wait. *lost: an ended job with which the new job cannot start.
- * *refused: a dependency is not possible; the receipt has its index. */
-static bool check_needs(database *d, submitting *s, int *pending, job_state_need *lost, bool *refused,
-                        error *e)
+/* Checks a job in after_frames. If it is refused, sets the receipt. The frames of another user's job are not read. */
+static bool check_frames(database *d, submitting *s, size_t index, const need *n, bool again, bool *refused,
+                         error *e)
+{
+    bool all = false;
+    need_kind kind;
+    if (!n->shown) return refuse(s, QUEUE_FOREIGN_DEPENDENCY, index, refused);
+    if (again) return refuse(s, QUEUE_REPEATED_DEPENDENCY, index, refused);
+    return find_missing_frame(d, s->in, need_at(s->in, index, &kind), &all, &s->receipt.frame, e) &&
+           (all || refuse(s, QUEUE_UNKNOWN_FRAME, index, refused));
+}
+
+/* Counts the jobs for which the new job has to wait. *lost: the seq of an ended job with which the new job cannot
+ * start; 0: there is none. *refused: a dependency is not possible; the receipt has its index. */
+static bool check_needs(database *d, submitting *s, int *pending, int64_t *lost, bool *refused, error *e)
 {
     *refused = false;
     *pending = 0;
-    for (size_t i = 0; i < count_needs(s->in); i++) {
+    *lost = 0;
+    for (size_t i = 0; !*refused && i < count_needs(s->in); i++) {
         need_kind kind, other;
-        bool found, accepted = false, again = false;
-        job_state_need need = {0};
+        bool again = false;
+        need n;
         const char *id = need_at(s->in, i, &kind);
-        if (!look_at_need(d, id, &found, &need, &accepted, e)) return false;
-        if (!found) {
-            s->receipt.admission = QUEUE_UNKNOWN_DEPENDENCY;
-            s->receipt.dependency = i;
-            *refused = true;
-            return true;
-        }
+        if (!look_at_need(d, s, id, &n, e)) return false;
+        if (!n.seq) return refuse(s, QUEUE_UNKNOWN_DEPENDENCY, i, refused);
         for (size_t k = 0; k < i; k++) again |= strcmp(id, need_at(s->in, k, &other)) == 0;
         if (kind == NEEDS_FRAMES) {
-            if (!check_frames(d, s, i, id, again, refused, e)) return false;
-            if (*refused) return true;
+            if (!check_frames(d, s, i, &n, again, refused, e)) return false;
             continue;
         }
-        if (again || accepted || (kind == NEEDS_END && queue_state_is_final(need.state))) continue;
+        if (again || n.accepted || (kind == NEEDS_END && n.ended)) continue;
         ++*pending;
-        if (queue_state_is_final(need.state)) *lost = need;
+        if (n.ended) *lost = n.seq;
     }
     return true;
 }
@@ -225,7 +235,7 @@ static bool put(database *d, change *c)
     error *e = &c->fault;
     bool stop = false;
     int pending = 0;
-    job_state_need lost = {0};
+    int64_t lost = 0;
     if (!find_replay(d, s, &stop, e)) return false;
     if (stop) return true;
     if (!check_share(d, s, &stop, e)) return false;
@@ -253,9 +263,9 @@ static bool put(database *d, change *c)
     ulid_make(now, s->receipt.id);
     bool ok = insert_job(d, s, &j, now, e) && insert_tasks(d, s, &j, e) && job_state_begin(d, &j, now, e);
     job_state before = j;
-    if (ok && *lost.id) ok = job_state_fail_dependent(d, &j, &lost, now, e);
+    if (ok && lost) ok = job_state_fail_dependent(d, &j, lost, now, e);
     if (ok && s->in->after_frames_count) ok = frame_needs_begin(d, &j, now, e);
-    if (ok && (*lost.id || s->in->after_frames_count)) ok = job_state_save(d, &before, &j, now, e);
+    if (ok && (lost || s->in->after_frames_count)) ok = job_state_save(d, &before, &j, now, e);
     s->receipt.admission = QUEUE_CREATED;
     s->receipt.state = j.state;
     s->receipt.revision = j.revision;

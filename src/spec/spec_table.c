@@ -1809,7 +1809,7 @@ const spec_row spec_rows[] = {
      .otherwise = "[]",
      AT_HAS(after_frames, after_frames_count),
      .prose =
-         "Identifiers of arrays with all frames of this job. Each frame of this job starts when the same frame of these "
+         "Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when the same frame of these "
          "jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails. Requires frames."},
     {.pointer = "/queue/accept",
      .type = SPEC_TYPE_WORDS,

@@ -441,7 +441,7 @@ def test_wait_ends_with_zero_for_accepted_outcomes(run, service):
     assert run("wait", "--accept", job, strict).returncode == 11
     assert service.job(job)["accepted"] is True and service.job(strict)["accepted"] is False
     failed = service.wait_state(dependent, "failed")
-    assert failed["error"]["code"] == "dependency_failed" and f"{strict}, whose outcome is unresolved" in failed["error"]["message"]
+    assert failed["error"]["code"] == "dependency_failed" and f"{strict}, which has the outcome unresolved" in failed["error"]["message"]
     assert failed["accepted"] is None
     changed = service.request("PATCH", f"/v1/jobs/{strict}", json.dumps({"accept": ["unresolved", "converged"]}),
                               {"Content-Type": "application/json"})

@@ -87,7 +87,7 @@ def test_a_cache_hit_has_no_data_of_the_other_job(users, tmp_path):
     both = secretive(users, tmp_path)
     first = both.run("ann", secret(tmp_path))
     second = both.run("ben", some("other-name"))
-    assert second["cached_from"] == first["id"]
+    assert both.ask("root", "GET", f"/v1/jobs/{second['id']}").json["cached_from"] == first["id"]
     hers, his = both.results("ann", first["id"]), both.results("ben", second["id"])
     assert b"marker-key" in hers["report.json"] and b"marker" not in his["report.json"]
     assert hers["points.ply"] == his["points.ply"]
@@ -275,6 +275,33 @@ def test_users_read_and_delete_results_in_directories_that_the_recipe_makes(user
         assert not as_user(BEN, "cat", report) and not as_user(BEN, "ls", f"{out}/ann")
         assert as_user(ANN, "cat", report) and as_user(ANN, "touch", f"{out}/ann/show/shot/notes")
         assert as_user(ANN, "rm", "-r", f"{out}/ann/show") and not os.listdir(f"{out}/ann")
+
+
+def rename_user(service, token, user):
+    """Of a token in the file, as earlier versions accepted it."""
+    file = service.state / "tokens"
+    digest = hashlib.sha256(token.encode()).hexdigest()
+    lines = [re.sub(r"^(\w+) \S+", rf"\1 {user}", line) if digest in line else line for line in file.read_text().splitlines()]
+    file.write_text("\n".join(lines) + "\n")
+
+
+def test_users_that_are_named_like_directories_get_no_new_tokens_and_reach_no_directory_of_others(users, build, tmp_path):
+    for name in (".", ".."):
+        added = subprocess.run([build / "hexadctl", "token", "add", name, "--file", tmp_path / "tokens"], capture_output=True, text=True)
+        assert added.returncode == 2 and f'the user name must not be "{name}"' in added.stderr and "hexad_" not in added.stdout
+    out = tmp_path / "out" / "users"
+    for directory in ("ann", "below"):
+        (out / directory).mkdir(parents=True)
+    (out.parent / "film").mkdir()
+    both = users("--output_roots", f"{out}/%u")
+    rename_user(both.service, both.tokens["ben"], "..")
+    rename_user(both.service, both.tokens["ann"], ".")
+    both.service.start()
+    for user, name in (("ben", ".."), ("ann", ".")):
+        job = both.run(user, some())
+        assert job["owner"] == name and both.ask(user, "GET", "/v1/jobs?owner=" + name).json["jobs"][0]["id"] == job["id"]
+        for path in (f"{out}/{name}/film", f"{out}/ann/film", f"{out}/{name}/ann/film", f"{out.parent}/film"):
+            refused(both.ask(user, "POST", "/v1/jobs", some(directory=path)), 403, "path_forbidden")
 
 
 def test_a_root_of_users_ends_in_the_name(build, tmp_path):

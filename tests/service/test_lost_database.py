@@ -367,7 +367,7 @@ def test_a_state_directory_of_version_0_1(new_service):
                                + "DROP INDEX job_ready; DROP INDEX task_ready; DROP INDEX task_held;"
                                + "".join(f"ALTER TABLE {table} DROP COLUMN {name};" for table, name in
                                          (("job", "accept"), ("job", "max_running"), ("job", "held"), ("job", "first_held"),
-                                          ("job", "chunk"), ("job", "chunks_busy"),
+                                          ("job", "chunk"), ("job", "chunks_busy"), ("job", "cached_shown"),
                                           ("task", "waits"), ("dependency", "by_frame")))
                                + "CREATE INDEX job_ready ON job (owner); CREATE INDEX task_ready ON task (job);"
                                + "ALTER TABLE dependency DROP COLUMN any_end; PRAGMA user_version = 4;")

@@ -298,8 +298,12 @@ static void test_an_older_schema_is_migrated(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* Removes the additions of version 18. */
+#define BEFORE_18 "ALTER TABLE job DROP COLUMN cached_shown;"
+
 /* Removes the additions of version 17. */
 #define BEFORE_17                                                                   \
+    BEFORE_18                                                                       \
     "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN chunk;"                      \
     "ALTER TABLE job DROP COLUMN chunks_busy;"                                      \
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
@@ -607,6 +611,51 @@ static void test_jobs_of_version_15_wait_for_no_frames(void **state)
     assert_true(finish(p, first, 1, claim(p, first), &success));
     claim(p, second);
     claim(p, second);
+}
+
+static void expect_reason(place *p, const char *id, const char *reason)
+{
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 9, &attempts, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_string_equal(attempts[0].reason, reason);
+    queue_attempts_free(attempts, count);
+}
+
+/* Version 17 showed every job whose result was reused. */
+static void test_reused_results_of_version_17_are_shown_to_the_owner_of_both_jobs(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], gone[ULID_SIZE], later[4][ULID_SIZE];
+    queue_ending ending = success;
+    bool found, deleted;
+    submit_for(p, &s, first);
+    submit_for(p, &s, gone);
+    assert_true(finish(p, first, 0, claim(p, first), &success));
+    assert_true(finish(p, gone, 0, claim(p, gone), &success));
+    for (int i = 0; i < 4;
+         i++) { /* 0 of the same user, 1 of another one, 2 of a job that is deleted, 3 of none */
+        s.owner = i == 1 ? "bob" : NULL;
+        submit_for(p, &s, later[i]);
+        ending.cached_from = i == 3 ? NULL : i == 2 ? gone : first;
+        char *reason =
+            mem_printf("the result of %s", ending.cached_from ? ending.cached_from : "an earlier attempt");
+        ending.reason = reason;
+        assert_true(finish(p, later[i], 0, claim(p, later[i]), &ending));
+        free(reason);
+    }
+    assert_true(queue_delete(p->q, gone, &found, &deleted, NULL) && deleted);
+    alter_database(p, BEFORE_18 "PRAGMA user_version = 17;");
+    for (int i = 0; i < 4; i++) {
+        queue_job job = get(p, later[i]);
+        assert_int_equal(job.cached_from != NULL, i < 3);
+        assert_int_equal(job.cached_shown, i == 0);
+        queue_job_clear(&job);
+        expect_reason(p, later[i],
+                      i == 3 ? "the result of an earlier attempt" : "the result of an equal job");
+    }
 }
 
 /* Version 16 claimed any tasks of an array. */
@@ -972,6 +1021,7 @@ int main(void)
         CASE(test_storage_is_added_to_version_4),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_arrays_of_version_16_have_no_chunks),
+        CASE(test_reused_results_of_version_17_are_shown_to_the_owner_of_both_jobs),
         CASE(test_jobs_of_version_14_have_no_max_running),
         CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
         CASE(test_dependencies_of_version_7_are_on_success),

@@ -11,11 +11,11 @@ static const access_caller owner = {.user = "ann", .scopes = SCOPE_USER},
                            other = {.user = "bob", .scopes = SCOPE_USER},
                            admin = {.user = "eve", .scopes = SCOPE_ALL};
 
-static void keep(document_cache *cache, place *p, const char *id, bool own, const char *text)
+static void keep(document_cache *cache, place *p, const char *id, job_json_viewer viewer, const char *text)
 {
     queue_job job = get(p, id);
     cached_document d = {.text = (char *)text, .length = strlen(text), .tag = "\"1\""};
-    document_cache_put(cache, &job, own, &d);
+    document_cache_put(cache, &job, viewer, &d);
     queue_job_clear(&job);
 }
 
@@ -40,22 +40,25 @@ static void submit_of_ann(place *p, char id[ULID_SIZE])
     submit_for(p, &s, id);
 }
 
-static void test_owners_and_readers_get_separate_documents(void **state)
+static void test_owners_administrators_and_readers_get_separate_documents(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE], second[ULID_SIZE];
     document_cache *cache = document_cache_new(8);
     submit_of_ann(p, id);
     submit_of_ann(p, second);
-    keep(cache, p, id, true, "all of it");
+    keep(cache, p, id, JOB_JSON_OWNER, "all of it");
     expect_found(cache, p, id, &owner, "all of it");
-    expect_found(cache, p, id, &admin, "all of it");
+    expect_found(cache, p, id, &admin, NULL);
+    keep(cache, p, id, JOB_JSON_ADMINISTRATOR, "all of it, and of related jobs");
+    expect_found(cache, p, id, &admin, "all of it, and of related jobs");
+    expect_found(cache, p, id, &owner, "all of it");
     expect_found(cache, p, id, &other, NULL);
     expect_found(cache, p, second, &owner, NULL);
-    keep(cache, p, id, false, "a part");
+    keep(cache, p, id, JOB_JSON_READER, "a part");
     expect_found(cache, p, id, &other, "a part");
     expect_found(cache, p, id, &owner, "all of it");
-    keep(cache, p, id, false, "a part, again");
+    keep(cache, p, id, JOB_JSON_READER, "a part, again");
     expect_found(cache, p, id, &other, "a part, again");
     document_cache_free(cache);
 }
@@ -64,7 +67,7 @@ static void test_owners_and_readers_get_separate_documents(void **state)
 static void expect_gone(document_cache *cache, place *p, const char *id)
 {
     expect_found(cache, p, id, &owner, NULL);
-    keep(cache, p, id, true, "as it is now");
+    keep(cache, p, id, JOB_JSON_OWNER, "as it is now");
     expect_found(cache, p, id, &owner, "as it is now");
 }
 
@@ -80,8 +83,8 @@ static void test_no_change_leaves_a_document(void **state)
     depending.depends_on = needs;
     depending.depends_on_count = 1;
     submit_for(p, &depending, follower);
-    keep(cache, p, id, true, "new");
-    keep(cache, p, follower, true, "new");
+    keep(cache, p, id, JOB_JSON_OWNER, "new");
+    keep(cache, p, follower, JOB_JSON_OWNER, "new");
     apply_command(p, id, QUEUE_PAUSE, true);
     expect_gone(cache, p, id);
     apply_command(p, id, QUEUE_PAUSE, false);
@@ -127,7 +130,7 @@ static void test_a_document_stored_after_a_change_is_not_returned(void **state)
     queue_job before = get(p, id);
     apply_command(p, id, QUEUE_PAUSE, true);
     cached_document d = {.text = (char *)"old", .length = 3};
-    document_cache_put(cache, &before, true, &d);
+    document_cache_put(cache, &before, JOB_JSON_OWNER, &d);
     expect_found(cache, p, id, &owner, NULL);
     queue_job_clear(&before);
     document_cache_free(cache);
@@ -143,7 +146,7 @@ static void test_the_number_of_documents_is_fixed(void **state)
     size_t kept = 0;
     for (size_t i = 0; i < JOBS; i++) {
         submit_of_ann(p, id[i]);
-        keep(cache, p, id[i], true, "text");
+        keep(cache, p, id[i], JOB_JSON_OWNER, "text");
         expect_found(cache, p, id[i], &owner, "text"); /* the newest document is stored */
     }
     for (size_t i = 0; i < JOBS; i++) {
@@ -154,9 +157,9 @@ static void test_the_number_of_documents_is_fixed(void **state)
     }
     assert_in_range(kept, 1, 8);
     memset(large, ' ', DOCUMENT_CACHE_BYTES_MOST + 1);
-    keep(cache, p, id[0], false, large);
+    keep(cache, p, id[0], JOB_JSON_READER, large);
     expect_found(cache, p, id[0], &other, NULL);
-    keep(none, p, id[0], true, "text");
+    keep(none, p, id[0], JOB_JSON_OWNER, "text");
     expect_found(none, p, id[0], &owner, NULL);
     free(large);
     document_cache_free(none);
@@ -166,7 +169,7 @@ static void test_the_number_of_documents_is_fixed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_owners_and_readers_get_separate_documents),
+        CASE(test_owners_administrators_and_readers_get_separate_documents),
         CASE(test_no_change_leaves_a_document),
         CASE(test_a_document_stored_after_a_change_is_not_returned),
         CASE(test_the_number_of_documents_is_fixed),

@@ -424,8 +424,8 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     claim(p, second);
 }
 
-/* first <- second <- third. A job of bob depends on the first; the last one depends on it and on a job that is not
- * retried. */
+/* first <- second <- third. A job of bob depends on the first, which only administrators learn and retry; the last one
+ * depends on it and on a job that is not retried. */
 static void test_a_retry_includes_failed_dependents(void **state)
 {
     place *p = *state;
@@ -451,9 +451,8 @@ static void test_a_retry_includes_failed_dependents(void **state)
     const char *own = plain.owner ? plain.owner : "";
     assert_true(queue_retry_dependents(p->q, first, own, &retried, NULL));
     assert_int_equal(retried.count, 2);
-    assert_int_equal(retried.other_count, 2);
-    assert_string_equal(retried.others[0], bobs);
-    assert_string_equal(retried.others[1], last);
+    assert_int_equal(retried.other_count, 1);
+    assert_string_equal(retried.others[0], last);
     free(retried.others);
     expect_state(p, second, QUEUE_BLOCKED);
     expect_state(p, third, QUEUE_BLOCKED);
@@ -652,6 +651,120 @@ static void test_frames_start_after_the_same_frames_of_another_job(void **state)
     queue_job_clear(&job);
     assert_true(finish(p, third, 1, 1, &success));
     expect_state(p, third, QUEUE_FAILED);
+}
+
+static void expect_message(place *p, const char *id, const char *format, const char *need)
+{
+    queue_job job = get(p, id);
+    char *expected = mem_printf(format, need);
+    assert_string_equal(job.error_message, expected);
+    free(expected);
+    queue_job_clear(&job);
+}
+
+/* The only message about a job of another user: it shows neither its state, its outcome nor queue.accept. */
+#define ONLY_WHETHER "%s, which did not succeed as required: ask its owner"
+
+static void test_frames_wait_for_frames_of_another_user_only_for_administrators(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], single[ULID_SIZE], second[ULID_SIZE];
+    submit_frames(p, NULL, 0, false, first);
+    put(p, "single", -1, single);
+    s.owner = "bob";
+    s.frames = (const int[]){2, 3, 4};
+    s.after_frames_count = 1;
+    const char *const needs[] = {first, single};
+    for (size_t i = 0; i < 4; i++) { /* with and without all frames, and for a job without frames */
+        s.frame_count = i < 2 ? 2 : 3;
+        s.after_frames = &needs[i % 2];
+        queue_receipt receipt = submit(p, &s);
+        assert_true(receipt.admission == QUEUE_FOREIGN_DEPENDENCY && receipt.dependency == 0 &&
+                    receipt.frame == 0);
+    }
+    s.any_frames = true;
+    assert_int_equal(submit(p, &s).admission, QUEUE_UNKNOWN_FRAME);
+    s.frame_count = 2;
+    s.after_frames = &needs[0];
+    submit_for(p, &s, second);
+    reopen(p); /* such a job was accepted from anyone by earlier versions */
+    expect_state(p, second, QUEUE_BLOCKED);
+    for (int i = 0; i < 3; i++) claim(p, first);
+    assert_true(finish(p, first, 2, 1, &success));
+    assert_int_equal(claim_in(p, &wide, second).frame, 3);
+    assert_true(finish(p, first, 1, 1, &crash));
+    assert_true(finish(p, second, 1, 1, &success));
+    expect_message(
+        p, second,
+        "1 of 2 frames failed; frame 2: this frame starts after the same frame of the job " ONLY_WHETHER,
+        first);
+    assert_true(finish(p, first, 0, 1, &success));
+    apply_command(p, first, QUEUE_RETRY, true);
+    apply_command(p, second, QUEUE_RETRY, true);
+    expect_frame(p, second, 2, QUEUE_QUEUED, 1);
+}
+
+static void test_a_dependency_on_another_users_job_shows_whether_it_succeeded(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[3][ULID_SIZE], own[ULID_SIZE], bobs[ULID_SIZE];
+    s.accept = QUEUE_OUTCOME_BIT(QUEUE_CONVERGED);
+    for (int i = 0; i < 3; i++) submit_for(p, &s, id[i]);
+    queue_ending ending = success;
+    ending.outcome = QUEUE_UNRESOLVED;
+    for (int i = 0; i < 3; i++) {
+        static const char *const how[] = {"is failed: retry that job first",
+                                          "is cancelled: retry that job first",
+                                          "has the outcome unresolved, which its queue.accept excludes"};
+        for (int k = 0; k < 2; k++) { /* before the end of the other job and after it */
+            s.depends_on = (const char *[]){id[i]};
+            s.depends_on_count = 1;
+            s.owner = NULL;
+            submit_for(p, &s, own);
+            s.owner = "bob";
+            submit_for(p, &s, bobs);
+            if (k == 0 && i == 1) apply_command(p, id[i], QUEUE_CANCEL, true);
+            if (k == 0 && i != 1)
+                assert_true(finish(p, id[i], 0, claim(p, id[i]), i == 0 ? &crash : &ending));
+            expect_message(p, bobs, "this job depends on the job " ONLY_WHETHER, id[i]);
+            char *format = mem_printf("this job depends on the job %%s, which %s", how[i]);
+            expect_message(p, own, format, id[i]);
+            free(format);
+        }
+    }
+}
+
+static void expect_cached(place *p, const char *id, const char *from, bool shown)
+{
+    queue_job job = get(p, id);
+    assert_string_equal(job.cached_from, from);
+    assert_int_equal(job.cached_shown, shown);
+    queue_job_clear(&job);
+}
+
+static void test_a_reused_result_is_shown_to_the_owner_of_both_jobs(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], own[ULID_SIZE], bobs[ULID_SIZE], deleted[ULID_SIZE];
+    queue_ending ending = success;
+    submit_for(p, &s, first);
+    assert_true(finish(p, first, 0, claim(p, first), &success));
+    submit_for(p, &s, own);
+    s.owner = "bob";
+    submit_for(p, &s, bobs);
+    submit_for(p, &s, deleted);
+    ending.cached_from = first;
+    assert_true(finish(p, own, 0, claim(p, own), &ending));
+    assert_true(finish(p, bobs, 0, claim(p, bobs), &ending));
+    bool found, gone;
+    assert_true(queue_delete(p->q, first, &found, &gone, NULL) && gone);
+    assert_true(finish(p, deleted, 0, claim(p, deleted), &ending));
+    expect_cached(p, own, first, true);
+    expect_cached(p, bobs, first, false);
+    expect_cached(p, deleted, first, false);
 }
 
 static void test_a_retried_frame_waits_again(void **state)
@@ -1812,6 +1925,9 @@ int main(void)
         CASE(test_a_chunk_is_claimed_as_a_whole),
         CASE(test_chunks_in_any_order),
         CASE(test_frames_start_after_the_same_frames_of_another_job),
+        CASE(test_frames_wait_for_frames_of_another_user_only_for_administrators),
+        CASE(test_a_dependency_on_another_users_job_shows_whether_it_succeeded),
+        CASE(test_a_reused_result_is_shown_to_the_owner_of_both_jobs),
         CASE(test_a_retried_frame_waits_again),
         CASE(test_frames_in_order_wait_for_the_first),
         CASE(test_frames_start_after_accepted_outcomes_only),

@@ -101,6 +101,27 @@ static void expect_refusal(const char *words)
     assert_int_equal(set.count, 0);
 }
 
+/* They are refused for new tokens only. */
+static void test_users_that_are_named_like_directories_keep_their_tokens(void **state)
+{
+    (void)state;
+    static const char file[] =
+        "0123456789ab .. read 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef 1\n"
+        "1123456789ab . read 1123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef 1\n";
+    error e = {0};
+    token_set set = {0};
+    assert_true(store_file_write(path, file, strlen(file), &e));
+    assert_int_equal(chmod(path, 0600), 0);
+    for (int i = 0; i < 2; i++) { /* as they were written, and as they are written now */
+        if (!token_set_read(path, &set, &e)) fail_msg("%s", e.message);
+        assert_int_equal(set.count, 2);
+        assert_string_equal(set.item[0].user, "..");
+        assert_string_equal(set.item[1].user, ".");
+        if (!token_set_write(path, &set, TOKEN_NO_GROUP, &e)) fail_msg("%s", e.message);
+        token_set_clear(&set);
+    }
+}
+
 static void test_invalid_files_are_refused(void **state)
 {
     (void)state;
@@ -144,6 +165,9 @@ static void test_invalid_files_are_refused(void **state)
     char secret[TOKEN_SIZE];
     assert_null(token_set_add(&set, "", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
     assert_null(token_set_add(&set, "a b", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
+    assert_null(token_set_add(&set, ".", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
+    assert_null(token_set_add(&set, "..", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
+    assert_non_null(strstr(e.message, "must not be \"..\""));
     /* reserved for users without names */
     assert_null(token_set_add(&set, "uid:7", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
 }
@@ -342,6 +366,8 @@ int main(void)
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_invalid_files_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_users_that_are_named_like_directories_keep_their_tokens, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_a_file_of_root_is_readable_for_the_group_of_the_service, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),

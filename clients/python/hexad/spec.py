@@ -1321,9 +1321,9 @@ class Queue(_QueueRest):
     depends_on: Identifiers of jobs that must succeed before this one starts. If one of them does not succeed,
         this job fails. Default: [].
     after: Identifiers of jobs that must end before this one starts, successful or not. Default: [].
-    after_frames: Identifiers of arrays with all frames of this job. Each frame of this job starts when the
-        same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of
-        this job fails. Requires frames. Default: [].
+    after_frames: Identifiers of arrays of the same user with all frames of this job. Each frame of this job
+        starts when the same frame of these jobs has succeeded with an accepted outcome. If it ends otherwise,
+        the frame of this job fails. Requires frames. Default: [].
     accept: The outcomes of this job that its users accept; for an array, of each of its frames. A job that
         names this one in depends_on or after_frames starts only if this job has such an outcome, and fails
         otherwise. hexadctl wait --accept exits with 0 if the outcome is in the list. The state and the
