@@ -11,6 +11,8 @@
 #include "meshfile/plain_mesh.h"
 
 enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
+/* Primitives that nodes place: many nodes may name one mesh of many primitives. */
+enum { PRIMITIVES_MOST = 1000000 };
 enum { TRIANGLES = 4, TRIANGLE_STRIP = 5, TRIANGLE_FAN = 6 };
 static const uint32_t CHUNK_JSON = 0x4E4F534Au, CHUNK_BIN = 0x004E4942u;
 
@@ -33,7 +35,7 @@ typedef struct gltf {
     list nodes, meshes, accessors, views, buffers;
     buffer *loaded;                  /* of each buffer; data NULL: not yet */
     bool *is_in_scene;               /* of each mesh */
-    size_t visited;                  /* nodes */
+    size_t visited, primitives;      /* nodes; primitives, once for each node that places them */
     size_t skins, morphs, instances; /* nodes that have one */
     bool is_left;                    /* to the library */
     plain_mesh *out;
@@ -298,6 +300,11 @@ static bool add_vertices(gltf *g, const double *position, size_t count, const do
 
 static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
 {
+    if (g->primitives++ == PRIMITIVES_MOST)
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "its nodes place more than %d primitives. Save it with fewer primitives, or as one mesh.",
+            PRIMITIVES_MOST);
     const double mode = json_number(member(primitive, "mode"), TRIANGLES),
                  of = json_number(member(primitive, "indices"), -1);
     json_at attributes = member(primitive, "attributes"), extensions = member(primitive, "extensions");

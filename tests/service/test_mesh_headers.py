@@ -135,6 +135,17 @@ def test_a_damaged_gltf_is_refused_with_the_place(look, tmp_path, damage, words)
     assert error.get("code") in ("input_damaged", "input_unsupported") and words in error["message"], error
 
 
+@pytest.mark.sanitized
+def test_nodes_that_place_too_many_primitives_are_refused(look, tmp_path):
+    g = write.Gltf()
+    g.document["nodes"] = 2001 * [{"mesh": g.mesh(g.accessor(numpy.eye(3), "<f4"), mode=0)}]
+    g.document["scenes"][0]["nodes"] = list(range(2001))
+    g.document["meshes"][0]["primitives"] *= 500
+    g.write(tmp_path / "box.glb")
+    error = look(tmp_path / "box.glb")
+    assert error.get("code") == "input_unsupported" and "its nodes place more than 1000000 primitives" in error["message"], error
+
+
 def test_corners_of_strips_and_of_mirrored_nodes_keep_their_order(worker, tmp_path):
     """A sheet that looks up, as strip, as fan, and under a node that mirrors it."""
     flat = numpy.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])

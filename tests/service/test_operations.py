@@ -217,6 +217,12 @@ class Story:
         succeeded = self.host.ask("GET", "/v1/jobs?state=succeeded&limit=500")[1]["jobs"]
         assert f'hexad_jobs{{state="succeeded"}} {len(succeeded)}' in shown and "hexad_database_damaged 0" in shown
 
+    def before_unusual_characters_in_logs_and_messages(self):
+        self.host.submit(name="a\u202eb")
+
+    def after_unusual_characters_in_logs_and_messages(self, shown):
+        assert r"a\u{202e}b" in shown and '"name": "aM-bM-^@M-.b"' in shown
+
     def before_the_web_page(self):
         self.key = (self.host.state / "session.key").read_bytes()
 
