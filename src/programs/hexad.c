@@ -747,7 +747,9 @@ static bool init_port_file(service *s, error *e)
         free(lines);
         lines = all;
     }
-    bool ok = !*s->settings.port_file || store_file_write(s->settings.port_file, lines, strlen(lines), e);
+    const char *file = s->settings.port_file;
+    if (*file) store_file_clear(file); /* left by a killed process */
+    bool ok = !*file || store_file_write(file, lines, strlen(lines), e);
     free(lines);
     return ok;
 }

@@ -213,3 +213,30 @@ def test_readiness_says_that_a_directory_cannot_be_written(new_service, part):
     assert figure(service, "hexad_storage_writable") == 1
     assert len(log_lines(service, f"cannot write to {service.state}/{part}")) == 1
     assert not [p for p in (service.state / part).iterdir() if p.name.startswith(".")]
+
+
+# Files that a kill leaves in the state directory: each module that writes a file under a temporary name, at the moment before
+# the rename. {} is the directory of a result.
+LEFT = ["instance.0123456789abcdef", "session.key.0123456789abcdef", "reserve.new", "copies/3.db", "estimates/0/estimate.json",
+        "inputs/sha256:" + 64 * "a" + ".0123456789abcdef", "attempts/.probe", "results/.probe", "inputs/.probe",
+        "{}/.listing.json.0123456789abcdef", "{}/report.json.0123456789abcdef"]
+
+
+@pytest.mark.sanitized
+def test_no_temporary_file_outlives_a_kill_and_a_start(new_service):
+    service = new_service().start()
+    job = service.submit(small())
+    service.wait_state(job, "succeeded")
+    assert service.get(f"/v1/jobs/{job}/results").status == 200
+    service.end(signal.SIGKILL)
+    left = [service.state / name.format(f"results/{job}") for name in LEFT]
+    left.append(service.port_file.with_name("port.0123456789abcdef"))
+    for path in left:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("half")
+    before = {p.name for p in (service.state / "results" / job).iterdir()}
+    service.start()
+    wait_until(lambda: not [p for p in left if p.exists()], "the removal of all temporary files")
+    after = {p.name for p in (service.state / "results" / job).iterdir()}
+    assert before - after == {".listing.json.0123456789abcdef", "report.json.0123456789abcdef"}
+    assert not (service.state / "lost+found").exists()
