@@ -240,3 +240,27 @@ def test_no_temporary_file_outlives_a_kill_and_a_start(new_service):
     after = {p.name for p in (service.state / "results" / job).iterdir()}
     assert before - after == {".listing.json.0123456789abcdef", "report.json.0123456789abcdef"}
     assert not (service.state / "lost+found").exists()
+
+
+def settings_check(service):
+    return subprocess.run([service.build / "hexad", "--check-settings", "--state_dir", service.state, *service.options],
+                          capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("mode, group, warned", [(0o700, 0, False), (0o755, 1, False), (0o770, 0, False), (0o770, 1, True),
+                                                 (0o777, 0, True), (0o1777, 0, True)])
+def test_a_state_directory_that_others_can_write_is_warned_of(new_service, mode, group, warned):
+    """A group counts unless it is the service's own."""
+    service = new_service()
+    service.state.mkdir()
+    try:
+        os.chown(service.state, -1, group if group else os.getegid())
+    except PermissionError:
+        pytest.skip("only root can give a directory to another group")
+    service.state.chmod(mode)
+    done = settings_check(service)
+    assert done.returncode == 0 and ("hexad: warning: state_dir: " in done.stderr) == warned, done.stderr
+    service.start()
+    said = log_lines(service, "state_dir: ")
+    assert bool(said) == warned, service.log.read_text()
+    assert all(" warn" in line and f"chmod go-w {service.state}" in line for line in said)
