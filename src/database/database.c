@@ -413,6 +413,9 @@ void database_on_commit(database *d, void (*call)(void *context), void *context)
 
 static void close_connection(database *d)
 {
+    /* SQLite would remove the log by its path, which may be that of another service */
+    if (!database_has_place(d->origin ? d->origin : d, NULL))
+        sqlite3_db_config(d->connection, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
     for (size_t i = 0; d->statement[i].sql; i++) sqlite3_finalize(d->statement[i].prepared);
     sqlite3_close(d->connection);
 }

@@ -10,7 +10,7 @@ import subprocess
 
 import pytest
 
-from service import Service, gated_worker, sphere, wait_until
+from service import Service, UnixConnection, gated_worker, sphere, wait_until
 
 HEX = "0123456789abcdef"
 BYTES = b"some bytes"
@@ -163,8 +163,10 @@ def test_nothing_makes_a_new_directory_at_the_path(new_service):
 
 @pytest.mark.sanitized
 def test_a_second_service_on_the_same_path_stays_alone(new_service, build):
-    """The first one notices it and stores nothing."""
-    first = new_service().start()
+    """The first one notices it, stores nothing, and removes neither the log nor the socket of the second one at its end."""
+    first = new_service("--listen", "unix:", "--tcp_without_tokens", "").start()
+    address = UnixConnection(first.address.removeprefix("unix:"))
+    address.connect()  # from now on, the path leads to the second one
     remove(first)
     second = Service(build, first.base, *first.options)
     second.port_file = first.base / "port.second"
@@ -174,12 +176,17 @@ def test_a_second_service_on_the_same_path_stays_alone(new_service, build):
         job = second.submit(small())
         second.wait_state(job, "succeeded")
         assert upload(second).status == 201
-        assert is_lost(first) and is_ready(second)
-        assert first.post("/v1/jobs", small(5)).json["code"] == "state_lost"
+        assert is_ready(second)
+        address.request("POST", "/v1/jobs", json.dumps(small(5)), {"Content-Type": "application/json"})
+        reply = address.getresponse()
+        assert reply.status == 503 and json.loads(reply.read())["code"] == "state_lost"
+        address.close()
         assert first.end() == 0, first.log.read_text()
+        assert is_ready(second) and (second.state / "queue.db-wal").exists() and (second.state / "hexad.sock").exists()
+        assert second.post("/v1/jobs", small(6)).status == 201
         assert second.get(f"/v1/jobs/{job}/results/points.ply").status == 200
         assert second.get(f"/v1/inputs/{hashlib.sha256(BYTES).hexdigest()}").status == 200
-        assert second.end() == 0
+        second.end(signal.SIGKILL)
         second.start()
         assert second.job(job)["state"] == "succeeded"
     finally:
