@@ -36,6 +36,7 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
                           (long long)uploads.used_bytes, (long long)uploads.limit_bytes);
         break;
     case STORE_UPLOAD_DISK_FULL:
+        executor_note_failed_write(c->x);
         disk = executor_get_space(c->x);
         reply_set_problem(
             r, "storage_full", NULL,
@@ -60,6 +61,7 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
             "the SHA-256 of the received bytes differs from the one in the path: send the file again");
         break;
     case STORE_UPLOAD_FAILED:
+        executor_note_failed_write(c->x);
         reply_set_error(r, why, NULL);
         break;
     }
@@ -128,6 +130,10 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     store_upload *file = NULL;
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
+    if (!queue_has_place(c->q, &e)) {
+        reply_set_error(r, &e, NULL);
+        return NULL;
+    }
     int64_t there = inputs_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
     if (there >= 0 && request->waits) { /* the client has not sent the body yet: answer without it */
         show(hex, there, 200, r);
@@ -151,7 +157,9 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
     upload *u = (upload *)(void *)request->sink;
     const char *hex = request->parameter[0];
     bool sent = u->file != NULL;
-    if (sent && u->outcome == STORE_UPLOAD_GOOD) u->outcome = store_upload_commit(u->file, &u->why);
+    if (sent && u->outcome == STORE_UPLOAD_GOOD)
+        u->outcome =
+            queue_has_place(c->q, &u->why) ? store_upload_commit(u->file, &u->why) : STORE_UPLOAD_FAILED;
     if (sent && u->outcome == STORE_UPLOAD_GOOD &&
         !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
         u->outcome = STORE_UPLOAD_FAILED;
@@ -187,7 +195,7 @@ void inputs_delete(const http_context *c, const http_request *request, reply *r)
     bool found = false;
     const char *hex = read_hash(request, r);
     if (!hex) return;
-    if (!store_inputs_remove(c->inputs, hex, &found, &e))
+    if (!queue_has_place(c->q, &e) || !store_inputs_remove(c->inputs, hex, &found, &e))
         reply_set_error(r, &e, NULL);
     else if (!found)
         reply_set_problem(r, "not_found", NULL, "the input %s does not exist", hex);

@@ -688,7 +688,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     else if (queue_put(c->q, &submission, &receipt, &e)) {
         offer(c, &submission, &receipt);
         answer_receipt(c, request, &submission, &receipt, r);
-    } else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STORAGE_FULL)
+    } else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STATE_LOST || e.code == ERROR_STORAGE_FULL)
         reply_set_error(r, &e, NULL);
     else
         reply_set_unavailable(r, e.message); /* not a fault of the service: try again */

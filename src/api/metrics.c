@@ -154,6 +154,9 @@ static void put_database(const http_context *c, FILE *out)
                 "When the last check of the database ended; 0: none has ended yet.", known.checked_ms);
     put_seconds(out, "hexad_database_last_check_duration_seconds", "How long that check took.",
                 known.check_took_ms);
+    put_gauge(out, "hexad_state_lost",
+              "Whether the state directory is not at its path, so that nothing is stored.",
+              !queue_has_place(c->q, NULL));
 }
 
 static void put_storage(const http_context *c, FILE *out)
@@ -164,6 +167,9 @@ static void put_storage(const http_context *c, FILE *out)
               space.size_bytes);
     put_gauge(out, "hexad_storage_free_bytes", "Free space on that disk.", space.free_bytes);
     put_gauge(out, "hexad_storage_floor_bytes", "No job starts with less free space.", space.floor_bytes);
+    put_gauge(out, "hexad_storage_writable",
+              "Whether the last write to each of attempts/, results/ and inputs/ succeeded.",
+              executor_can_write(c->x, NULL));
     put_gauge(out, "hexad_inputs_size_bytes", "Size of the files that clients have sent.", sent.used_bytes);
     put_gauge(out, "hexad_inputs_limit_bytes", "The size that these files may have.", sent.limit_bytes);
 }

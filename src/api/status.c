@@ -55,16 +55,33 @@ static void look_at_database(const http_context *c, finding *f)
     memcpy(f->detail, e.message, sizeof f->detail);
 }
 
+static void look_at_state(const http_context *c, finding *f)
+{
+    error e = {0};
+    if (queue_has_place(c->q, &e)) return;
+    f->state = "lost";
+    f->code = error_code_name(e.code);
+    memcpy(f->detail, e.message, sizeof f->detail);
+}
+
 static void look_at_storage(const http_context *c, finding *f)
 {
+    error e = {0};
     executor_space space = executor_get_space(c->x);
-    if (space.free_bytes >= space.floor_bytes) return;
-    f->state = "full";
+    bool full = space.free_bytes < space.floor_bytes;
+    if (!full && executor_can_write(c->x, &e)) return;
+    f->state = full ? "full" : "unwritable";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail,
-             "storage_full: %lld MiB are free on the disk of %s, and no job starts below %lld MiB (setting "
-             "free_space_mb): delete files or jobs",
-             (long long)space.free_bytes >> 20, space.directory, (long long)space.floor_bytes >> 20);
+    if (!full)
+        snprintf(f->detail, sizeof f->detail,
+                 "%.600s: repair this directory or its disk; jobs are accepted and wait meanwhile",
+                 e.message);
+    else
+        snprintf(
+            f->detail, sizeof f->detail,
+            "storage_full: %lld MiB are free on the disk of %s, and no job starts below %lld MiB (setting "
+            "free_space_mb): delete files or jobs",
+            (long long)space.free_bytes >> 20, space.directory, (long long)space.floor_bytes >> 20);
 }
 
 static void look_at_results(const http_context *c, finding *f)
@@ -96,9 +113,9 @@ static void look_at_tokens(const http_context *c, finding *f)
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
-} conditions[] = {{"jobs", look_at_jobs},        {"queue", look_at_queue},     {"tokens", look_at_tokens},
-                  {"outputs", look_at_outputs},  {"results", look_at_results}, {"storage", look_at_storage},
-                  {"database", look_at_database}};
+} conditions[] = {{"jobs", look_at_jobs},         {"queue", look_at_queue},     {"tokens", look_at_tokens},
+                  {"outputs", look_at_outputs},   {"results", look_at_results}, {"storage", look_at_storage},
+                  {"database", look_at_database}, {"state", look_at_state}};
 
 /* Reports all conditions. The conditions are in the order of severity, so the code of the last failed one is
  * reported. */

@@ -35,6 +35,7 @@ static bool make_key(const char *path, error *e)
 bool session_key_open(const char *path, session_key *key, error *e)
 {
     session_key k = {0};
+    store_file_clear(path); /* left by a killed process */
     if (access(path, F_OK) != 0 && !make_key(path, e)) return false;
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0) {

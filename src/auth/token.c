@@ -227,6 +227,7 @@ static bool set_permissions(int fd, const char *path, gid_t given, error *e)
 bool token_set_write(const char *path, const token_set *set, gid_t group, error *e)
 {
     store_file file = {0};
+    store_file_clear(path); /* left by a killed process; the caller has locked the directory */
     if (!store_file_begin(path, &file, e)) return false;
     if (!set_permissions(fileno(file.stream), path, group, e)) {
         store_file_abort(&file);

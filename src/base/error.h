@@ -41,6 +41,7 @@
           "output_unwritable") /* the service may not write to output.directory */                     \
     ENTRY(prefix, INTERRUPTED, "interrupted")                                                          \
     ENTRY(prefix, DATABASE_DAMAGED, "database_damaged")                                                \
+    ENTRY(prefix, STATE_LOST, "state_lost") /* the state directory is not at its path */               \
     ENTRY(prefix, INTERNAL, "internal")
 
 typedef enum error_code { ERROR_LIST(WORDS_ENUMERATOR, ERROR) ERROR_CODE_COUNT } error_code;

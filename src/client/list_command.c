@@ -197,6 +197,7 @@ static int save_picture(client *c, const char *id, const char *path)
     client_reply reply = {0};
     int code = COMMAND_FAILED;
     char *href = mem_printf("/v1/jobs/%s/contact_sheet.png", id);
+    store_file_clear(path); /* left by a killed process */
     if (!store_file_begin(path, &file, &e))
         print_failure("%s", e.message);
     else if (!client_download(c, href, file.stream, &reply, &e))

@@ -333,6 +333,7 @@ static bool try_once(request *r, error *e)
 static bool try_twice(request *r, int64_t free_bytes, error *e)
 {
     error why = {0};
+    if (!database_has_place(r->d, e)) return false; /* the path of the copy may belong to another service */
     if (!check_room(r->path, database_bytes(database_directory(r->d)), free_bytes, e)) return false;
     bool ok = try_once(r, &why);
     if (ok ? r->findings && *r->findings : why.code == ERROR_DATABASE_DAMAGED) ok = try_once(r, &why);

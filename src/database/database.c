@@ -22,6 +22,7 @@
 #include "database/header.h"
 #include "database/health.h"
 #include "database/lock.h"
+#include "database/place.h"
 #include "database/reserve.h"
 #include "database/schema.h"
 
@@ -64,6 +65,7 @@ struct database {
      * file */
     int file_fd;
     char *state_dir, *path;
+    place *place;                      /* of the state directory; NULL: a copy, or it is not yet open */
     atomic_uint copies;                /* number of copies begun; used for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
 
@@ -113,6 +115,11 @@ health *database_health(database *d)
 const char *database_directory(database *d)
 {
     return d->state_dir;
+}
+
+bool database_has_place(database *d, error *e)
+{
+    return place_check(d->place, e);
 }
 
 uint64_t database_change_count(database *d)
@@ -284,10 +291,22 @@ static bool apply_one(database *d, change *c)
            plain(d, "RELEASE one", NULL);
 }
 
+static void refuse_all(change *first, const error *why)
+{
+    for (change *c = first; c; c = c->next) {
+        if (c->ok || c->fault.code == ERROR_NONE) c->fault = *why;
+        c->ok = false;
+    }
+}
+
 /* Applies all changes of the list in one transaction. Returns whether anything was stored. */
 static bool apply_all(database *d, change *first)
 {
     error e = {0};
+    if (!database_has_place(d, &e)) {
+        refuse_all(first, &e);
+        return false;
+    }
     bool any = false;
     int before = sqlite3_total_changes(d->connection);
     bool ok = plain(d, "BEGIN IMMEDIATE", &e);
@@ -305,10 +324,7 @@ static bool apply_all(database *d, change *first)
     }
     note_trouble(d, e.message);
     if (!sqlite3_get_autocommit(d->connection)) plain(d, "ROLLBACK", NULL);
-    for (change *c = first; c; c = c->next) {
-        if (c->ok || c->fault.code == ERROR_NONE) c->fault = e;
-        c->ok = false;
-    }
+    refuse_all(first, &e);
     return false;
 }
 
@@ -397,6 +413,9 @@ void database_on_commit(database *d, void (*call)(void *context), void *context)
 
 static void close_connection(database *d)
 {
+    /* SQLite would remove the log by its path, which may be that of another service */
+    if (!database_has_place(d->origin ? d->origin : d, NULL))
+        sqlite3_db_config(d->connection, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
     for (size_t i = 0; d->statement[i].sql; i++) sqlite3_finalize(d->statement[i].prepared);
     sqlite3_close(d->connection);
 }
@@ -408,15 +427,17 @@ static database *open_reader(database *d, error *e)
     r->origin = d;
     r->health = d->health;
     const char *vfs = d->lock_fd >= 0 ? OWN_VFS : NULL;
-    if (sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, vfs) ==
+    const bool ok =
+        sqlite3_open_v2(d->path, &r->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, vfs) ==
             SQLITE_OK &&
         sqlite3_exec(r->connection,
                      "PRAGMA query_only = ON; PRAGMA temp_store = MEMORY; PRAGMA cache_size = " READER_CACHE
                      "; SELECT 1 FROM sqlite_schema" /* opens the log */,
-                     NULL, NULL, NULL) == SQLITE_OK)
-        return r;
-    error_set(e, ERROR_INTERNAL, "the queue's database: %s",
-              r->connection ? sqlite3_errmsg(r->connection) : "no memory");
+                     NULL, NULL, NULL) == SQLITE_OK;
+    if (ok && database_has_place(d, e)) return r; /* otherwise it may be another database */
+    if (!ok)
+        error_set(e, ERROR_INTERNAL, "the queue's database: %s",
+                  r->connection ? sqlite3_errmsg(r->connection) : "no memory");
     close_connection(r);
     free(r);
     return NULL;
@@ -647,7 +668,9 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
     if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(d->connection, e);
     if (ok && lock_fd >= 0) ok = open_for_flushes(d, e);
-    if (ok && open_readers(d, e) && (lock_fd < 0 || (start_log_thread(d, e) && start_commit_thread(d, e))))
+    if (ok && open_readers(d, e) &&
+        (lock_fd < 0 ||
+         ((d->place = place_note(state_dir, e)) && start_log_thread(d, e) && start_commit_thread(d, e))))
         return d;
     error_prefix(e, "%s", path);
     d->lock_fd = -1; /* the caller closes it */
@@ -706,6 +729,7 @@ void database_close(database *d)
     close_connection(d);
     if (d->file_fd >= 0) close(d->file_fd);
     if (d->lock_fd >= 0) close(d->lock_fd);
+    place_free(d->place);
     health_free(d->health);
     pthread_mutex_destroy(&d->reading);
     pthread_cond_destroy(&d->returned);

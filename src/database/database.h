@@ -99,6 +99,10 @@ void database_end(sqlite3_stmt *s);
 /* Reads the integer in the first column of a statement's only row; 0: there is no row, or it is NULL. */
 bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e);
 
+/* Whether the state directory is still at its path (database/place). Otherwise every change fails with the code state_lost
+ * before it is applied. True for a copy. */
+bool database_has_place(database *d, error *e);
+
 /* Whether the free disk space is at least the reserve of database_reserve, which a new job requires. */
 bool database_has_space(database *d);
 

@@ -71,9 +71,9 @@ void reserve_lend(const char *state_dir)
 static bool name_log(const names *n)
 {
     struct stat log, reserve;
+    unlink(n->fresh); /* left by a killed process */
     if (lstat(n->log, &log) != 0) return false;
     if (lstat(n->reserve, &reserve) == 0 && is_same(&log, &reserve)) return true;
-    unlink(n->fresh);
     return link(n->log, n->fresh) == 0 && rename(n->fresh, n->reserve) == 0;
 }
 

@@ -41,7 +41,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = m->end_fd >= 0 ||
               error_set(e, ERROR_INTERNAL, "cannot create an event descriptor: %s", strerror(errno));
-    if (ok && store_remove(m->directory, e)) return m; /* created with its first subdirectory */
+    if (ok && store_remove(m->directory, e) && store_directory_add(m->directory, e)) return m;
     estimator_close(m);
     return NULL;
 }
@@ -130,7 +130,7 @@ static estimator_outcome ask(estimator *m, engine_request *request, double withi
 {
     engine_ending ending = {0};
     engine_attempt *attempt =
-        store_directory_create(request->directory, e) ? m->settings.engine->start(NULL, request, e) : NULL;
+        store_directory_add(request->directory, e) ? m->settings.engine->start(NULL, request, e) : NULL;
     bool asked = within_s > 0 && within_s < m->timeout_s;
     double timeout_s = asked ? within_s : m->timeout_s;
     bool ended = attempt && await(m, attempt, timeout_s);

@@ -39,8 +39,10 @@
 /* Maximum delay between two tries while no worker can be started, because the program is being replaced or memory is
  * exhausted. */
 #define START_WAIT_MOST_MS 30000
-/* Interval, in ms, between checks for free space on a full disk. */
+/* Interval, in ms, between checks of the state directory while it is lost, full or cannot be written. */
 #define SPACE_WAIT_MS 1000
+/* The same while it is in order and no job starts. */
+#define STORAGE_WATCH_MS 10000
 
 /* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
  * meanwhile. */
@@ -103,6 +105,7 @@ struct executor {
     int64_t due_ms;        /* supervisor: time at which the next delayed task is due, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
     int64_t start_wait_ms; /* supervisor: doubles while no worker starts */
+    int64_t storage_ms;    /* supervisor: time of the next check of the state directory, monotonic */
 };
 
 static int64_t least(int64_t a, int64_t b)
@@ -141,6 +144,7 @@ uint64_t executor_count_evicted(const executor *x)
 static void serve(executor *x, slot *s)
 {
     unsigned news = slot_step(s);
+    if (news & SLOT_NOT_WRITTEN) executor_note_failed_write(x);
     if (news & SLOT_STARTED) x->start_wait_ms = 0;
     if (news & SLOT_NOT_STARTED) {
         /* the next worker probably fails to start for the same reason */
@@ -220,6 +224,21 @@ static void note_due(executor *x)
     if (!queue_next_due(x->q, &x->due_ms, NULL)) x->due_ms = clock_wall_ms() + RETRY_MS;
 }
 
+/* Whether attempts may start: the state directory is at its path, has space and can be written. */
+static bool may_start(executor *x)
+{
+    return queue_has_place(x->q, NULL) && storage_may_start(&x->storage);
+}
+
+/* Checks the state directory, also while no job starts: what is wrong is logged, and readiness follows. */
+static void watch_storage(executor *x)
+{
+    int64_t now = clock_monotonic_ms();
+    if (now < x->storage_ms && !atomic_load(&x->storage.suspect)) return;
+    bool ok = may_start(x) && storage_can_write(&x->storage, NULL);
+    x->storage_ms = now + (ok ? STORAGE_WATCH_MS : SPACE_WAIT_MS);
+}
+
 static void fill_slots(executor *x)
 {
     if (clock_was_set_back(&x->watch)) {
@@ -234,7 +253,7 @@ static void fill_slots(executor *x)
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) break;
-        if (!storage_has_space(&x->storage)) {
+        if (!may_start(x)) {
             x->claim_ms = clock_monotonic_ms() + SPACE_WAIT_MS;
             break;
         }
@@ -274,9 +293,7 @@ static void answer_repeats(executor *x)
         error e = {0};
         bool found = false;
         queue_claimed claimed = {0};
-        if (!executor_takes_jobs(x) || !storage_has_space(&x->storage) || !queue_is_held(x->q, &held, &e) ||
-            held)
-            continue;
+        if (!executor_takes_jobs(x) || !may_start(x) || !queue_is_held(x->q, &held, &e) || held) continue;
         pthread_mutex_lock(&x->order);
         if (queue_claim_job(x->q, id, &claimed, &found, &e) && found) slot_take_repeat(s, &claimed);
         pthread_mutex_unlock(&x->order);
@@ -288,7 +305,7 @@ static void answer_repeats(executor *x)
 static void wait_for_news(executor *x, struct pollfd *fds)
 {
     size_t count = 0;
-    int64_t due = INT64_MAX;
+    int64_t due = x->storage_ms;
     bool has_free_slot = false;
     fds[count++] = (struct pollfd){.fd = x->wake_fd, .events = POLLIN};
     for (size_t i = 0; i < x->slot_count; i++) {
@@ -301,10 +318,9 @@ static void wait_for_news(executor *x, struct pollfd *fds)
         if (x->may_claim) due = least(due, x->claim_ms); /* 0: at once */
         if (x->due_ms < INT64_MAX) due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
     }
-    int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
-    if (due != INT64_MAX && wait < 0) wait = 0;
+    int64_t wait = due - clock_monotonic_ms();
     /* one millisecond more: due is rounded, and waking early would be useless */
-    descriptor_wait(fds, count, wait < 0 ? -1 : wait >= INT32_MAX ? INT32_MAX : (int)wait + 1);
+    descriptor_wait(fds, count, wait < 0 ? 1 : (int)wait + 1);
     uint64_t times;
     if (fds[0].revents && descriptor_take_event(x->wake_fd, &times, sizeof times)) x->may_claim = true;
     if (x->claim_ms && clock_monotonic_ms() >= x->claim_ms) x->claim_ms = 0;
@@ -348,6 +364,7 @@ static void *supervise(void *argument)
         take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++) serve(x, x->slots[i]);
         if (first && x->settings.engine->sweep) x->settings.engine->sweep(x->settings.engine_place);
+        watch_storage(x);
         fill_slots(x);
         answer_repeats(x);
         was_idle = is_idle(x);
@@ -518,7 +535,9 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     const char *sent = settings->inputs ? store_inputs_directory(settings->inputs) : NULL;
     x->roots = ok ? store_roots_open(sent, settings->input_roots, settings->input_root_count, e) : NULL;
     set_context(x);
-    ok = x->roots && make_places(x, e) && recover(x, e) &&
+    ok = x->roots && make_places(x, e);
+    if (ok) storage_check(&x->storage); /* removes what a kill has left of a probe, before the inventory */
+    ok = ok && recover(x, e) &&
          output_cleanup_start(q, output_place_roots(settings->outputs), &x->cleanup, e) &&
          (!settings->outputs || (x->redelivery = redelivery_start(q, settings->outputs, x->work_dir, e))) &&
          (x->retention =
@@ -653,6 +672,17 @@ executor_space executor_get_space(const executor *x)
     executor_space space = {.floor_bytes = x->storage.floor_bytes};
     space.free_bytes = storage_free_bytes(&x->storage, &space.size_bytes, &space.directory);
     return space;
+}
+
+bool executor_can_write(const executor *x, error *e)
+{
+    return storage_can_write(&x->storage, e);
+}
+
+void executor_note_failed_write(executor *x)
+{
+    storage_suspect(&x->storage);
+    signal_fd(x->wake_fd);
 }
 
 executor_load executor_get_load(executor *x)

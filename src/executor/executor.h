@@ -121,6 +121,12 @@ typedef struct executor_space {
 
 executor_space executor_get_space(const executor *x);
 
+/* Whether the last write to each directory of the state directory succeeded: that of an attempt, a result or an upload, or
+ * that of a check, which writes at least every ten seconds. Otherwise the error names the directory. */
+bool executor_can_write(const executor *x, error *e);
+/* Call it after a write to the state directory failed: the directories are checked at once. */
+void executor_note_failed_write(executor *x);
+
 /* While closed, the executor starts no attempt; running ones continue. A restart of the daemon opens it. */
 void executor_close(executor *x, bool on);
 /* Whether it is neither closed nor draining. */

@@ -248,6 +248,14 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         decide_exit(c, ending, s);
 }
 
+void settlement_excuse_loss(settlement *s)
+{
+    error e = {0};
+    if (s->decision != SETTLEMENT_RETRY_CRASHED && s->state != QUEUE_FAILED) return;
+    error_set(&e, ERROR_STORAGE_FAILED, "the state directory was not at its path when the worker ended");
+    set_storage(s, &e);
+}
+
 void settlement_decide_unstarted(const error *why, settlement *s)
 {
     *s = (settlement){.decision = SETTLEMENT_RETRY};
@@ -463,6 +471,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
 {
     settlement s = *decided;
     assert(s.decision != SETTLEMENT_UNDECIDED);
+    if (!queue_has_place(place->q, e)) return false; /* its files are elsewhere */
     bound_storage(place, c, &s);
     bound_interruptions(place, c, &s);
     char *directory = result_attempt_directory(place->work_dir, c->job.id, c->task.frame, c->task.attempt);

@@ -65,6 +65,10 @@ bool settlement_read_last_words(const char *words, error *said);
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
+/* Changes the decision on an attempt that failed while the state directory was lost: it is a fault of the host, and the
+ * task is tried again. */
+void settlement_excuse_loss(settlement *s);
+
 /* Decides on a task whose worker could not be started. This is a fault of the service, so the attempt does not
  * count. */
 void settlement_decide_unstarted(const error *why, settlement *s);

@@ -48,6 +48,7 @@ typedef struct work {
     bool forced;              /* it was killed */
     engine_ending ending;     /* with `has_ended` */
     bool has_ended;           /* a worker ran, and has ended */
+    bool was_lost;            /* the state directory was lost when the worker ended */
     int64_t ran_ms;           /* once it has ended */
     publication *publication; /* in PUBLISHING */
     settlement settlement;
@@ -156,7 +157,7 @@ static unsigned try_later(slot *s, const char *why)
     log_write(w->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, /* an error once per attempt */
               "attempt not settled job=%s attempt=%d: %s", w->claimed.job.id, w->claimed.task.attempt, why);
     w->retry_ms = clock_monotonic_ms() + RETRY_MS;
-    return s->context->draining ? release(s) : SLOT_NO_NEWS;
+    return SLOT_NOT_WRITTEN | (s->context->draining ? release(s) : SLOT_NO_NEWS);
 }
 
 /* ---- starting */
@@ -282,7 +283,7 @@ static bool start_worker(slot *s, error *e)
     w->started_wall_ms = w->resumed ? 0 : clock_wall_ms(); /* 0: its result is not cached */
     if (w->resumed)
         w->attempt = x->engine->resume(x->engine_place, &request, e);
-    else if (store_directory_create(w->directory, e))
+    else if (store_directory_add(w->directory, e))
         w->attempt = x->engine->start(x->engine_place, &request, e);
     free(previous);
     input_permissions_free(roots, root_count);
@@ -328,7 +329,7 @@ static unsigned step_starting(slot *s)
                   task->attempt, e.message);
         settlement_decide_unstarted(&e, &w->settlement);
         enter(s, SLOT_SETTLING);
-        return SLOT_NOT_STARTED;
+        return SLOT_NOT_STARTED | SLOT_NOT_WRITTEN;
     }
     log_write(LOG_LEVEL_INFO, "attempt %s job=%s task=%d attempt=%d worker=%s trace=%s",
               w->resumed ? "resumed" : "started", job->id, task->number, task->attempt,
@@ -463,11 +464,17 @@ static void describe_for_cache(slot *s)
 static unsigned step_deciding(slot *s)
 {
     work *w = &s->w;
+    error e = {0};
+    if (!queue_has_place(s->context->place->q, &e)) {
+        w->was_lost = true;
+        return try_later(s, e.message);
+    }
     settlement_decide(&w->claimed, w->stop,
                       w->stop == SETTLEMENT_STALLED ? w->limit.stall_s : w->limit.timeout_s, &w->ending,
                       w->directory, &w->settlement);
     w->settlement.ran_ms = w->ran_ms;
     if (w->settlement.decision == SETTLEMENT_UNDECIDED) return try_later(s, w->settlement.message);
+    if (w->was_lost) settlement_excuse_loss(&w->settlement);
     describe_for_cache(s);
     publish_or_settle(s);
     return SLOT_NO_NEWS;
@@ -488,9 +495,10 @@ static unsigned step_settling(slot *s)
 {
     work *w = &s->w;
     error e = {0};
+    const bool unwritten = w->settlement.decision == SETTLEMENT_RETRY_STORAGE;
     if (settlement_apply(s->context->place, &w->claimed, &w->settlement, w->has_ended ? &w->ending : NULL,
                          &e))
-        return release(s);
+        return release(s) | (unwritten ? SLOT_NOT_WRITTEN : SLOT_NO_NEWS);
     return try_later(s, e.message);
 }
 

@@ -8,8 +8,8 @@
  *                +-- the result exists already --------------------+              |
  *                +-- no worker is started ----------------------------------------+
  *
- * deciding and settling are repeated after a delay if the disk or the database is at fault. The supervisor thread calls
- * these functions, except for those at the end of this file.
+ * deciding and settling are repeated after a delay if the disk or the database is at fault, or the state directory is
+ * lost (database/place). The supervisor thread calls these functions, except for those at the end of this file.
  */
 #ifndef HEXAD_EXECUTOR_SLOT_H
 #define HEXAD_EXECUTOR_SLOT_H
@@ -71,7 +71,8 @@ typedef enum slot_news {
     SLOT_NO_NEWS = 0,
     SLOT_STARTED = 1,     /* a worker was started */
     SLOT_NOT_STARTED = 2, /* a worker could not be started; the next one probably cannot be started, either */
-    SLOT_FREED = 4        /* the task is settled (in a drain: left to the next start), the slot is free */
+    SLOT_FREED = 4,       /* the task is settled (in a drain: left to the next start), the slot is free */
+    SLOT_NOT_WRITTEN = 8  /* a file of the attempt or its result could not be written */
 } slot_news;
 
 typedef struct slot slot;

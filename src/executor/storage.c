@@ -1,16 +1,28 @@
 #include "executor/storage.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/statvfs.h>
+#include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 
-static const char *const parts[] = {"", "/attempts", "/results",
-                                    "/inputs"}; /* the first, of state_dir, too */
+/* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may be on a
+ * network file system. */
+#define PROBE_MS 1000
+/* The file that a probe writes. The first probe after a kill removes it. */
+#define PROBE_NAME ".probe"
+
+static const char *const names[STORAGE_PARTS] = {"attempts", "results", "inputs"};
 
 int64_t storage_free_bytes(const storage *s, int64_t *size_bytes, const char **directory)
 {
+    static const char *const parts[] = {"", "/attempts", "/results",
+                                        "/inputs"}; /* the first, of state_dir, too */
     int64_t least = INT64_MAX;
     *size_bytes = 0;
     *directory = s->state_dir;
@@ -30,9 +42,9 @@ int64_t storage_free_bytes(const storage *s, int64_t *size_bytes, const char **d
     return least;
 }
 
-bool storage_has_space(storage *s)
+static void check_space(storage *s)
 {
-    if (s->floor_bytes <= 0) return true;
+    if (s->floor_bytes <= 0) return;
     const char *directory;
     int64_t size, bytes = storage_free_bytes(s, &size, &directory);
     bool low = bytes < s->floor_bytes;
@@ -43,5 +55,63 @@ bool storage_has_space(storage *s)
                   directory, bytes >> 20, s->floor_bytes >> 20);
     if (!low && s->low) log_write(LOG_LEVEL_INFO, "the disk has space again: free_mb=%" PRId64, bytes >> 20);
     s->low = low;
-    return !low;
+}
+
+/* Writes a file of one byte and removes it. Returns 0 or errno. */
+static int probe(const char *path, bool flush)
+{
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0600);
+    if (fd < 0) return errno;
+    int why = write(fd, "", 1) == 1 && (!flush || fsync(fd) == 0) ? 0 : errno;
+    if (close(fd) != 0 && !why) why = errno;
+    if (unlink(path) != 0 && !why) why = errno;
+    return why;
+}
+
+static void probe_part(storage *s, int part, bool flush)
+{
+    char path[4096];
+    int before = atomic_load(&s->fault[part]);
+    bool fits = snprintf(path, sizeof path, "%s/%s/" PROBE_NAME, s->work_dir, names[part]) < (int)sizeof path;
+    int why = fits ? probe(path, flush || before) : ENAMETOOLONG;
+    atomic_store(&s->fault[part], why);
+    if (why && why != before)
+        log_write(LOG_LEVEL_ERROR, "cannot write to %s/%s: %s: %s until this is repaired", s->work_dir,
+                  names[part], strerror(why),
+                  part == STORAGE_INPUTS ? "uploads are refused" : "no job starts");
+    if (!why && before)
+        log_write(LOG_LEVEL_INFO, "files can be written again to %s/%s", s->work_dir, names[part]);
+}
+
+void storage_check(storage *s)
+{
+    int64_t now = clock_monotonic_ms();
+    check_space(s);
+    if (s->low) return;
+    bool suspect = atomic_exchange(&s->suspect, false);
+    if (!suspect && s->probed_ms && now < s->probed_ms + PROBE_MS) return;
+    s->probed_ms = now;
+    for (int part = 0; part < STORAGE_PARTS; part++) probe_part(s, part, suspect);
+}
+
+bool storage_may_start(storage *s)
+{
+    storage_check(s);
+    return !s->low && !atomic_load(&s->fault[STORAGE_ATTEMPTS]) && !atomic_load(&s->fault[STORAGE_RESULTS]);
+}
+
+void storage_suspect(storage *s)
+{
+    atomic_store(&s->suspect, true);
+}
+
+bool storage_can_write(const storage *s, error *e)
+{
+    for (int part = 0; part < STORAGE_PARTS; part++) {
+        int why = atomic_load(&s->fault[part]);
+        if (why)
+            return error_set(e, error_code_of_errno(why), "cannot write to %.500s/%s: %s", s->work_dir,
+                             names[part], strerror(why));
+    }
+    return true;
 }

@@ -104,7 +104,8 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
         goto done;
     }
     ok = bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
-    if (ok) *s = (listen_socket){fd, mem_strdup(where), describe(fd), reach, NULL};
+    if (ok)
+        *s = (listen_socket){.fd = fd, .where = mem_strdup(where), .address = describe(fd), .reach = reach};
 done:
     if (!ok && fd >= 0) close(fd);
     if (found) freeaddrinfo(found);
@@ -146,12 +147,20 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (fd < 0) return fail(e, where, "socket");
     bool ok = bind_and_listen(fd, (struct sockaddr *)&address, sizeof address, where, e);
+    struct stat made;
     if (ok && shared && chmod(path, SHARED_MODE) != 0) ok = fail(e, where, "chmod");
+    if (ok && lstat(path, &made) != 0) ok = fail(e, where, "lstat");
     if (!ok) {
         close(fd);
         return false;
     }
-    *s = (listen_socket){fd, mem_strdup(where), mem_strdup(where), LISTEN_UNIX, mem_strdup(path)};
+    *s = (listen_socket){.fd = fd,
+                         .where = mem_strdup(where),
+                         .address = mem_strdup(where),
+                         .reach = LISTEN_UNIX,
+                         .unix_path = mem_strdup(path),
+                         .device = made.st_dev,
+                         .inode = made.st_ino};
     return true;
 }
 
@@ -185,11 +194,12 @@ bool listen_adopt(int fd, listen_socket *s, error *e)
     } else {
         const bool local = a.any.sa_family == AF_UNIX;
         char *address = local ? mem_printf("unix:%s", a.local.sun_path) : describe(fd);
-        *s = (listen_socket){fd, mem_strdup(address), address,
-                             local                 ? LISTEN_UNIX
-                             : is_loopback(&a.any) ? LISTEN_LOOPBACK
-                                                   : LISTEN_NETWORK,
-                             NULL};
+        *s = (listen_socket){.fd = fd,
+                             .where = mem_strdup(address),
+                             .address = address,
+                             .reach = local                 ? LISTEN_UNIX
+                                      : is_loopback(&a.any) ? LISTEN_LOOPBACK
+                                                            : LISTEN_NETWORK};
         return true;
     }
     close(fd);
@@ -199,8 +209,11 @@ bool listen_adopt(int fd, listen_socket *s, error *e)
 void listen_close(listen_socket *s)
 {
     if (!s->address) return;
+    struct stat there;
+    const bool own = s->unix_path && lstat(s->unix_path, &there) == 0 && there.st_dev == s->device &&
+                     there.st_ino == s->inode; /* while the socket is open, no other file has its inode */
     if (s->fd >= 0) close(s->fd);
-    if (s->unix_path) unlink(s->unix_path);
+    if (own) unlink(s->unix_path);
     free(s->where);
     free(s->address);
     free(s->unix_path);

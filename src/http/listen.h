@@ -5,6 +5,8 @@
 #ifndef HEXAD_HTTP_LISTEN_H
 #define HEXAD_HTTP_LISTEN_H
 
+#include <sys/types.h>
+
 #include "base/error.h"
 
 typedef enum listen_reach { LISTEN_UNIX, LISTEN_LOOPBACK, LISTEN_NETWORK } listen_reach;
@@ -14,7 +16,9 @@ typedef struct listen_socket {
     char *where;   /* the given address, or that of a socket that was taken over */
     char *address; /* the address that is served:  "127.0.0.1:43121", "[::1]:1", "unix:/path" */
     listen_reach reach;
-    char *unix_path; /* NULL for TCP; removed by listen_close */
+    char *unix_path; /* NULL for TCP; removed by listen_close, unless another socket is there now */
+    dev_t device;    /* of the socket at unix_path */
+    ino_t inode;
 } listen_socket;
 
 /* Opens the socket. `where` is HOST:PORT, [HOST]:PORT or unix:/path. For a path, `shared` permits users other than

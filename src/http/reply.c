@@ -44,6 +44,7 @@ static const reply_problem problems[] = {
     {"too_many_requests", 429, "The client or user has reached a limit of simultaneous requests"},
     {"unavailable", 503, "The service cannot do this now"},
     {"database_damaged", 503, "The database of the service is damaged"},
+    {"state_lost", 503, "The state directory of the service is lost"},
     {"output_unwritable", 422, "The service cannot write to the output directory"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},

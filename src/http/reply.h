@@ -27,6 +27,7 @@
  *     too_many_requests 429       too many connections of one client or user, or too much memory for bodies or
  *                                 answers of one user; with Retry-After
  *     database_damaged 503        changes are impossible until an operator has repaired the database
+ *     state_lost 503              changes are impossible until the state directory is at its path again
  *     unavailable 503             draining, the queue cannot store, or too many connections in total; with
  *                                 Retry-After. Or input files are not checked; with Retry-After if all checks are busy
  */

@@ -92,6 +92,7 @@ static bool copy_mode(FILE *stream, const char *from, error *e)
 static bool write_setting(const change *w, const char *text, error *e)
 {
     store_file file = {0};
+    store_file_clear(w->file);   /* left by a killed process */
     mode_t former = umask(0077); /* private until copy_mode, since it may contain secrets */
     bool begun = store_file_begin(w->file, &file, e);
     umask(former);
@@ -212,6 +213,7 @@ static bool write_drop_in(const change *w, error *e)
         terminal_text_print(stdout, "%s: exists already\n", w->drop_in);
         return true;
     }
+    store_file_clear(w->drop_in);
     if (!store_directory_create(w->drop_in_directory, e) ||
         !store_file_write(w->drop_in, drop_in_text, strlen(drop_in_text), e))
         return false;

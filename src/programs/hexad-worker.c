@@ -425,6 +425,7 @@ static int estimate(const spec *s, const run_options *options, error *e)
     json *document = run_estimate(s, options, e);
     if (!document) return -1;
     char *text = json_print(document), *path = mem_printf("%s/" WORKER_ESTIMATE_NAME, options->output);
+    store_file_clear(path); /* left by a killed process */
     bool ok = store_directory_create(options->output, e) && store_file_write(path, text, strlen(text), e);
     if (ok) puts(text);
     free(path);
@@ -534,6 +535,7 @@ static bool show_inspection(const arguments *a, json *inspection, error *e)
     if (a->output) json_put_string(inspection, "text", page);
     char *text = json_print(inspection),
          *name = mem_printf("%s/" WORKER_INSPECTION_NAME, a->output ? a->output : "");
+    if (a->output) store_file_clear(name); /* left by a killed process */
     bool ok =
         !a->output || (store_directory_create(a->output, e) && store_file_write(name, text, strlen(text), e));
     if (ok && a->json)
@@ -576,6 +578,7 @@ static int make_example(const char *path)
 {
     error e = {0};
     store_file file = {0};
+    store_file_clear(path); /* left by a killed process */
     bool ok = store_file_begin(path, &file, &e) && example_write(fileno(file.stream), &e) &&
               store_file_commit(&file, &e);
     store_file_abort(&file);

@@ -39,6 +39,7 @@
 #include "programs/descriptors.h"
 #include "programs/farm.h"
 #include "programs/maintenance.h"
+#include "programs/open_directory.h"
 #include "queue/queue.h"
 #include "results/instance.h"
 #include "results/output_place.h"
@@ -124,6 +125,24 @@ static void fini_signals(service *s)
     close(s->signals);
 }
 
+static void log_warning(const char *setting, const char *message)
+{
+    log_write(LOG_LEVEL_WARNING, "%s: %s", setting, message);
+}
+
+/* Passes the settings whose directories other users can write to a function, with a description. */
+static void visit_open_directories(const config *c, void (*tell)(const char *setting, const char *message))
+{
+    const struct {
+        const char *setting, *path;
+    } directories[] = {{"state_dir", c->state_dir}, {"work_dir", c->work_dir}};
+    for (size_t i = 0; i < sizeof directories / sizeof *directories; i++) {
+        char *message = *directories[i].path ? open_directory_describe(directories[i].path) : NULL;
+        if (message) tell(directories[i].setting, message);
+        free(message);
+    }
+}
+
 static bool init_state(service *s, error *e)
 {
     const char *wanted = s->settings.state_dir;
@@ -141,6 +160,7 @@ static bool init_state(service *s, error *e)
                          strerror(errno));
     s->work_dir = farm_work_directory(&s->settings, s->state_dir, e);
     if (!s->work_dir) free(s->state_dir);
+    if (s->work_dir) visit_open_directories(&s->settings, log_warning);
     return s->work_dir != NULL;
 }
 
@@ -748,7 +768,9 @@ static bool init_port_file(service *s, error *e)
         free(lines);
         lines = all;
     }
-    bool ok = !*s->settings.port_file || store_file_write(s->settings.port_file, lines, strlen(lines), e);
+    const char *file = s->settings.port_file;
+    if (*file) store_file_clear(file); /* left by a killed process */
+    bool ok = !*file || store_file_write(file, lines, strlen(lines), e);
     free(lines);
     return ok;
 }
@@ -1007,6 +1029,7 @@ static int check_settings(service *s)
     warn_of_unknown_names(&c->unix_users, false, "unix_users");
     warn_of_unknown_names(&c->unix_groups, true, "unix_groups");
     warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
+    visit_open_directories(c, warn);
     warn_of_roots(s);
     free_output_roots(s);
     terminal_text_print(stdout, "no faults in the settings%s%s\n", c->file ? " of " : "",

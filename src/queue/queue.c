@@ -86,6 +86,11 @@ bool queue_allows_changes(queue *q, error *e)
     return health_allows_changes(database_health(q->database), e);
 }
 
+bool queue_has_place(queue *q, error *e)
+{
+    return database_has_place(q->database, e);
+}
+
 uint64_t queue_stamp(queue *q, int64_t seq)
 {
     return atomic_load(&q->stamp[(uint64_t)seq % MEMBERS_STAMPS]);

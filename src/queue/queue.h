@@ -4,8 +4,8 @@
  * One connection writes; others read without waiting for changes (database/database.h). Any thread may call any
  * function. When a function returns true, its change is on disk (WAL, synchronous=FULL). Concurrent changes of
  * several threads share one transaction and one flush. No reader sees a change before it is durable. If the database
- * fails, the error has the code internal, storage_full or database_damaged, and outputs are unchanged. The first
- * failed change, and the first successful change after it, are logged.
+ * fails, the error has the code internal, storage_full, database_damaged or state_lost, and outputs are unchanged. The
+ * first failed change, and the first successful change after it, are logged.
  *
  * A job has one task, or one task per frame. A task is executed by attempts. Every claim of a task increments its
  * attempt number. This number is a fence: the queue rejects reports of older attempts. `spent` is the number of
@@ -103,6 +103,8 @@ void queue_get_health(queue *q, health_report *known);
 
 /* False if the database is damaged. The error describes the damage and the required actions. */
 bool queue_allows_changes(queue *q, error *e);
+/* Whether the state directory is still at its path. Otherwise every change fails with the same error (state_lost). */
+bool queue_has_place(queue *q, error *e);
 
 /* ---- jobs */
 

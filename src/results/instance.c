@@ -49,14 +49,21 @@ static bool write_file(const char *work_dir, const char *id, error *e)
     return ok;
 }
 
-/* Whether results/ contains an entry. A directory that exists but cannot be read counts as one with entries. */
+/* Removes what a killed process has left of write_file. The caller holds the lock of the state directory. */
+static void clear_temporary(const char *work_dir)
+{
+    char *path = mem_printf("%s/" INSTANCE_FILE_NAME, work_dir);
+    store_file_clear(path);
+    free(path);
+}
+
+/* Whether results/ contains an entry that is not hidden. A directory that exists but cannot be read counts as one with entries. */
 static bool holds_results(const char *work_dir)
 {
     char *path = mem_printf("%s/results", work_dir);
     DIR *listing = opendir(path);
     bool any = !listing && errno != ENOENT;
-    for (struct dirent *entry; !any && listing && (entry = readdir(listing));)
-        any = strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0;
+    for (struct dirent *entry; !any && listing && (entry = readdir(listing));) any = entry->d_name[0] != '.';
     if (listing) closedir(listing);
     free(path);
     return any;
@@ -116,6 +123,7 @@ queue *instance_open_queue(const char *state_dir, const char *work_dir, bool ado
         return NULL;
     }
     queue *q = queue_open(state_dir, e);
+    if (q) clear_temporary(work_dir);
     if (q && !adopt && !check(q, state_dir, work_dir, own, e)) {
         queue_close(q);
         return NULL;

@@ -10,7 +10,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
@@ -28,9 +27,6 @@
 #define MAX_OUTPUTS 512
 /* Name of the stored list. An output cannot have it, because names of outputs do not begin with '.'. */
 #define LISTING_NAME ".listing.json"
-/* Age in seconds after which a temporary file of a list counts as left by a crash. A list is written in
- * milliseconds. */
-#define LEFT_S 60
 
 char *result_directory(const char *work_dir, const char *id, int frame)
 {
@@ -312,18 +308,15 @@ static char *print_listing(const result *r)
     return text;
 }
 
-/* Removes temporary files of lists that a crash left before their rename. A file younger than LEFT_S may still be in
- * use. */
-static void remove_left_listings(const char *directory)
+void result_clear_temporary(const char *directory, int64_t before_ms)
 {
     struct stat info;
-    const size_t length = strlen(LISTING_NAME ".");
-    const int64_t before_s = clock_wall_ms() / 1000 - LEFT_S;
     DIR *files = opendir(directory);
     for (struct dirent *d; files && (d = readdir(files));)
-        if (strncmp(d->d_name, LISTING_NAME ".", length) == 0 &&
+        if ((store_file_is_temporary(d->d_name, LISTING_NAME) ||
+             store_file_is_temporary(d->d_name, WORKER_REPORT_NAME)) &&
             fstatat(dirfd(files), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode) &&
-            info.st_mtim.tv_sec < before_s)
+            (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000 < before_ms)
             unlinkat(dirfd(files), d->d_name, 0);
     if (files) closedir(files);
 }
@@ -338,7 +331,6 @@ bool result_list(const char *directory, result *r, error *e)
         result_clear(&found);
         return false;
     }
-    remove_left_listings(directory);
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
     if (!store_file_write(path, text, strlen(text), &why)) /* the next call tries again */
         log_write(LOG_LEVEL_WARNING, "cannot store the list of files of a result: %s", why.message);
@@ -369,7 +361,7 @@ void result_remove_leftovers(const char *directory)
     if (!store_remove(directory, &e))
         log_write(LOG_LEVEL_WARNING, "cannot remove the files of a failed attempt: %s", e.message);
     if (text && length) {
-        if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
+        if (!store_directory_add(directory, &e) || !store_file_write(log, text, length, &e))
             log_write(LOG_LEVEL_WARNING, "cannot store the log of the worker: %s", e.message);
     }
     free(text);

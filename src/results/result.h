@@ -50,6 +50,10 @@ json *result_read_short(const char *directory, result *r, error *e);
  * Otherwise, and on every error, false. Outputs that are read from a stored list include report.json. */
 bool result_peek(const char *directory, result *r);
 
+/* Removes the temporary files of lists and reports that were changed last before `before_ms` (wall clock): a killed process
+ * left them. If one is in use after a step of the clock, only storing this list fails, and the next call repeats it. */
+void result_clear_temporary(const char *directory, int64_t before_ms);
+
 /* Reads like result_read and adds report.json to the outputs, as the last one. Its hash requires reading a report
  * that may be long, so the list is stored in a hidden file beside it, which later calls read. If it cannot be
  * stored, logs a warning and succeeds. */

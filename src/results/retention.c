@@ -1,5 +1,6 @@
 #include "results/retention.h"
 
+#include <dirent.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -48,7 +49,9 @@ struct retention {
     /* The following are used by the thread only. Monotonic times of the next attempt of a failed removal, of the next
      * collection of uploaded files, and of the next storing of the running time: */
     int64_t again_ms, collect_ms, store_ms;
-    bool trouble; /* a failed removal has been logged */
+    bool trouble;     /* a failed removal has been logged */
+    DIR *results;     /* results/, while temporary files of an earlier daemon are removed; otherwise NULL */
+    int64_t began_ms; /* of this daemon, wall clock */
 };
 
 static int64_t least(int64_t a, int64_t b)
@@ -270,6 +273,23 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
+/* Removes the temporary files that a killed daemon left in up to AT_ONCE results. *more: others may have some. */
+static void clear_some(retention *r, bool *more)
+{
+    struct dirent *entry = NULL;
+    for (int i = 0; r->results && i < AT_ONCE && (entry = readdir(r->results)); i++) {
+        if (entry->d_name[0] == '.') continue;
+        char *path = mem_printf("%s/results/%s", r->work_dir, entry->d_name);
+        result_clear_temporary(path, r->began_ms);
+        free(path);
+    }
+    if (r->results && !entry) {
+        closedir(r->results);
+        r->results = NULL;
+    }
+    *more = r->results != NULL;
+}
+
 /* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most LOOK_MS
  * from now. It is in the past if the retention has expired since forget_some ran. Jobs whose expiry is held back
  * after a step of the wall clock are examined every LOOK_MS. */
@@ -324,25 +344,34 @@ static void store_running(retention *r)
     r->store_ms = now + (queue_store_running(r->q, NULL) ? STORE_MS : RETRY_MS);
 }
 
+/* Does what is due. Returns the monotonic time of the next call. */
+static int64_t sweep(retention *r)
+{
+    bool more[4] = {false};
+    int64_t next = 0, again;
+    store_running(r);
+    again = work_off_rest(r);
+    collect_inputs(r);
+    note_delivered(r);
+    int64_t looked_ms = clock_wall_ms();
+    bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && evict_some(r, &more[2]);
+    clear_some(r, &more[3]);
+    bool any = more[0] || more[1] || more[2] || more[3];
+    if (!ok || (!any && !find_next_expiry(r, looked_ms, &next)))
+        next = clock_monotonic_ms() + RETRY_MS;
+    else if (any)
+        next = 0;
+    if (r->inputs) next = least(next, r->collect_ms);
+    return least(next, least(again, r->store_ms));
+}
+
 static void *keep(void *argument)
 {
     retention *r = argument;
-    int64_t next = 0, again;
-    do {
-        bool more[3] = {false};
-        store_running(r);
-        again = work_off_rest(r);
-        collect_inputs(r);
-        note_delivered(r);
-        int64_t looked_ms = clock_wall_ms();
-        bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && evict_some(r, &more[2]),
-             any = more[0] || more[1] || more[2];
-        if (!ok || (!any && !find_next_expiry(r, looked_ms, &next)))
-            next = clock_monotonic_ms() + RETRY_MS;
-        else if (any)
-            next = 0;
-        if (r->inputs) next = least(next, r->collect_ms);
-    } while (wait_until(r, least(next, least(again, r->store_ms))));
+    int64_t next;
+    do /* what is at the path of a lost state directory may belong to another service */
+        next = queue_has_place(r->q, NULL) ? sweep(r) : clock_monotonic_ms() + RETRY_MS;
+    while (wait_until(r, next));
     queue_store_running(r->q, NULL);
     return NULL;
 }
@@ -353,6 +382,7 @@ static void release(retention *r)
     pthread_mutex_destroy(&r->removing);
     pthread_mutex_destroy(&r->mutex);
     fetches_free(r->fetches);
+    if (r->results) closedir(r->results);
     free(r->delivered);
     free(r->work_dir);
     free(r);
@@ -369,6 +399,10 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);
     r->work_dir = mem_strdup(work_dir);
+    r->began_ms = clock_wall_ms();
+    char *results = mem_printf("%s/results", work_dir);
+    r->results = opendir(results);
+    free(results);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
     background_init_condition(&r->woken);

@@ -66,7 +66,7 @@ static bool parent_sync(const char *path, error *e)
 /* The name of a temporary file is the final name, a point, and RANDOM_DIGITS hexadecimal digits. */
 enum { RANDOM_DIGITS = 16 };
 
-static bool is_temporary_for(const char *name, const char *of)
+bool store_file_is_temporary(const char *name, const char *of)
 {
     size_t length = strlen(of);
     return strncmp(name, of, length) == 0 && name[length] == '.' &&
@@ -80,7 +80,7 @@ void store_file_clear(const char *path)
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
     DIR *listing = opendir(parent);
     for (struct dirent *entry; listing && (entry = readdir(listing));)
-        if (is_temporary_for(entry->d_name, name)) unlinkat(dirfd(listing), entry->d_name, 0);
+        if (store_file_is_temporary(entry->d_name, name)) unlinkat(dirfd(listing), entry->d_name, 0);
     if (listing) closedir(listing);
     free(parent);
 }
@@ -298,21 +298,25 @@ bool store_identity_equals(const store_identity *a, const store_identity *b)
            a->ctime_ns == b->ctime_ns;
 }
 
-bool store_directory_create(const char *path, error *e)
+bool store_directory_add(const char *path, error *e)
 {
-    if (mkdir(path, 0777) == 0) return parent_sync(path, e);
     struct stat info;
+    if (mkdir(path, 0777) == 0) return parent_sync(path, e);
     if (errno == EEXIST && stat(path, &info) == 0) {
         if (S_ISDIR(info.st_mode)) return true;
         errno = ENOTDIR;
     }
-    if (errno != ENOENT || !*path) return fail(e, "create the directory", path);
+    return fail(e, "create the directory", path);
+}
+
+bool store_directory_create(const char *path, error *e)
+{
+    struct stat info;
     char *parent = parent_of(path);
-    bool ok = strcmp(parent, path) != 0 && store_directory_create(parent, e);
+    bool ok = !*path || strcmp(parent, path) == 0 || stat(parent, &info) == 0 || errno != ENOENT ||
+              store_directory_create(parent, e);
     free(parent);
-    if (!ok) return false;
-    if (mkdir(path, 0777) != 0 && errno != EEXIST) return fail(e, "create the directory", path);
-    return parent_sync(path, e);
+    return ok && store_directory_add(path, e);
 }
 
 bool store_rename(const char *from, const char *to, error *e)

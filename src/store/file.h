@@ -39,6 +39,9 @@ void store_file_abort(store_file *file);
  * or be about to end. Files are recognised by name only. */
 void store_file_clear(const char *path);
 
+/* Whether `name` is that of a temporary file for the file `of`; both are names without a directory. */
+bool store_file_is_temporary(const char *name, const char *of);
+
 /* Calls begin, writes the bytes and calls commit. */
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e);
 
@@ -77,6 +80,9 @@ typedef struct store_facts {
 
 /* Makes a directory and its missing parents with mode 0777 less the umask. If the directory exists, returns true. */
 bool store_directory_create(const char *path, error *e);
+/* Makes a directory in an existing one. Use it while the service runs: a state directory that was moved away, or a file
+ * system that was unmounted, must not be replaced by an empty directory. If the directory exists, returns true. */
+bool store_directory_add(const char *path, error *e);
 
 /* Flushes a file to disk. A large file is flushed in pieces, so that flushes of other files need not wait for all of
  * it. On failure returns false and sets errno. */

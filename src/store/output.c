@@ -2,12 +2,10 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <inttypes.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -250,17 +248,19 @@ char *store_output_name(int directory)
     return length > 0 && (size_t)length < sizeof name ? mem_strndup(name, (size_t)length) : NULL;
 }
 
+/* The file of store_output_try on a file system without unnamed files. */
+#define TRIED_NAME ".probe.hexad-tmp"
+
 bool store_output_try(const store_outputs *outputs, int directory, const char *path, error *e)
 {
-    char name[64];
-    uint64_t random = 0;
-    if (getrandom(&random, sizeof random, 0) != sizeof random)
-        return fail_below(outputs, e, "cannot be written", path);
-    snprintf(name, sizeof name, ".%016" PRIx64 ".hexad-tmp", random);
-    int fd = openat(directory, name, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
+    int fd = openat(directory, ".", O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
+    const bool named = fd < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL);
+    if (named) fd = openat(directory, TRIED_NAME, O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
     if (fd < 0) return fail_below(outputs, e, "cannot be written", path);
     close(fd);
-    return unlinkat(directory, name, 0) == 0 || fail_below(outputs, e, "cannot be written", path);
+    /* another check may have removed it */
+    return !named || unlinkat(directory, TRIED_NAME, 0) == 0 || errno == ENOENT ||
+           fail_below(outputs, e, "cannot be written", path);
 }
 
 static bool copy_bytes(int from, int to)

@@ -49,8 +49,8 @@ int store_output_open_nearest(const store_outputs *outputs, const char *path, bo
 /* The path of an open directory with symbolic links resolved, or NULL if it cannot be read. The caller frees it. */
 char *store_output_name(int directory);
 
-/* Checks that files can be made in an open directory: makes a hidden file and removes it. `path`, below a root or
- * with `outputs` NULL, is for the message. */
+/* Checks that files can be made in an open directory: makes a file without a name. On a file system that has no such files, it
+ * makes a hidden one and removes it. `path`, below a root or with `outputs` NULL, is for the message. */
 bool store_output_try(const store_outputs *outputs, int directory, const char *path, error *e);
 
 /* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages. `temporary`

@@ -15,6 +15,7 @@ from test_webhooks import SECRET, hooked, receiver  # noqa: F401 (a fixture)
 
 WELL = {  # of a service that is well, as Prometheus' unit tests write series
     'up{job="hexad"}': "1", "hexad_database_damaged": "0", "hexad_storage_free_bytes": "5000",
+    "hexad_state_lost": "0", "hexad_storage_writable": "1",
     "hexad_storage_floor_bytes": "1000", 'hexad_jobs{state="queued"}': "7", "hexad_attempts_running": "2",
     "hexad_draining": "0", "hexad_held": "0", "hexad_results_full": "0",
     'hexad_http_answers_total{class="5xx"}': "3", "hexad_http_refused_connections_total": "0",
@@ -28,6 +29,8 @@ CASES = {  # what is different, and which alerts fire then
     "well": ({}, set()),
     "down": ({'up{job="hexad"}': "0"}, {"HexadDown"}),
     "damaged": ({"hexad_database_damaged": "1"}, {"HexadDatabaseDamaged"}),
+    "lost": ({"hexad_state_lost": "1"}, {"HexadStateLost"}),
+    "unwritable": ({"hexad_storage_writable": "0"}, {"HexadStorageUnwritable"}),
     "low": ({"hexad_storage_free_bytes": "1500"}, {"HexadDiskNearlyFull"}),
     "full": ({"hexad_storage_free_bytes": "900"}, {"HexadDiskFull", "HexadDiskNearlyFull"}),
     "stuck": ({"hexad_attempts_running": "0"}, {"HexadNothingRuns"}),

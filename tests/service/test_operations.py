@@ -335,6 +335,30 @@ class Story:
         self.expect_kept()
         wait_until(lambda: self.host.readiness()["database"] == "ok", "the quick check")
 
+    def before_a_directory_that_cannot_be_written(self):
+        self.host.restart()
+        (self.host.state / "results").rename(self.host.state / "old-results")
+        wait_until(lambda: self.host.readiness()["storage"] == "unwritable", "word of it")
+
+    def after_a_directory_that_cannot_be_written(self, shown):
+        assert not shown and "cannot write to" in self.host.log()
+        (self.host.state / "old-results").rename(self.host.state / "results")
+        wait_until(lambda: self.host.readiness()["storage"] == "ok", "readiness")
+        self.expect_kept()
+
+    def before_a_lost_state_directory(self):
+        self.host.restart()
+        self.host.state.rename(self.host.root / "elsewhere")
+        self.host.state.mkdir()
+        assert self.host.readiness()["state"] == "lost"
+
+    def after_a_lost_state_directory(self, shown):
+        assert f" {self.host.state}\n" in shown and "was replaced by another one" in self.host.log()
+        self.host.state.rmdir()
+        (self.host.root / "elsewhere").rename(self.host.state)
+        assert self.host.readiness()["state"] == "ok"
+        self.expect_kept()
+
     def lose_state(self):
         self.host.run("systemctl stop hexad.socket hexad.service\n")
         shutil.rmtree(self.host.state)

@@ -86,16 +86,18 @@ def test_a_listing_is_made_once(finished):
     assert kept.exists()
     expect_problem(finished.get(f"{where}/.listing.json"), 404, "not_found")
     finished.end()
-    finished.start()
-    assert finished.get(where).json == listed
-    kept.unlink()
-    # what a crash left goes, and what another writer may still need stays
+    # what a killed daemon left goes, and what a writer of this one may need stays
     left, young = (kept.with_name(f".listing.json.{n}") for n in ("0123456789abcdef", "1123456789abcdef"))
     left.touch()
     young.touch()
-    os.utime(left, (time.time() - 100,) * 2)
+    os.utime(young, (time.time() + 1000,) * 2)
+    finished.start()
     assert finished.get(where).json == listed
-    assert not left.exists() and young.exists()
+    wait_until(lambda: not left.exists(), "the removal of a temporary file")
+    assert young.exists() and kept.exists()
+    young.unlink()
+    kept.unlink()
+    assert finished.get(where).json == listed
 
 
 def put(service, data, name=None, **headers):

@@ -5,8 +5,11 @@
 #include <cmocka.h>
 
 #include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/inotify.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -281,6 +284,25 @@ static void test_a_directory_that_cannot_be_written(void **state)
     close(directory);
 }
 
+/* A process that is killed during the check leaves nothing: no file gets a name. */
+static void test_a_check_of_a_directory_makes_no_named_file(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    char events[4096];
+    int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC), directory = store_output_open_root(p->root, &e);
+    assert_true(watch >= 0 && directory >= 0);
+    assert_true(inotify_add_watch(watch, p->root, IN_CREATE | IN_MOVED_TO) >= 0);
+    int unnamed = openat(directory, ".", O_TMPFILE | O_WRONLY, 0600);
+    if (unnamed < 0) skip(); /* the file system has no such files */
+    close(unnamed);
+    assert_true(store_output_try(&p->outputs, directory, p->root, &e));
+    assert_int_equal(read(watch, events, sizeof events), -1);
+    assert_int_equal(errno, EAGAIN);
+    close(watch);
+    close(directory);
+}
+
 static void test_files_of_an_interrupted_copy_are_removed(void **state)
 {
     place *p = *state;
@@ -321,6 +343,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_the_nearest_existing_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
+        cmocka_unit_test_setup_teardown(test_a_check_of_a_directory_makes_no_named_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);

@@ -36,6 +36,7 @@ __all__ = [
     "RequestInvalid",
     "ResultsFull",
     "SpecInvalid",
+    "StateLost",
     "StorageFull",
     "TooManyJobs",
     "TooManyRequests",
@@ -166,6 +167,10 @@ class DatabaseDamaged(Problem):
     """The database of the service is damaged (503)."""
 
 
+class StateLost(Problem):
+    """The state directory of the service is lost (503)."""
+
+
 class OutputUnwritable(Problem):
     """The service cannot write to the output directory (422)."""
 
@@ -229,6 +234,7 @@ BY_CODE: Dict[str, Type[Problem]] = {
     "too_many_requests": TooManyRequests,
     "unavailable": Unavailable,
     "database_damaged": DatabaseDamaged,
+    "state_lost": StateLost,
     "output_unwritable": OutputUnwritable,
     "limit_memory": LimitMemory,
     "too_many_jobs": TooManyJobs,
