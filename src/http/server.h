@@ -43,6 +43,10 @@ typedef struct server_settings {
 server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
                      access_control *access, error *e);
 
+/* The number of turns of the serving thread, and a call that makes it turn at least once more. */
+uint64_t server_turns(const server *s);
+void server_wake(server *s);
+
 /* Stops accepting connections, waits a limited time for answers in progress, and stops. Accepts NULL. */
 void server_stop(server *s);
 
