@@ -906,6 +906,11 @@ static struct MHD_Daemon *start_daemon(server *s)
                             0, NULL, NULL, answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
+unsigned server_threads(unsigned estimates)
+{
+    return USER_THREADS + estimates + SPARE_THREADS + HEAVY_THREADS + estimates + PICTURE_THREADS;
+}
+
 static bool start_pools(server *s, error *e)
 {
     const server_settings *c = &s->settings;

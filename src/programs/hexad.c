@@ -28,6 +28,7 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "base/stall.h"
+#include "base/threads.h"
 #include "config/config.h"
 #include "database/checker.h"
 #include "executor/estimator.h"
@@ -658,6 +659,44 @@ static char *find_allow_command(const char *settings_file)
     return command;
 }
 
+/* Numbers of descriptors at the same time, at most. */
+enum {
+    DESCRIPTORS_OF_ESTIMATE = 9, /* of its worker while it starts */
+    DESCRIPTORS_OF_HANDLER = 4,  /* a reader of the database, a directory and a file in it */
+    DESCRIPTORS_OF_CALL = 4,     /* of a webhook: the connection, and those of libcurl */
+    DESCRIPTORS_OF_OTHERS = 32   /* checks, clean-up, copies of results, backups, the start of a worker */
+};
+
+/* The number of descriptors that the service may open besides those of connections. */
+static size_t other_descriptors(const config *c)
+{
+    const size_t attempts = c->workers ? (size_t)c->workers : (size_t)threads_available();
+    const size_t calls = c->webhook_hosts.count ? (size_t)c->webhook_calls : 0;
+    return attempts * ENGINE_MAX_FDS + (size_t)c->estimates * DESCRIPTORS_OF_ESTIMATE +
+           server_threads((unsigned)c->estimates) * (size_t)DESCRIPTORS_OF_HANDLER +
+           calls * DESCRIPTORS_OF_CALL + DESCRIPTORS_OF_OTHERS;
+}
+
+/* Lowers the limit of connections to the number for which descriptors remain. The other parts of the service get at
+ * most half of those that remain, since they rarely need all at once. */
+static void limit_connections(const config *c, connections_settings *limits)
+{
+    const size_t limit = descriptors_limit(), open = descriptors_open(), others = other_descriptors(c);
+    const size_t all = open + others + connections_descriptors(limits),
+                 left = limit > open ? limit - open : 0;
+    const unsigned wanted = limits->connection_limit;
+    if (all <= limit || wanted == 1) return;
+    while (limits->connection_limit > 1 &&
+           connections_descriptors(limits) + (others < left / 2 ? others : left / 2) > left)
+        limits->connection_limit--;
+    log_write(
+        LOG_LEVEL_WARNING,
+        "connection_limit is lowered from %u to %u: the service may open %zu files (RLIMIT_NOFILE), and "
+        "%zu are needed: raise LimitNOFILE= of its unit or `ulimit -Hn` to this number, or set a lower "
+        "connection_limit",
+        wanted, limits->connection_limit, limit, all);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -684,6 +723,7 @@ static bool init_http(service *s, error *e)
         .pages = s->pages,
         .allow_command = s->allow_command,
     };
+    limit_connections(c, &settings.connections);
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
     if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
