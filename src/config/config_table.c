@@ -328,8 +328,10 @@ const config_row config_table[] = {
      .help = "The longest request line and headers of a request, and the longest headers of an answer."},
     {SETTING(connection_limit), .type = CONFIG_INTEGER, .default_text = "2048", .low = 1, .high = 100000,
      .unit = "connections",
-     .help = "The total number of connections. For one more, the server closes the one that has been idle "
-             "longest and belongs to no user."},
+     .help =
+         "The total number of connections. For one more, the server closes the one that has been idle "
+         "longest and belongs to no user. At the start it is lowered, with a warning in the log, to the number "
+         "for which the limit of open files (LimitNOFILE= of the unit) suffices."},
     {SETTING(client_connection_limit), .type = CONFIG_INTEGER, .default_text = "256", .low = 1,
      .high = 100000, .unit = "connections",
      .help = "How many connections without a token one client may have: a client is an address on "

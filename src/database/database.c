@@ -35,6 +35,8 @@
 #define READER_CACHE "-256"
 /* Readers that are opened at the start. More are opened when all of them are in use, and then kept. */
 #define READERS_AT_START 8
+/* Maximum time, in ms, until a further reader is tried again: none may be left that could be returned. */
+#define READER_RETRY_MS 250
 
 /* The log is checkpointed from this number of pages (of 4 KiB), SQLite's default. Larger: fewer checkpoints, and a
  * longer recovery after a crash. */
@@ -458,7 +460,8 @@ database *database_begin_read(database *d)
 {
     database *r = NULL;
     pthread_mutex_lock(&d->reading);
-    while (!(r = d->idle) && !(r = open_reader(d, NULL))) pthread_cond_wait(&d->returned, &d->reading);
+    while (!(r = d->idle) && !(r = open_reader(d, NULL)))
+        background_wait_until(&d->returned, &d->reading, clock_monotonic_ms() + READER_RETRY_MS);
     if (r == d->idle) d->idle = r->next;
     pthread_mutex_unlock(&d->reading);
     plain(r, "BEGIN", NULL);
@@ -628,7 +631,7 @@ static void make_locks(database *d)
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_mutex_init(&d->reading, NULL);
-    pthread_cond_init(&d->returned, NULL);
+    pthread_cond_init(&d->returned, &monotonic);
     pthread_mutex_init(&d->mutex, NULL);
     pthread_cond_init(&d->log_is_long, NULL);
     pthread_mutex_init(&d->gate, NULL);

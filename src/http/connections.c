@@ -83,6 +83,11 @@ unsigned connections_capacity(const connections_settings *settings)
     return settings->connection_limit + 2 * most_unplaced(settings);
 }
 
+size_t connections_descriptors(const connections_settings *settings)
+{
+    return (size_t)connections_capacity(settings) + settings->connection_limit;
+}
+
 /* ---- owners */
 
 static owner **chain_of(connections *p, const owner_key *key)

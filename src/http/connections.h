@@ -20,6 +20,7 @@
 #define HEXAD_HTTP_CONNECTIONS_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "auth/access.h"
@@ -45,6 +46,9 @@ typedef struct connections_settings {
 /* The number of connections that the library must accept. It exceeds the limit, so that connections over the limit
  * get an answer. */
 unsigned connections_capacity(const connections_settings *settings);
+
+/* The maximum number of descriptors of all connections: each may also read a file that is sent, or write an upload. */
+size_t connections_descriptors(const connections_settings *settings);
 
 connections *connections_start(const connections_settings *settings, access_control *access, error *e);
 void connections_stop(connections *p); /* call it after the last connection was removed; accepts NULL */

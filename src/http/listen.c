@@ -122,7 +122,7 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     if (!S_ISSOCK(info.st_mode))
         return error_set(e, ERROR_SPEC_INVALID,
                          "listen %s: the path exists and is not a socket: choose another path", where);
-    int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0); /* its queue may be full */
     if (probe < 0) return fail(e, where, "socket");
     bool alive =
         connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 || errno != ECONNREFUSED;

@@ -882,14 +882,13 @@ static void write_library_log(void *context, const char *format, va_list argumen
 }
 
 /* Starts the library; NULL on failure. */
-static struct MHD_Daemon *start_daemon(server *s, int fd)
+static struct MHD_Daemon *start_daemon(server *s)
 {
     const server_settings *settings = &s->settings;
     /* an additional limit in whole seconds; the limit of http/connections is exact */
     unsigned idle_s = (unsigned)settings->connections.timeout_s + 1;
     struct MHD_OptionItem options[] = {
         {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, s},
-        {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
         {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_capacity(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
@@ -902,8 +901,14 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
         {MHD_OPTION_NOTIFY_CONNECTION, (intptr_t)note_connection, s},
         {MHD_OPTION_END, 0, NULL},
     };
-    return MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL,
-                            answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
+    return MHD_start_daemon(MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME |
+                                MHD_USE_ERROR_LOG,
+                            0, NULL, NULL, answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
+}
+
+unsigned server_threads(unsigned estimates)
+{
+    return USER_THREADS + estimates + SPARE_THREADS + HEAVY_THREADS + estimates + PICTURE_THREADS;
 }
 
 static bool start_pools(server *s, error *e)
@@ -926,22 +931,23 @@ static bool start_pools(server *s, error *e)
            (s->picture_pool = thread_pool_start(&pictures, e));
 }
 
-/* Serves copies of the descriptors, since the library and the loop close theirs. */
+/* Serves copies of the descriptors, since the loop closes its own. */
 static bool serve_sockets(server *s, const listen_socket *sockets, size_t count, error *e)
 {
+    const unsigned capacity = connections_capacity(&s->settings.connections);
     int *fd = mem_alloc(count * sizeof *fd);
     size_t copied = 0;
     struct MHD_Daemon *daemon = NULL;
     while (copied < count && (fd[copied] = fcntl(sockets[copied].fd, F_DUPFD_CLOEXEC, 0)) >= 0 &&
            fcntl(fd[copied], F_SETFL, fcntl(fd[copied], F_GETFL) | O_NONBLOCK) == 0)
         copied++;
-    bool ok = copied == count && (daemon = start_daemon(s, fd[0])) != NULL;
+    bool ok = copied == count && (daemon = start_daemon(s)) != NULL;
     if (!ok)
         error_set(e, ERROR_INTERNAL, "the HTTP server cannot start on %s: %s",
                   sockets[copied < count ? copied : 0].address, strerror(errno));
-    ok = ok && loop_start(daemon, fd + 1, count - 1, &s->loop, e);
-    if (!ok && daemon) MHD_stop_daemon(daemon); /* closes the first one */
-    for (size_t k = daemon ? 1 : 0; !ok && k < copied; k++) close(fd[k]);
+    ok = ok && loop_start(daemon, fd, count, capacity, &s->loop, e);
+    if (!ok && daemon) MHD_stop_daemon(daemon);
+    for (size_t k = 0; !ok && k < copied; k++) close(fd[k]);
     free(fd);
     return ok;
 }
@@ -961,6 +967,16 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     if (s->connections && start_pools(s, e) && serve_sockets(s, sockets, count, e)) return s;
     server_stop(s);
     return NULL;
+}
+
+uint64_t server_turns(const server *s)
+{
+    return loop_turns(s->loop);
+}
+
+void server_wake(server *s)
+{
+    loop_wake(s->loop);
 }
 
 /* Waits a limited time until all requests are answered. */

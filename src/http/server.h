@@ -38,10 +38,17 @@ typedef struct server_settings {
         allow_command; /* permits the user whose name follows, for unknown local users; NULL: there is none */
 } server_settings;
 
+/* The number of threads that run handlers. */
+unsigned server_threads(unsigned estimates);
+
 /* Serves `count` >= 1 sockets until server_stop. They stay the caller's; access and all that the settings point to outlive
  * the server. */
 server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
                      access_control *access, error *e);
+
+/* The number of turns of the serving thread, and a call that makes it turn at least once more. */
+uint64_t server_turns(const server *s);
+void server_wake(server *s);
 
 /* Stops accepting connections, waits a limited time for answers in progress, and stops. Accepts NULL. */
 void server_stop(server *s);

@@ -1,6 +1,8 @@
 #include "programs/descriptors.h"
 
+#include <dirent.h>
 #include <fcntl.h>
+#include <stdint.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -28,4 +30,21 @@ void descriptors_prepare(void)
 {
     open_standard_descriptors();
     raise_descriptor_limit();
+}
+
+size_t descriptors_limit(void)
+{
+    struct rlimit limit;
+    return getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < SIZE_MAX ? (size_t)limit.rlim_cur
+                                                                              : SIZE_MAX;
+}
+
+size_t descriptors_open(void)
+{
+    size_t count = 0;
+    DIR *listing = opendir("/proc/self/fd");
+    if (!listing) return 0;
+    while (readdir(listing)) count++;
+    closedir(listing);
+    return count - 3; /* ".", ".." and the descriptor of the listing */
 }

@@ -27,7 +27,9 @@
 #include "base/manager.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "base/stall.h"
 #include "base/terminal_text.h"
+#include "base/threads.h"
 #include "config/config.h"
 #include "database/checker.h"
 #include "executor/estimator.h"
@@ -57,8 +59,8 @@
 #define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
 /* Fraction of the disk that results may occupy if results_mb is not set. */
 static const double RESULTS_SHARE = 0.8;
-/* Interval, in ms, of status reports to a service manager without a watchdog. */
-static const int STATUS_MS = 10000;
+/* Maximum interval, in ms, of the checks whether the loops advance, and of reports to a service manager. */
+static const int CHECK_MS = 10000;
 /* Time to settle killed workers, in addition to drain_s and grace_s. */
 static const double LAST_WORDS_S = 10;
 
@@ -102,8 +104,7 @@ typedef struct service {
     pages *pages;
     page *page; /* NULL: none */
     server *http;
-    uint64_t turns; /* turns of the supervisor at the last ping; UINT64_MAX: no ping yet */
-    bool stuck;
+    stall supervising, serving;
 } service;
 
 static bool init_signals(service *s, error *e)
@@ -679,6 +680,44 @@ static char *find_allow_command(const char *settings_file)
     return command;
 }
 
+/* Numbers of descriptors at the same time, at most. */
+enum {
+    DESCRIPTORS_OF_ESTIMATE = 9, /* of its worker while it starts */
+    DESCRIPTORS_OF_HANDLER = 4,  /* a reader of the database, a directory and a file in it */
+    DESCRIPTORS_OF_CALL = 4,     /* of a webhook: the connection, and those of libcurl */
+    DESCRIPTORS_OF_OTHERS = 32   /* checks, clean-up, copies of results, backups, the start of a worker */
+};
+
+/* The number of descriptors that the service may open besides those of connections. */
+static size_t other_descriptors(const config *c)
+{
+    const size_t attempts = c->workers ? (size_t)c->workers : (size_t)threads_available();
+    const size_t calls = c->webhook_hosts.count ? (size_t)c->webhook_calls : 0;
+    return attempts * ENGINE_MAX_FDS + (size_t)c->estimates * DESCRIPTORS_OF_ESTIMATE +
+           server_threads((unsigned)c->estimates) * (size_t)DESCRIPTORS_OF_HANDLER +
+           calls * DESCRIPTORS_OF_CALL + DESCRIPTORS_OF_OTHERS;
+}
+
+/* Lowers the limit of connections to the number for which descriptors remain. The other parts of the service get at
+ * most half of those that remain, since they rarely need all at once. */
+static void limit_connections(const config *c, connections_settings *limits)
+{
+    const size_t limit = descriptors_limit(), open = descriptors_open(), others = other_descriptors(c);
+    const size_t all = open + others + connections_descriptors(limits),
+                 left = limit > open ? limit - open : 0;
+    const unsigned wanted = limits->connection_limit;
+    if (all <= limit || wanted == 1) return;
+    while (limits->connection_limit > 1 &&
+           connections_descriptors(limits) + (others < left / 2 ? others : left / 2) > left)
+        limits->connection_limit--;
+    log_write(
+        LOG_LEVEL_WARNING,
+        "connection_limit is lowered from %u to %u: the service may open %zu files (RLIMIT_NOFILE), and "
+        "%zu are needed: raise LimitNOFILE= of its unit or `ulimit -Hn` to this number, or set a lower "
+        "connection_limit",
+        wanted, limits->connection_limit, limit, all);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -705,6 +744,7 @@ static bool init_http(service *s, error *e)
         .pages = s->pages,
         .allow_command = s->allow_command,
     };
+    limit_connections(c, &settings.connections);
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
     if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
@@ -807,21 +847,25 @@ static const struct step {
     {"port_file", init_port_file, fini_port_file},
 };
 
-/* Pings the watchdog of the service manager, unless the supervisor's loop is stuck. The last call woke the
- * supervisor; if it has not run since, it is stuck, and the missing ping makes the service manager act. */
+/* Whether the supervisor and the serving thread have advanced since the last call, which woke them. */
+static bool loops_advance(service *s)
+{
+    const int64_t now = clock_monotonic_ms();
+    const bool supervising = stall_check(&s->supervising, executor_turns(s->x), now);
+    const bool serving = stall_check(&s->serving, server_turns(s->http), now);
+    executor_wake(s->x);
+    server_wake(s->http);
+    return supervising && serving;
+}
+
+/* Pings the watchdog of the service manager, unless a loop is stuck. The missing ping makes the service manager act.
+ */
 static void tell_manager(service *s)
 {
     int64_t count[QUEUE_STATE_COUNT];
-    uint64_t turns = executor_turns(s->x);
-    bool stuck = turns == s->turns;
-    s->turns = turns;
-    executor_wake(s->x);
-    if (stuck && !s->stuck)
-        log_write(LOG_LEVEL_ERROR,
-                  "the supervisor does not respond: the watchdog of the service manager is no longer "
-                  "pinged");
-    s->stuck = stuck;
-    if (stuck) {
+    const bool advances = loops_advance(s);
+    if (!manager_is_present()) return;
+    if (!advances) {
         manager_report_status("stuck");
         return;
     }
@@ -832,12 +876,11 @@ static void tell_manager(service *s)
                               (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
 }
 
-/* The interval of the pings, in ms: half of the watchdog's time. */
-static int sign_interval_ms(void)
+/* The interval of the checks, in ms: at most half of the watchdog's time. */
+static int check_interval_ms(void)
 {
-    int64_t watchdog = manager_watchdog_ms();
-    if (watchdog > 0) return watchdog / 2 < INT32_MAX ? (int)(watchdog / 2) : INT32_MAX;
-    return manager_is_present() ? STATUS_MS : -1;
+    const int64_t half = manager_watchdog_ms() / 2;
+    return half > 0 && half < CHECK_MS ? (int)half : CHECK_MS;
 }
 
 /* Applies the settings about users, all or none. */
@@ -897,14 +940,14 @@ static void drain(service *s, bool *draining)
 static void serve(service *s)
 {
     bool draining = false;
-    int interval_ms = sign_interval_ms();
+    const int interval_ms = check_interval_ms();
     int64_t due_ms = clock_monotonic_ms();
     manager_report_ready();
     for (;;) {
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};
         int64_t wait_ms = due_ms - clock_monotonic_ms();
-        descriptor_wait(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0);
+        descriptor_wait(fds, 2, wait_ms > 0 ? (int)wait_ms : 0);
         struct signalfd_siginfo info;
         if (descriptor_take_event(s->signals, &info, sizeof info)) {
             bool again = info.ssi_signo == SIGHUP;
@@ -920,7 +963,7 @@ static void serve(service *s)
         } else if (draining && fds[1].revents) {
             return;
         }
-        if (interval_ms < 0 || clock_monotonic_ms() < due_ms) continue;
+        if (clock_monotonic_ms() < due_ms) continue;
         tell_manager(s);
         due_ms = clock_monotonic_ms() + interval_ms;
     }
@@ -1041,7 +1084,13 @@ int main(int argc, char **argv)
 {
     descriptors_prepare();
     mem_begin_threads();
-    service s = {.argc = argc, .argv = argv, .signals = -1, .turns = UINT64_MAX};
+    service s = {
+        .argc = argc,
+        .argv = argv,
+        .signals = -1,
+        .supervising = {.loop = "the supervisor", .effect = "jobs neither start nor end"},
+        .serving = {.loop = "the serving thread", .effect = "requests are not answered"},
+    };
     config_action action;
     error e = {0};
     const bool journal = manager_has_journal();

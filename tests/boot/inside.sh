@@ -132,6 +132,21 @@ is_watched() {
     until_true says NRestarts 1 && until_true says ActiveState active && hexadctl list
 }
 
+# The serving thread alone stands still, and the supervisor advances.
+notices_a_stuck_serving_thread() {
+    printf '[Service]\nWatchdogSec=2\nTimeoutAbortSec=1\n' | drop_in hexad.service hurry
+    systemctl restart hexad.service && systemctl reset-failed hexad.service
+    thread=$(grep -lx serving /proc/"$(main_pid)"/task/*/comm | sed 's,.*/task/,,; s,/comm,,')
+    # PTRACE_SEIZE, then PTRACE_INTERRUPT (x86-64); the end of the tracer would let the thread go on
+    perl -e 'for $request (0x4206, 0x4207) { syscall(101, $request, $ARGV[0], 0, 0) == 0 or die $! } sleep 60' "$thread" &
+    tracer=$!
+    until_true restarts_reach 1 && until_true says ActiveState active && hexadctl list &&
+        logged "the serving thread has not advanced for"
+    noticed=$?
+    kill "$tracer"
+    return $noticed
+}
+
 is_not_started_again_with_bad_settings() {
     echo "workers = many" >>"$settings"
     ! systemctl restart hexad.service && says ExecMainStatus 2 && says NRestarts 0 && says ActiveState failed
@@ -288,6 +303,7 @@ check "a stop drains, and loses nothing" is_drained
 check "a daemon that was killed comes back" is_killed
 check "a daemon that stands still is ended and comes back" is_watched
 remove_drop_ins
+check "a daemon whose serving thread stands still is ended and comes back" with_settings notices_a_stuck_serving_thread
 check "bad settings are not tried again" with_settings is_not_started_again_with_bad_settings
 check "bad settings are not tried for ever for a client that waits" with_settings gives_up_on_bad_settings
 check "an input root that comes late is waited for" with_settings waits_for_a_late_root

@@ -135,6 +135,7 @@ class Service:
         self.port_file = self.base / "port"
         self.process = None
         self.clock = None  # of setclock.py, or what else has an `environment` that preloads a library
+        self.under = UNDER
         self.starts = 0
 
     def start(self, *more):
@@ -143,7 +144,7 @@ class Service:
         self.log = self.base / f"log.{self.starts}"
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(
-                [*UNDER, self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
+                [*self.under, self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
                  *self.options, *map(str, more)],
                 stderr=log, stdin=subprocess.DEVNULL, env=self.clock and self.clock.environment)
         wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")

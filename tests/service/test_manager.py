@@ -80,13 +80,13 @@ def test_a_start_that_corrects_reports_asks_for_time(new_service, manager, monke
 PTRACE_SEIZE, PTRACE_INTERRUPT, PTRACE_DETACH = 0x4206, 0x4207, 17
 
 
-def supervisor_of(service):
+def thread_of(service, name):
     """Its directory in /proc. It gives itself its name, some time after it began."""
     tasks = pathlib.Path(f"/proc/{service.process.pid}/task")
 
     def named():
-        return [task for task in tasks.iterdir() if (task / "comm").read_text().strip() == "supervisor"]
-    wait_until(named, "a thread called supervisor")
+        return [task for task in tasks.iterdir() if (task / "comm").read_text().strip() == name]
+    wait_until(named, f"a thread called {name}")
     return named()[0]
 
 
@@ -105,15 +105,27 @@ def stopped(task):
         assert libc.ptrace(PTRACE_DETACH, thread, None, None) == 0
 
 
-def test_a_stuck_supervisor_gives_no_sign(new_service, manager):
+@pytest.mark.parametrize("thread, called", [("supervisor", "the supervisor"), ("serving", "the serving thread")])
+def test_a_stuck_thread_gives_no_sign(new_service, manager, thread, called):
     service = new_service().start()
     manager.hear("WATCHDOG=1")
-    with stopped(supervisor_of(service)):
+    with stopped(thread_of(service, thread)):
         manager.hear("STATUS=stuck")
-        assert manager.hear("STATUS=stuck") == ["STATUS=stuck"]  # and nothing in between
-        assert "the supervisor does not respond" in service.log.read_text()
+        for _ in range(3):
+            assert manager.hear("STATUS=stuck") == ["STATUS=stuck"]  # and nothing in between
+        assert service.log.read_text().count(f"{called} has not advanced for ") == 1
     manager.hear("WATCHDOG=1")
+    assert service.get("/healthz").status == 200
+    assert f"{called} advances again, after " in service.log.read_text()
     assert service.end() == 0
+
+
+@pytest.mark.extended
+def test_without_a_manager_the_log_says_that_a_thread_is_stuck(new_service):
+    service = new_service().start()
+    with stopped(thread_of(service, "serving")):
+        wait_until(lambda: "the serving thread has not advanced for " in service.log.read_text(), "a line about the stall")
+    wait_until(lambda: "the serving thread advances again, after " in service.log.read_text(), "a line about its end")
 
 
 def test_settings_are_read_again(new_service, manager, tmp_path):
