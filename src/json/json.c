@@ -57,6 +57,19 @@ json_at json_member(const json_at *object, const char *key)
     return (json_at){node, object, key, 0};
 }
 
+json_at json_first(const json_at *list)
+{
+    const bool has_children = cJSON_IsArray(list->node) || cJSON_IsObject(list->node);
+    const cJSON *node = has_children ? list->node->child : NULL;
+    return (json_at){node, list, node ? node->string : NULL, 0};
+}
+
+json_at json_next(const json_at *at)
+{
+    const cJSON *node = at->node->next;
+    return (json_at){node, at->parent, node ? node->string : NULL, at->index + 1};
+}
+
 json_at json_element(const json_at *array, size_t index)
 {
     const cJSON *node =
