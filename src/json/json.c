@@ -70,13 +70,6 @@ json_at json_next(const json_at *at)
     return (json_at){node, at->parent, node ? node->string : NULL, at->index + 1};
 }
 
-json_at json_element(const json_at *array, size_t index)
-{
-    const cJSON *node =
-        array->node && index < json_size(*array) ? cJSON_GetArrayItem(array->node, (int)index) : NULL;
-    return (json_at){node, array, node ? node->string : NULL, index};
-}
-
 json_type json_type_of(json_at at)
 {
     if (!at.node) return JSON_NONE;

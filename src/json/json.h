@@ -49,8 +49,6 @@ json_at json_member(const json_at *object, const char *key);
  * A list has no access by index, because a loop with it would take quadratic time. */
 json_at json_first(const json_at *list);
 json_at json_next(const json_at *at);
-/* also of an object: the member with this index, with its key */
-json_at json_element(const json_at *array, size_t index);
 json_type json_type_of(json_at at);
 size_t json_size(json_at at); /* number of elements or members, which are counted; 0 for other types */
 double json_number(json_at at, double otherwise); /* `otherwise` if it is absent or of another type */
