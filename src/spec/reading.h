@@ -36,6 +36,8 @@ typedef struct reading {
     partial_surface *surface; /* the spec's, or the part of it that is being read */
     int depth;                /* surfaces within surfaces */
     size_t surfaces;          /* read so far */
+    size_t slices;            /* of their stacks of images */
+    size_t name_bytes;        /* of the file names of these */
     spec_faults faults;
     size_t total;     /* faults found, kept or not */
     bool shape_known; /* the shape of the surface's formula has been read */

@@ -251,13 +251,24 @@ static void check_exr(reading *r, const json_at *at)
     if (r->known) return;
     spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
     json_at slices = json_member(at, "slices"), path = json_member(at, "path");
-    if (!surface_parse_slices(x))
+    int from = 0, step = 1;
+    if (!surface_parse_slices(x, &from, &step)) {
         reading_add_fault(
             r, &slices,
             "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
             "(given \"%s\")",
             SURFACE_MOST_SLICES, x->slices);
-    else if (!surface_name_slices(x))
+        return;
+    }
+    r->slices += x->count;
+    r->name_bytes += x->count * strlen(x->path);
+    if (r->slices > SURFACE_MOST_SLICES || r->name_bytes > SURFACE_MOST_NAME_BYTES)
+        reading_add_fault(
+            r, &slices,
+            "the stacks of the spec have more than %d slices or file names of more than %d MiB: "
+            "use fewer slices or shorter paths",
+            SURFACE_MOST_SLICES, SURFACE_MOST_NAME_BYTES >> 20);
+    else if (!surface_name_slices(x, from, step))
         reading_add_fault(r, &path, "must contain one %s in place of the slice number", FRAMES_NOTATIONS);
 }
 

@@ -1188,6 +1188,39 @@ static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
     assert_true(after < before + (1 << 16));
 }
 
+/* The names of 62 stacks of 65 536 slices with paths of 4 000 bytes would take 16 GB. */
+static void test_stacks_of_a_spec_have_a_limit_together(void **state)
+{
+    static const struct {
+        int stacks;
+        const char *slices;
+        int path_bytes;
+        bool good;
+    } cases[] = {{2, "1-32768", 10, true},
+                 {2, "1-32769", 10, false},
+                 {62, "1-65536", 4000, false},
+                 {2, "1-9", 4000, true},
+                 {2, "1-8192", 4000, false}};
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        json *root = document(COMBINED("union")), *parts = json_find(root, "/surface/union");
+        char *path = mem_printf("%0*d.####.exr", cases[k].path_bytes, 0);
+        for (int n = 0; n < cases[k].stacks; n++) {
+            json *stack = json_put_object(json_append_object(parts), "exr");
+            json_put_string(stack, "path", path);
+            json_put_string(stack, "slices", cases[k].slices);
+            json_put_number(stack, "isovalue", 1);
+        }
+        spec_faults faults = {0};
+        spec *s = spec_parse(root, &faults, NULL);
+        assert_true(!!s == cases[k].good);
+        if (!s) assert_non_null(strstr(faults.item[0].detail, "more than 65536 slices"));
+        spec_free(s);
+        free(path);
+        json_free(root);
+    }
+}
+
 /* Checks that spec_check_frames, which does not parse each frame, finds the same faults as parsing each frame. */
 static void expect_same_as_each(const char *surface, const char *rest, const char *by_frame)
 {
@@ -1530,6 +1563,7 @@ int main(void)
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_surfaces_that_exclude_each_other_leave_no_memory),
+        cmocka_unit_test(test_stacks_of_a_spec_have_a_limit_together),
         cmocka_unit_test(test_frames_are_checked_as_if_each_were_read),
         cmocka_unit_test(test_the_last_of_many_frames_of_a_long_spec_is_checked),
         cmocka_unit_test(test_long_lists_of_labels_are_read_in_one_walk),
