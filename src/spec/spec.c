@@ -216,9 +216,10 @@ bool spec_surface_is_bounded(const spec_surface *s)
 {
     if (s->part_count == 0)
         return s->kind != SPEC_SURFACE_ANALYTIC || s->analytic.shape != SPEC_SHAPE_HALFSPACE;
-    bool any = false, all = true, first = spec_surface_is_bounded(s->parts[0]);
+    bool any = false, all = true, first = false;
     for (size_t k = 0; k < s->part_count; k++) {
         bool bounded = spec_surface_is_bounded(s->parts[k]);
+        if (k == 0) first = bounded;
         any |= bounded;
         all &= bounded;
     }
