@@ -19,8 +19,8 @@ which way is printed at last; the exit status is 1 where anything broke.
 
 - `lines`: the fuzz target for specs, all in one process (--program fuzz/lines_spec), which a sanitized build checks best;
 - `worker`: `hexad-worker run`, each in a process of its own; what was accepted runs for a second at most;
-- `service`: POST /v1/jobs:validate of a running service, by one client with a token. No answer may have a status 5xx or take
-  more than 50 CPU ms of the service.
+- `service`: POST /v1/jobs:validate of the service beside the worker, by one client whose token has the scope read. No answer
+  may have a status 5xx or take more than 50 CPU ms of the service.
 """
 import argparse
 import collections
@@ -354,9 +354,9 @@ def give_wrong(o, folder, worker, schema):
         o.cpu_seconds = 1
         broken = wrong_through_worker(worker, specs, o.runs, folder, o)
     else:
-        service = wrong_values.Service(o.address, os.environ["HEXAD_TOKEN"], o.pid)
-        broken = wrong_values.through_service(service, specs, o.runs,
-                                              lambda name, spec: (folder / f"{name}.json").write_text(json.dumps(spec)))
+        with wrong_values.Service(worker.parent, folder) as service:
+            broken = wrong_values.through_service(service, specs, o.runs,
+                                                  lambda name, spec: (folder / f"{name}.json").write_text(json.dumps(spec)))
     print(f"{broken} of {o.runs} specs with wrong values broke something")
     return broken > 0
 
@@ -372,9 +372,6 @@ def main():
     parser.add_argument("--cpu-seconds", type=int, default=60, help="what a run may take")
     parser.add_argument("--wrong", choices=["lines", "worker", "service"], help="specs with wrong values; requires --runs")
     parser.add_argument("--program", type=pathlib.Path, help="of --wrong lines: fuzz/lines_spec of a build")
-    parser.add_argument("--address", help="of --wrong service: HOST:PORT, or the path of a Unix socket; HEXAD_TOKEN has "
-                        "the token")
-    parser.add_argument("--pid", type=int, help="of --wrong service: the process of the service")
     o = parser.parse_args()
     folder, worker = o.directory.resolve(), o.worker.resolve()
     folder.mkdir(parents=True, exist_ok=True)

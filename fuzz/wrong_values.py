@@ -7,8 +7,6 @@ import copy
 import http.client
 import itertools
 import json
-import os
-import socket
 import subprocess
 import time
 
@@ -18,7 +16,10 @@ WRONG = [None, True, False, 0, -1, 0.5, 1e300, 2**53, "", "x", "1-3", "a.####.ob
 RIGHT = object()  # beside a wrong value: one that the schema allows
 # how often a member is there that need not be; specs.py has the meaning
 OFTEN = {"queue": 0.5, "frames": 0.6, "by_frame": 0.15, "output": 0.5, "preview": 0.5, "camera": 0.4, "attributes": 0.2,
-         "region": 0.15, "solver": 0.3, "limits": 0.1, "slices": 0.4}
+         "region": 0.15, "inside": 0.5, "solver": 0.3, "limits": 0.1, "slices": 0.3,
+         # what most specs refuse, so that many begin as correct ones
+         **dict.fromkeys(("attach", "time_s", "min_spacing", "max_spacing", "gradation", "curvature", "grid", "points",
+                          "witkin_heckbert", "step", "label_meshes", "mesh_usda", "after_frames", "chunk", "coherent"), 0.03)}
 # values of texts that have a form
 TEXTS = {"frames": ["1-2", "7", "all"], "slices": ["1-3", "1-9x2"], "webhook": ["https://example.com/"],
          "depends_on": ["01ARZ3NDEKTSV4RRFFQ69G5FAV"], "from": ["surface", "geometry", "x.####.vdb"]}
@@ -114,6 +115,10 @@ class Specs:
 
     def spec(self):
         spec = self.draw.spec()
+        if "inside" not in spec.get("region", {"inside": 0}):
+            spec["region"] = {"min": [0, 0, 0], "max": [1, 1, 1]}
+        if spec["sampling"].get("resolve"):
+            spec["sampling"]["feature"] = {}
         if "by_frame" in spec.get("queue", {}):
             spec["queue"].update(by_frame=self.rng.choice([{k: v} for k, v in BY_FRAME.items()]), frames="1-2")
         return spec
@@ -157,20 +162,33 @@ def through_lines(program, specs, runs, log):
     return code, told, int(numbers[-1]) if numbers else None
 
 
-class UnixConnection(http.client.HTTPConnection):
-    def connect(self):
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.connect(self.host)
-
-
 class Service:
-    """One client of a running service, with a token."""
+    """A service of a build on a loopback port, and its one client, whose token has the scope read."""
 
-    def __init__(self, address, token, pid):
-        unix = address.startswith("/")
-        self.connection = UnixConnection(address, timeout=60) if unix else http.client.HTTPConnection(address, timeout=60)
-        self.headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
-        self.clock = (~pid << 3) | 2  # CPU time of the process, see clock_getcpuclockid(3)
+    def __init__(self, build, folder):
+        state, port = folder / "state", folder / "port"
+        state.mkdir(mode=0o700, exist_ok=True)
+        port.unlink(missing_ok=True)
+        added = subprocess.run([build / "hexadctl", "token", "add", "reader", "--scopes", "read", "--file", state / "tokens"],
+                               check=True, capture_output=True, text=True)
+        with open(folder / "service.log", "wb") as log:
+            self.process = subprocess.Popen([build / "hexad", "--listen", "127.0.0.1:0", "--port_file", port, "--state_dir", state,
+                                             "--reserve_mb", "1"], stdin=subprocess.DEVNULL, stderr=log)
+        while not port.exists():
+            if self.process.poll() is not None:
+                raise SystemExit("the service does not start: see service.log")
+            time.sleep(0.05)
+        self.connection = http.client.HTTPConnection(port.read_text().strip(), timeout=300)
+        self.headers = {"Authorization": f"Bearer {added.stdout.strip()}", "Content-Type": "application/json"}
+        self.clock = (~self.process.pid << 3) | 2  # CPU time of the process, see clock_getcpuclockid(3)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.connection.close()
+        self.process.terminate()
+        self.process.wait()
 
     def cpu_ms(self):
         return 1e3 * time.clock_gettime(self.clock)
