@@ -14,9 +14,17 @@ it, the shared data. What is held of each:
 
 A spec that breaks one is left in DIRECTORY with what the worker said, and runs again by `hexad-worker run`. How many ended in
 which way is printed at last; the exit status is 1 where anything broke.
+
+--wrong gives --runs specs whose members have wrong values, alone and in pairs (wrong_values.py), to one of:
+
+- `lines`: the fuzz target for specs, all in one process (--program fuzz/lines_spec), which a sanitized build checks best;
+- `worker`: `hexad-worker run`, each in a process of its own; what was accepted runs for a second at most;
+- `service`: POST /v1/jobs:validate of the service beside the worker, by one client whose token has the scope read. No answer
+  may have a status 5xx or take more than 50 CPU ms of the service.
 """
 import argparse
 import collections
+import itertools
 import json
 import math
 import os
@@ -29,6 +37,8 @@ import struct
 import subprocess
 import sys
 import time
+
+import wrong_values
 
 ENDS = {0: "converged", 10: "not_converged", 11: "unresolved"}
 ERRORS = {2, 3, 4, 5, 7}
@@ -81,8 +91,9 @@ def files_of(folders):
 class Draw:
     """A value that a schema allows."""
 
-    def __init__(self, schema, files, rng):
+    def __init__(self, schema, files, rng, often=OFTEN, left_out=LEFT_OUT, texts=None):
         self.schema, self.files, self.rng = schema, files, rng
+        self.often, self.left_out, self.texts = often, left_out, texts or {}
 
     def chosen(self, weights):
         names = list(weights)
@@ -114,7 +125,7 @@ class Draw:
         all_of, required = of["properties"], of.get("required", [])
         out = {}
         for name, member in all_of.items():
-            if name in LEFT_OUT or (name not in required and self.rng.random() >= OFTEN.get(name, 0.12)):
+            if name in self.left_out or (name not in required and self.rng.random() >= self.often.get(name, 0.12)):
                 continue
             out[name] = self.value(member, name if kind is None else kind, name, depth)
         for rule in of.get("allOf", []):
@@ -152,6 +163,8 @@ class Draw:
             return self.matrix()
         if name == "path":
             return self.rng.choice(self.files.get(kind, self.files["vdb"]))
+        if name in self.texts and of.get("type") == "string":
+            return self.rng.choice(self.texts[name])
         if "oneOf" in of:
             return self.value(self.rng.choice(of["oneOf"]), kind, name, depth)
         if "const" in of:
@@ -290,6 +303,64 @@ def judge(worker, spec, folder, limits):
     return end, fault, said
 
 
+def wrong_places(schema):
+    """The JSON Pointers of all members that get wrong values."""
+    places = wrong_values.Specs(Draw(schema, {}, random.Random(0)), TARGETS).places
+    return {"".join(f"/{step}" for step in place) for place in places}
+
+
+def wrong_specs(schema, seed):
+    """The same sequence for the same seed."""
+    files = dict.fromkeys([*schema["properties"]["surface"]["properties"], "grid", "points"], wrong_values.FILES)
+    draw = Draw(schema, files, random.Random(seed), wrong_values.OFTEN, set(), wrong_values.TEXTS)
+    return iter(wrong_values.Specs(draw, TARGETS))
+
+
+def wrong_through_worker(worker, specs, runs, folder, limits):
+    """How many broke something."""
+    broken, ends = 0, collections.Counter()
+    for number, spec in enumerate(itertools.islice(specs, runs), 1):
+        code, said, _ = run(worker, spec, folder / "first", limits, 1)
+        slow = code == -signal.SIGXCPU
+        fault = None if slow else fault_of(folder / "first", code, said)
+        ends["slow" if slow else ENDS.get(code) or code_of(said)] += 1
+        if fault:
+            broken += 1
+            (folder / f"broken.{number}.json").write_text(json.dumps(spec))
+            (folder / f"broken.{number}.txt").write_text(f"{fault}\n{said}")
+            print(f"{number}: {fault}", flush=True)
+    print(", ".join(f"{count} {end}" for end, count in ends.most_common()))
+    return broken
+
+
+def wrong_through_lines(program, schema, o, folder):
+    code, told, number = wrong_values.through_lines(program, wrong_specs(schema, o.seed), o.runs, folder / "lines.log")
+    if code == 0:
+        print(told)
+        return 0
+    print(f"exit status {code} at spec {number}: see lines.log")
+    if number:
+        spec = next(itertools.islice(wrong_specs(schema, o.seed), number - 1, None))
+        (folder / f"broken.{number}.json").write_text(json.dumps(spec))
+    return 1
+
+
+def give_wrong(o, folder, worker, schema):
+    """The exit status of --wrong."""
+    specs = wrong_specs(schema, o.seed)
+    if o.wrong == "lines":
+        broken = wrong_through_lines(o.program.resolve(), schema, o, folder)
+    elif o.wrong == "worker":
+        o.cpu_seconds = 1
+        broken = wrong_through_worker(worker, specs, o.runs, folder, o)
+    else:
+        with wrong_values.Service(worker.parent, folder) as service:
+            broken = wrong_values.through_service(service, specs, o.runs,
+                                                  lambda name, spec: (folder / f"{name}.json").write_text(json.dumps(spec)))
+    print(f"{broken} of {o.runs} specs with wrong values broke something")
+    return broken > 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("worker", type=pathlib.Path)
@@ -299,14 +370,19 @@ def main():
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--memory-mb", type=int, default=1500)
     parser.add_argument("--cpu-seconds", type=int, default=60, help="what a run may take")
+    parser.add_argument("--wrong", choices=["lines", "worker", "service"], help="specs with wrong values; requires --runs")
+    parser.add_argument("--program", type=pathlib.Path, help="of --wrong lines: fuzz/lines_spec of a build")
     o = parser.parse_args()
     folder, worker = o.directory.resolve(), o.worker.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    schema = json.loads(subprocess.run([worker, "schema"], check=True, capture_output=True, text=True).stdout)
+    print(f"seed {o.seed}", flush=True)
+    if o.wrong:
+        return give_wrong(o, folder, worker, schema)
     write_files(folder / "files", worker)
     shared = os.environ.get("HEXAD_SHARED")
     folders = [folder / "files"] + [pathlib.Path(shared) / name for name in ("meshes", "vdb", "volumes") if shared]
-    schema = json.loads(subprocess.run([worker, "schema"], check=True, capture_output=True, text=True).stdout)
     draw = Draw(schema, files_of(folders), random.Random(o.seed))
-    print(f"seed {o.seed}", flush=True)
     ends, broken, ran, until = collections.Counter(), 0, 0, time.monotonic() + o.seconds
     while ran < o.runs and time.monotonic() < until:
         spec = draw.spec()

@@ -149,8 +149,19 @@ def unescaped_prints(root):
     return faults
 
 
+def indexed_lists(root):
+    """Loops over lists of JSON by index or by a length that is counted each time: both take quadratic time."""
+    faults = []
+    for name in code_of(root, ("src",)):
+        for number, line in enumerate((root / name).read_text().splitlines(), 1):
+            access = re.search(r"json_element\(|cJSON_GetArrayItem\(|\b(?:for|while) \(.*json_size\(", line)
+            if access and not (name == "src/json/json.c" and "node, (int)index" in line):  # a step of a JSON Pointer
+                faults.append(f"{name}:{number}: iterate with json_first and json_next")
+    return faults
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints]
+          private_phrases, unescaped_prints, indexed_lists]
 
 
 @pytest.mark.parametrize(
@@ -206,6 +217,10 @@ FAULTS = [
     (unescaped_prints, "src/json/json.c", 'void f(void)\n{\n    fprintf(stderr, "a %d\\n", 1);\n    printf("a "\n           "%-3s", x);\n}\n',
      "src/json/json.c:4: printf with %s"),
     (unescaped_prints, "src/client/wait.c", 'void f(FILE *out)\n{\n    fprintf(out, "%s", x);\n}\n', "src/client/wait.c:3: printf with %s"),
+    (indexed_lists, "src/base/clock.c", "/* clock: the time. */\nint one(json_at a)\n{\n    for (size_t i = 0; i < json_size(a); i++)\n"
+     "        use(a, i);\n}\n", "src/base/clock.c:4: iterate with"),
+    (indexed_lists, "src/base/clock.c", "/* clock: the time. */\nconst json *one(const json_at *a)\n{\n    return json_element(a, 1);\n}\n",
+     "src/base/clock.c:4: iterate with"),
     (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 

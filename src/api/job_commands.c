@@ -118,28 +118,31 @@ void job_commands_deliver(const http_context *c, const http_request *request, re
     tell(c, request, QUEUE_DELIVER, "deliver", r);
 }
 
-/* Parses the members of a patch as members of a spec's group `queue`, so that the table of the spec checks them. If
- * one is invalid, returns NULL and appends the faults to `errors`. */
+/* Parses the members of a patch as members of the group `queue` of a spec that is valid otherwise, so that the table of
+ * the spec checks them. If one is invalid, returns NULL and appends the faults to `errors`. */
 static spec *read_members(json_at patch, json *errors)
 {
+    static const char valid[] =
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}},"
+        "\"sampling\":{\"count\":4}}";
+    static const char group_pointer[] = "/queue";
     spec_faults faults = {0};
-    json *group = json_new_object();
+    json *document = json_parse(valid, sizeof valid - 1, NULL), *group = json_put_object(document, "queue");
     for (size_t i = 0; job_commands_patch_members[i]; i++) {
         json_at at = json_member(&patch, job_commands_patch_members[i]);
         if (at.node) json_put(group, job_commands_patch_members[i], json_copy(at.node));
     }
-    spec *s = spec_parse_group(group, "/queue", &faults, NULL);
-    json_free(group);
+    spec *s = spec_parse(document, &faults, NULL);
+    json_free(document);
     for (size_t i = 0; i < faults.count; i++)
-        reply_append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
+        reply_append_fault(errors, faults.item[i].pointer + strlen(group_pointer), faults.item[i].detail);
     return s;
 }
 
 static void check_names(json_at patch, json *errors)
 {
-    for (size_t i = 0; i < json_size(patch); i++) {
+    for (json_at member = json_first(&patch); member.node; member = json_next(&member)) {
         char pointer[256];
-        json_at member = json_element(&patch, i);
         size_t k = 0;
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;

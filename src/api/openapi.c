@@ -228,8 +228,7 @@ static void put_schemas(json *components, json *schemas)
 {
     json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
     json_at root = json_root(document);
-    for (size_t i = 0; i < json_size(root); i++) {
-        json_at schema = json_element(&root, i);
+    for (json_at schema = json_first(&root); schema.node; schema = json_next(&schema)) {
         json_put(schemas, schema.key, json_copy(schema.node));
     }
     json_free(document);

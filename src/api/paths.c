@@ -37,8 +37,7 @@ json *paths_map(const path_map *mappings, const spec *s, json *document)
 void paths_restore(const json *paths, json *document)
 {
     json_at list = json_root(paths);
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at entry = json_element(&list, i);
+    for (json_at entry = json_first(&list); entry.node; entry = json_next(&entry)) {
         json *node = json_find(document, json_string(json_member(&entry, "pointer"), ""));
         const char *asked = json_string(json_member(&entry, "asked"), NULL);
         if (node && asked) json_set_string(node, asked);
@@ -48,8 +47,7 @@ void paths_restore(const json *paths, json *document)
 const char *paths_asked(const json *paths, const char *pointer)
 {
     json_at list = json_root(paths);
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at entry = json_element(&list, i);
+    for (json_at entry = json_first(&list); entry.node; entry = json_next(&entry)) {
         if (strcmp(json_string(json_member(&entry, "pointer"), ""), pointer) == 0)
             return json_string(json_member(&entry, "asked"), NULL);
     }

@@ -166,6 +166,18 @@ char *frames_path(const char *path, int frame)
     return mem_printf("%.*s%0*d%s", (int)(at - path), path, digits, frame, at + length);
 }
 
+char **frames_paths(const char *pattern, const int *numbers, size_t count)
+{
+    size_t length = 0;
+    int digits = 0;
+    const char *at = find_pattern(pattern, &length, &digits);
+    assert(at);
+    char **paths = mem_alloc((count + 1) * sizeof *paths);
+    for (size_t k = 0; k < count; k++)
+        paths[k] = mem_printf("%.*s%0*d%s", (int)(at - pattern), pattern, digits, numbers[k], at + length);
+    return paths;
+}
+
 size_t frames_prefix(const char *pattern)
 {
     size_t length;

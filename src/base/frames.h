@@ -32,6 +32,9 @@ bool frames_is_pattern(const char *path);
 /* The path of one frame; the caller frees it. */
 char *frames_path(const char *path, int frame);
 
+/* The paths of several frames, which the caller frees, of a path with the place of a number. */
+char **frames_paths(const char *pattern, const int *numbers, size_t count);
+
 /* The number of characters before the frame number; the path must be a pattern. */
 size_t frames_prefix(const char *pattern);
 

@@ -75,8 +75,8 @@ static int send_result(client *c, const char *list, char **path)
     json *document = NULL;
     int code = command_ask(c, "GET", list, NULL, &document);
     json_at root = json_root(document), results = json_member(&root, "results");
-    for (size_t k = 0; code == COMMAND_OK && !*path && k < json_size(results); k++) {
-        json_at item = json_element(&results, k);
+    for (json_at item = json_first(&results); item.node && code == COMMAND_OK && !*path;
+         item = json_next(&item)) {
         if (strcmp(json_string(json_member(&item, "name"), ""), points_name) == 0)
             code = send_points(c, item, path);
     }

@@ -36,8 +36,7 @@ static int collect(client *c, const command_options *options, ids *list)
         code = command_ask(c, "GET", path, NULL, &page);
         free(path);
         json_at root = json_root(page), jobs = json_member(&root, "jobs");
-        for (size_t i = 0; i < json_size(jobs); i++) {
-            json_at job = json_element(&jobs, i);
+        for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
             list->id = mem_resize(list->id, (list->count + 1) * sizeof *list->id);
             list->id[list->count++] = mem_strdup(json_string(json_member(&job, "id"), ""));
         }

@@ -51,9 +51,9 @@ static void print_dependents(json_at job)
     json_at dependents = json_member(&job, "dependents"), others = json_member(&dependents, "others");
     double count = json_number(json_member(&dependents, "retried"), 0);
     terminal_text_print(stdout, "%.0f dependent job%s retried\n", count, count == 1 ? "" : "s");
-    for (size_t i = 0; i < json_size(others); i++)
+    for (json_at other = json_first(&others); other.node; other = json_next(&other))
         terminal_text_print(stdout, "%s was not retried: it depends on another failed job\n",
-                            json_string(json_element(&others, i), "?"));
+                            json_string(other, "?"));
 }
 
 int command_retry(client *c, const char *argument, const command_options *options)
@@ -177,9 +177,8 @@ void command_explain_waiting(client *c, FILE *file)
     client_reply_clear(&reply);
 }
 
-static const char *owner_of(json_at workers, size_t i)
+static const char *owner_of(json_at worker)
 {
-    json_at worker = json_element(&workers, i);
     return json_string(json_member(&worker, "owner"), "");
 }
 
@@ -189,13 +188,13 @@ static void print_user_limits(const json *document, const char *owner, FILE *fil
     json_at root = json_root(document), load = json_member(&root, "load"),
             list = json_member(&root, "workers");
     const double most = json_number(json_member(&load, "user_running"), INFINITY);
-    for (size_t i = 0; i < json_size(list); i++) {
-        const char *name = owner_of(list, i);
+    for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker)) {
+        const char *name = owner_of(worker);
         size_t before = 0, count = 0;
-        for (size_t k = 0; k < json_size(list); k++) {
-            const bool same = strcmp(owner_of(list, k), name) == 0;
+        for (json_at other = json_first(&list); other.node; other = json_next(&other)) {
+            const bool same = strcmp(owner_of(other), name) == 0;
             count += same;
-            before += same && k < i;
+            before += same && other.index < worker.index;
         }
         if (before || (double)count < most || (owner && strcmp(owner, name) != 0)) continue;
         terminal_text_put(file, name);
@@ -229,8 +228,7 @@ int command_workers(client *c, const char *argument, const command_options *opti
                json_number(json_member(&load, "threads_limit"), 0),
                json_number(json_member(&load, "memory_mb"), 0),
                json_number(json_member(&load, "memory_mb_limit"), 0));
-        for (size_t i = 0; i < json_size(list); i++) {
-            json_at worker = json_element(&list, i);
+        for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker)) {
             terminal_text_put(stdout, json_string(json_member(&worker, "job"), "?"));
             printf("  attempt %.0f  ", json_number(json_member(&worker, "attempt"), 0));
             terminal_text_put(stdout, json_string(json_member(&worker, "owner"), "?"));
@@ -271,8 +269,7 @@ int command_usage(client *c, const char *argument, const command_options *option
     if (code == COMMAND_OK) {
         terminal_text_print(stdout, "%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
         print_usage_row(json_member(&root, "all"), "(all)");
-        for (size_t i = 0; i < json_size(list); i++) {
-            json_at row = json_element(&list, i);
+        for (json_at row = json_first(&list); row.node; row = json_next(&row)) {
             print_usage_row(row, json_string(json_member(&row, "user"), "?"));
         }
         if (json_bool(json_member(&root, "full"), false))

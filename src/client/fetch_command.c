@@ -104,8 +104,7 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
 static void warn_of_other_result(const char *directory, json_at results)
 {
     char *path = mem_printf("%s/report.json", directory);
-    for (size_t i = 0; i < json_size(results); i++) {
-        json_at item = json_element(&results, i);
+    for (json_at item = json_first(&results); item.node; item = json_next(&item)) {
         if (strcmp(json_string(json_member(&item, "name"), ""), "report.json") != 0) continue;
         if (access(path, F_OK) == 0 && !is_there(path, json_string(json_member(&item, "sha256"), "")))
             print_failure(
@@ -128,9 +127,8 @@ static int fetch_list(client *c, const char *list, const char *directory, const 
     json_at root = json_root(found), results = json_member(&root, "results");
     size_t there = 0;
     if (code == COMMAND_OK) warn_of_other_result(directory, results);
-    for (size_t i = 0; code == COMMAND_OK && i < json_size(results); i++) {
+    for (json_at item = json_first(&results); item.node && code == COMMAND_OK; item = json_next(&item)) {
         bool kept = false;
-        json_at item = json_element(&results, i);
         bool of_all = frames_is_stage(json_string(json_member(&item, "name"), ""));
         code = fetch_file(c, of_all ? above : directory, item, quiet, &kept);
         there += kept;
@@ -209,8 +207,8 @@ static int fetch_tasks(client *c, fetching *f)
     for (json *page; code == COMMAND_OK && (page = command_next_tasks(c, f->id, &after, &code));
          json_free(page)) {
         json_at root = json_root(page), tasks = json_member(&root, "tasks");
-        for (size_t i = 0; code == COMMAND_OK && i < json_size(tasks); i++)
-            code = fetch_task(c, f, json_element(&tasks, i));
+        for (json_at task = json_first(&tasks); task.node && code == COMMAND_OK; task = json_next(&task))
+            code = fetch_task(c, f, task);
     }
     return code;
 }

@@ -61,19 +61,17 @@ static bool write_frame(json_at task, FILE *line)
     fprintf(line, "frame %.0f: ", json_number(json_member(&task, "frame"), 0));
     terminal_text_put(line, outcome);
     const long before = ftell(line);
-    for (size_t i = 0; i < json_size(ratings); i++) {
-        json_at item = json_element(&ratings, i);
+    for (json_at item = json_first(&ratings); item.node; item = json_next(&item)) {
         const char *rating = json_string(json_member(&item, "rating"), "good");
         if (strcmp(rating, "good") == 0) continue;
         terminal_text_print(line, ", %s %.3g ", item.key, json_number(json_member(&item, "value"), 0));
         terminal_text_put(line, rating);
     }
-    for (size_t i = 0; i < json_size(reasons); i++) {
-        json_at reason = json_element(&reasons, i);
+    for (json_at reason = json_first(&reasons); reason.node; reason = json_next(&reason)) {
         add_note(line, json_string(json_member(&reason, "message"), "?"));
     }
-    for (size_t i = 0; i < json_size(warnings); i++)
-        add_note(line, json_string(json_element(&warnings, i), "?"));
+    for (json_at warning = json_first(&warnings); warning.node; warning = json_next(&warning))
+        add_note(line, json_string(warning, "?"));
     return ftell(line) > before || strcmp(outcome, "converged") != 0;
 }
 
@@ -104,8 +102,7 @@ int command_print_frame_outcomes(client *c, json_at job, FILE *file)
     for (json *page; (page = command_next_tasks(c, json_string(json_member(&job, "id"), ""), &after, &code));
          json_free(page)) {
         json_at root = json_root(page), tasks = json_member(&root, "tasks");
-        for (size_t i = 0; i < json_size(tasks); i++) {
-            json_at task = json_element(&tasks, i);
+        for (json_at task = json_first(&tasks); task.node; task = json_next(&task)) {
             const char *outcome = json_string(json_member(&task, "outcome"), "");
             for (int k = 0; k < LISTS; k++)
                 if (strcmp(outcome, lists[k].outcome) == 0)

@@ -49,8 +49,7 @@ static void take_matches(matches *m, json_at page)
 {
     json_at jobs = json_member(&page, "jobs");
     size_t length = strlen(m->beginning);
-    for (size_t i = 0; i < json_size(jobs); i++) {
-        json_at job = json_element(&jobs, i);
+    for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
         if (strncmp(json_string(json_member(&job, "id"), ""), m->beginning, length) == 0)
             json_append(m->jobs, json_copy(job.node));
     }
@@ -83,8 +82,7 @@ static int refuse_several(const matches *m)
 {
     json_at jobs = json_root(m->jobs);
     print_failure("%s is the beginning of %zu job IDs: give more characters", m->beginning, json_size(jobs));
-    for (size_t i = 0; i < json_size(jobs); i++) {
-        json_at job = json_element(&jobs, i);
+    for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
         fputs("  ", stderr);
         terminal_text_put(stderr, json_string(json_member(&job, "id"), "?"));
         fputc(' ', stderr);
@@ -105,7 +103,7 @@ static int find(client *c, const char *user, const char *name, char **id)
     const command_options chosen = {
         .owner = user, .since = since, .until = until, .limit = latest ? "1" : "500"};
     int code = latest || (since && until) ? collect(c, &chosen, latest, &m) : COMMAND_OK;
-    json_at jobs = json_root(m.jobs), first = json_element(&jobs, 0);
+    json_at jobs = json_root(m.jobs), first = json_first(&jobs);
     if (code == COMMAND_OK && json_size(jobs) > 1) {
         code = refuse_several(&m);
     } else if (code == COMMAND_OK && json_size(jobs) == 1) {

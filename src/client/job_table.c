@@ -161,12 +161,12 @@ static void print_line(const char *title, const char *text)
 /* Prints a list of words unless it is empty. */
 static void print_words(const char *title, json_at list)
 {
-    for (size_t i = 0; i < json_size(list); i++) {
-        if (i == 0)
+    for (json_at item = json_first(&list); item.node; item = json_next(&item)) {
+        if (item.index == 0)
             terminal_text_print(stdout, "  %-9s ", title);
         else
             fputs(", ", stdout);
-        terminal_text_put(stdout, json_string(json_element(&list, i), "?"));
+        terminal_text_put(stdout, json_string(item, "?"));
     }
     if (json_size(list)) putchar('\n');
 }
@@ -212,7 +212,8 @@ static void print_attempts(json_at job)
     if (!shown) return;
     if (shown <= ATTEMPTS_SHOWN) {
         table t = job_table_new_attempts();
-        for (size_t i = 0; i < shown; i++) job_table_add_attempt(&t, json_element(&attempts, i));
+        for (json_at attempt = json_first(&attempts); attempt.node; attempt = json_next(&attempt))
+            job_table_add_attempt(&t, attempt);
         putchar('\n');
         table_print(&t);
         table_clear(&t);
@@ -225,9 +226,8 @@ static void print_attempts(json_at job)
 static void print_dependents(json_at page)
 {
     json_at jobs = json_member(&page, "jobs");
-    for (size_t i = 0; i < json_size(jobs); i++) {
-        json_at job = json_element(&jobs, i);
-        fputs(i == 0 ? "  needed by " : ", ", stdout);
+    for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
+        fputs(job.index == 0 ? "  needed by " : ", ", stdout);
         terminal_text_put(stdout, text_of(job, "id", "?"));
         putchar(' ');
         terminal_text_put(stdout, text_of(job, "state", "?"));

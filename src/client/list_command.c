@@ -33,8 +33,7 @@ typedef struct listing {
 static size_t take_page(listing *l, const json *page)
 {
     json_at root = json_root(page), list = json_member(&root, l->key), next = json_member(&root, "next");
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at entry = json_element(&list, i);
+    for (json_at entry = json_first(&list); entry.node; entry = json_next(&entry)) {
         if (l->entries)
             json_append(l->entries, json_copy(entry.node));
         else
@@ -151,8 +150,8 @@ static int show_failures(client *c, const char *id, double left)
          shown < left && shown < FAILURES_SHOWN && (page = command_next_tasks(c, id, &after, &code));
          json_free(page)) {
         json_at root = json_root(page), tasks = json_member(&root, "tasks");
-        for (size_t i = 0; i < json_size(tasks) && shown < FAILURES_SHOWN; i++) {
-            json_at task = json_element(&tasks, i);
+        for (json_at task = json_first(&tasks); task.node && shown < FAILURES_SHOWN;
+             task = json_next(&task)) {
             if (!is_failure(task)) continue;
             job_table_add_frame(&rows, task);
             shown++;

@@ -76,12 +76,12 @@ int print_refused_spec(const client_reply *reply, const char *file)
         fputs(": ", stderr);
     }
     if (json_size(errors) == 1) {
-        print_fault(json_element(&errors, 0));
+        print_fault(json_first(&errors));
     } else if (json_size(errors) > 1) {
         fprintf(stderr, "%zu faults:\n", json_size(errors));
-        for (size_t i = 0; i < json_size(errors); i++) {
+        for (json_at fault = json_first(&errors); fault.node; fault = json_next(&fault)) {
             fputs("  ", stderr);
-            print_fault(json_element(&errors, i));
+            print_fault(fault);
         }
     } else {
         terminal_text_put(stderr, json_string(json_member(&root, "detail"), status));
@@ -153,9 +153,9 @@ static void print_note(FILE *file, const char *kind, json_at text)
 void print_ratings(FILE *file, const char *title, json_at notes)
 {
     json_at ratings = json_member(&notes, "ratings");
-    for (size_t i = 0; i < json_size(ratings); i++) {
-        json_at item = json_element(&ratings, i), value = json_member(&item, "value");
-        fputs(i == 0 ? title : ", ", file);
+    for (json_at item = json_first(&ratings); item.node; item = json_next(&item)) {
+        json_at value = json_member(&item, "value");
+        fputs(item.index == 0 ? title : ", ", file);
         terminal_text_put(file, item.key);
         if (json_type_of(value) == JSON_NUMBER) fprintf(file, " %.3g ", json_number(value, 0));
         terminal_text_put(file, json_string(json_member(&item, "rating"), " not measured"));
@@ -167,13 +167,12 @@ void print_notes(FILE *file, json_at notes)
 {
     json_at reasons = json_member(&notes, "outcome_reasons"), warnings = json_member(&notes, "warnings"),
             advice = json_member(&notes, "advice");
-    for (size_t i = 0; i < json_size(reasons); i++) {
-        json_at reason = json_element(&reasons, i);
+    for (json_at reason = json_first(&reasons); reason.node; reason = json_next(&reason)) {
         print_note(file, "outcome", json_member(&reason, "message"));
     }
-    for (size_t i = 0; i < json_size(warnings); i++) print_note(file, "warning", json_element(&warnings, i));
-    for (size_t i = 0; i < json_size(advice); i++) {
-        json_at item = json_element(&advice, i);
+    for (json_at warning = json_first(&warnings); warning.node; warning = json_next(&warning))
+        print_note(file, "warning", warning);
+    for (json_at item = json_first(&advice); item.node; item = json_next(&item)) {
         print_note(file, "advice", json_member(&item, "message"));
     }
 }

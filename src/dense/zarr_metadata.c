@@ -90,11 +90,11 @@ static bool read_sides(const reading *r, json_at list, const char *name, int64_t
     const size_t n = json_size(list);
     if (json_type_of(list) != JSON_ARRAY || n < 1 || n > ZARR_AXES_MOST || (*count && n != (size_t)*count))
         return damaged(r, "%s is not an array of %d numbers", name, *count ? *count : ZARR_AXES_MOST);
-    for (size_t k = 0; k < n; k++) {
-        const double side = json_number(json_element(&list, k), -1);
+    for (json_at at = json_first(&list); at.node; at = json_next(&at)) {
+        const double side = json_number(at, -1);
         if (!(side >= 0 && side <= most && side == floor(side)))
             return damaged(r, "%s has a number that is not a size from 0 to %.0f", name, most);
-        out[k] = (int64_t)side;
+        out[at.index] = (int64_t)side;
     }
     *count = (int)n;
     return true;
@@ -208,7 +208,7 @@ static bool read_array_2(reading *r, const json *document)
         return damaged(r, "order is \"%.10s\": C and F are valid", order);
     store_in_order(m, *order == 'F');
     if (json_size(filters) > 0) {
-        const json_at first = json_element(&filters, 0);
+        const json_at first = json_first(&filters);
         return unsupported(r, "the filter \"%.40s\" is not read: save it without filters",
                            json_string(json_member(&first, "id"), ""));
     }
@@ -234,13 +234,13 @@ static bool read_transpose(reading *r, json_at configuration)
     }
     if (json_size(order) != (size_t)m->axes)
         return damaged(r, "the codec transpose has no order of %d axes", m->axes);
-    for (int k = 0; k < m->axes; k++) {
-        const double axis = json_number(json_element(&order, (size_t)k), -1);
+    for (json_at at = json_first(&order); at.node; at = json_next(&at)) {
+        const double axis = json_number(at, -1);
         if (!(axis >= 0 && axis < m->axes && axis == floor(axis)) || seen >> (int)axis & 1)
             return damaged(r,
                            "the order of the codec transpose names an axis twice or one that is not there");
         seen |= 1 << (int)axis;
-        m->stored[k] = (int)axis;
+        m->stored[at.index] = (int)axis;
     }
     return true;
 }
@@ -248,13 +248,13 @@ static bool read_transpose(reading *r, json_at configuration)
 /* bytes, and perhaps crc32c behind: as indices of shards are. */
 static bool read_index_codecs(reading *r, json_at codecs)
 {
-    for (size_t k = 0; k < json_size(codecs); k++) {
-        const json_at codec = json_element(&codecs, k), configuration = json_member(&codec, "configuration");
+    for (json_at codec = json_first(&codecs); codec.node; codec = json_next(&codec)) {
+        const json_at configuration = json_member(&codec, "configuration");
         const char *name = json_string(json_member(&codec, "name"), "");
-        if (k == 0 && strcmp(name, "bytes") == 0 &&
+        if (codec.index == 0 && strcmp(name, "bytes") == 0 &&
             strcmp(json_string(json_member(&configuration, "endian"), "little"), "little") == 0)
             continue;
-        if (k == 1 && strcmp(name, "crc32c") == 0) {
+        if (codec.index == 1 && strcmp(name, "crc32c") == 0) {
             r->out->has_index_checksum = true;
             continue;
         }
@@ -288,8 +288,8 @@ static bool read_codecs_3(reading *r, json_at codecs, bool is_inner)
 {
     zarr_metadata *m = r->out;
     bool has_bytes = false;
-    for (size_t k = 0; k < json_size(codecs); k++) {
-        const json_at codec = json_element(&codecs, k), configuration = json_member(&codec, "configuration");
+    for (json_at codec = json_first(&codecs); codec.node; codec = json_next(&codec)) {
+        const json_at configuration = json_member(&codec, "configuration");
         const char *name = json_string(json_member(&codec, "name"), "");
         if (strcmp(name, "transpose") == 0 && !has_bytes) {
             if (!read_transpose(r, configuration)) return false;
@@ -298,7 +298,7 @@ static bool read_codecs_3(reading *r, json_at codecs, bool is_inner)
             m->is_swapped = (strcmp(endian, "big") == 0) == (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
             has_bytes = true;
         } else if (strcmp(name, "sharding_indexed") == 0) {
-            if (is_inner || k != 0 || json_size(codecs) != 1)
+            if (is_inner || codec.index != 0 || json_size(codecs) != 1)
                 return unsupported(
                     r,
                     "the codec sharding_indexed is read as the only one: save it without other codecs around");
@@ -383,8 +383,8 @@ static bool read_axes(reading *r, json_at multiscale)
             r,
             "multiscales without a list of axes, as before OME-Zarr 0.4, are not read: convert it to 0.4 or 0.5");
     m->axes = (int)json_size(axes);
-    for (int k = 0; k < m->axes; k++) {
-        const json_at axis = json_element(&axes, (size_t)k);
+    for (json_at axis = json_first(&axes); axis.node; axis = json_next(&axis)) {
+        const int k = (int)axis.index;
         const char *name = json_string(json_member(&axis, "name"), ""),
                    *type = json_string(json_member(&axis, "type"), ""),
                    *unit = json_string(json_member(&axis, "unit"), "");
@@ -416,8 +416,7 @@ static bool read_axes(reading *r, json_at multiscale)
 static bool apply_transformations(reading *r, json_at list)
 {
     zarr_metadata *m = r->out;
-    for (size_t k = 0; k < json_size(list); k++) {
-        const json_at one = json_element(&list, k);
+    for (json_at one = json_first(&list); one.node; one = json_next(&one)) {
         const char *type = json_string(json_member(&one, "type"), "");
         const bool is_scale = strcmp(type, "scale") == 0;
         const json_at numbers = json_member(&one, is_scale ? "scale" : "translation");
@@ -455,7 +454,8 @@ static bool read_multiscale(reading *r, json_at multiscale, int64_t level)
         return error_set(r->e, ERROR_GRID_MISSING,
                          "%s: there is no level %lld: choose level from 0, the finest, to %zu", r->file,
                          (long long)level, count - 1);
-    const json_at dataset = json_element(&datasets, (size_t)level);
+    json_at dataset = json_first(&datasets);
+    while (dataset.index < (size_t)level) dataset = json_next(&dataset);
     const char *path = json_string(json_member(&dataset, "path"), "");
     if (!*path || strlen(path) + 32 > sizeof m->path)
         return damaged(r, "the path of dataset %lld is empty or too long", (long long)level);
@@ -474,7 +474,7 @@ static bool read_group(reading *r, json_at attributes, int64_t level, bool *is_o
     if (json_size(list) > 1)
         return unsupported(r, "it has %zu multiscales: save each image as a directory of its own",
                            json_size(list));
-    if (*is_ome) return read_multiscale(r, json_element(&list, 0), level);
+    if (*is_ome) return read_multiscale(r, json_first(&list), level);
     if (json_member(&attributes, "plate").node || json_member(&attributes, "well").node ||
         json_member(&attributes, "bioformats2raw.layout").node || json_member(&attributes, "series").node ||
         json_member(&attributes, "labels").node)

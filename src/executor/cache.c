@@ -21,8 +21,7 @@
 static json *copy_without(json_at object, const char *const *members, size_t count)
 {
     json *copy = json_new_object();
-    for (size_t i = 0; i < json_size(object); i++) {
-        json_at member = json_element(&object, i);
+    for (json_at member = json_first(&object); member.node; member = json_next(&member)) {
         bool wanted = true;
         for (size_t k = 0; k < count; k++) wanted &= strcmp(member.key, members[k]) != 0;
         if (wanted) json_put(copy, member.key, json_copy(member.node));
@@ -119,8 +118,7 @@ char *cache_describe_inputs(const store_roots *roots, const char *directory, int
     json *document = result_read_short(directory, &r, NULL), *list = json_new_array();
     json_at root = json_root(document), inputs = json_member(&root, "inputs");
     bool ok = json_type_of(inputs) == JSON_ARRAY;
-    for (size_t i = 0; ok && i < json_size(inputs); i++) {
-        json_at input = json_element(&inputs, i);
+    for (json_at input = json_first(&inputs); input.node && ok; input = json_next(&input)) {
         const char *name = json_string(json_member(&input, "path"), "");
         const char *sha256 = json_string(json_member(&input, "sha256"), "");
         present now;
@@ -140,8 +138,7 @@ bool cache_is_fresh(const store_roots *roots, const char *inputs)
     json *then = json_parse(inputs, strlen(inputs), NULL);
     json_at root = json_root(then);
     bool fresh = json_type_of(root) == JSON_ARRAY;
-    for (size_t i = 0; fresh && i < json_size(root); i++) {
-        json_at file = json_element(&root, i);
+    for (json_at file = json_first(&root); file.node && fresh; file = json_next(&file)) {
         const char *path = json_string(json_member(&file, "path"), "");
         const char *sha256 = json_string(json_member(&file, "sha256"), "");
         present now;

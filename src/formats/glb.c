@@ -269,20 +269,28 @@ static bool read_words(FILE *file, uint32_t *words, size_t count)
     return true;
 }
 
+/* The element that an index of glTF refers to. The lists of a file of points are short. */
+static json_at find_element(const json_at *list, double index)
+{
+    json_at at = json_first(list);
+    while (at.node && (double)at.index < index) at = json_next(&at);
+    return at;
+}
+
 /* Verifies the values of an attribute, at the position given by its accessor. */
 static bool verify_array(FILE *file, const json *root, long data, const arrays *a, vec3 origin, size_t k,
                          error *e)
 {
     const property *p = &a->list[k];
-    json_at at = json_root(root), meshes = json_member(&at, "meshes"), mesh = json_element(&meshes, 0),
-            primitives = json_member(&mesh, "primitives"), primitive = json_element(&primitives, 0),
+    json_at at = json_root(root), meshes = json_member(&at, "meshes"), mesh = json_first(&meshes),
+            primitives = json_member(&mesh, "primitives"), primitive = json_first(&primitives),
             attributes = json_member(&primitive, "attributes"), accessors = json_member(&at, "accessors"),
             views = json_member(&at, "bufferViews");
     double index = json_number(json_member(&attributes, a->name[k]), -1);
     if (!(index >= 0)) return damaged(e, "an attribute is missing");
-    json_at accessor = json_element(&accessors, (size_t)index);
+    json_at accessor = find_element(&accessors, index);
     double of = json_number(json_member(&accessor, "bufferView"), -1);
-    json_at view = json_element(&views, of >= 0 ? (size_t)of : 0);
+    json_at view = find_element(&views, of);
     double offset = json_number(json_member(&view, "byteOffset"), -1);
     if (json_number(json_member(&accessor, "count"), -1) != (double)a->points ||
         strcmp(json_string(json_member(&accessor, "type"), ""), type_of(p->components)) != 0 ||
@@ -305,7 +313,7 @@ static bool verify_array(FILE *file, const json *root, long data, const arrays *
 /* Whether the node of the points has the origin as its translation, or none if the origin is 0. */
 static bool has_translation(const json *root, vec3 origin)
 {
-    json_at at = json_root(root), nodes = json_member(&at, "nodes"), node = json_element(&nodes, 0);
+    json_at at = json_root(root), nodes = json_member(&at, "nodes"), node = json_first(&nodes);
     double read[3] = {0, 0, 0};
     const size_t count = json_numbers(json_member(&node, "translation"), read, 3);
     return (count == 0 || count == 3) && read[0] == origin.x && read[1] == origin.y && read[2] == origin.z;

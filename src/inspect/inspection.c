@@ -83,8 +83,8 @@ const json *inspection_spec(const json *inspection)
 {
     const json *found = NULL;
     json_at root = json_root(inspection), list = json_member(&root, "suggestions");
-    for (size_t k = 0; k < json_size(list); k++) {
-        json_at item = json_element(&list, k), spec = json_member(&item, "spec");
+    for (json_at item = json_first(&list); item.node; item = json_next(&item)) {
+        json_at spec = json_member(&item, "spec");
         if (!spec.node) continue;
         if (json_bool(json_member(&item, "measured"), false)) return spec.node;
         if (!found) found = spec.node;

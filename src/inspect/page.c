@@ -17,8 +17,8 @@ static const char *text_of(json_at object, const char *key)
 
 static void print_numbers(FILE *out, json_at list, const char *between)
 {
-    for (size_t k = 0; k < json_size(list); k++)
-        terminal_text_print(out, "%s%.6g", k ? between : "", json_number(json_element(&list, k), 0));
+    for (json_at item = json_first(&list); item.node; item = json_next(&item))
+        terminal_text_print(out, "%s%.6g", item.index ? between : "", json_number(item, 0));
 }
 
 static void print_box(FILE *out, json_at object)
@@ -41,8 +41,8 @@ static void print_histogram(FILE *out, json_at object)
     json_at bins = json_member(&object, "histogram");
     if (json_size(bins) == 0) return;
     fputs("  histogram  |", out);
-    for (size_t k = 0; k < json_size(bins); k++) {
-        double share = json_number(json_element(&bins, k), 0);
+    for (json_at bin = json_first(&bins); bin.node; bin = json_next(&bin)) {
+        double share = json_number(bin, 0);
         int level = 0;
         while (level < 8 && share > 0 && share >= from[level + 1]) level++;
         putc(share > 0 && level == 0 ? bars[1] : bars[level], out);
@@ -79,8 +79,8 @@ static void print_values(FILE *out, json_at object)
 
 static void print_grids(FILE *out, json_at grids)
 {
-    for (size_t k = 0; k < json_size(grids); k++) {
-        json_at g = json_element(&grids, k), voxels = json_member(&g, "active_voxels");
+    for (json_at g = json_first(&grids); g.node; g = json_next(&g)) {
+        json_at voxels = json_member(&g, "active_voxels");
         fputs("grid \"", out);
         terminal_text_put(out, text_of(g, "name"));
         terminal_text_print(out, "\": %s, %s", text_of(g, "type"), text_of(g, "class"));
@@ -97,8 +97,8 @@ static void print_grids(FILE *out, json_at grids)
 static void print_images(FILE *out, json_at root)
 {
     json_at channels = json_member(&root, "channels"), stacks = json_member(&root, "stacks");
-    for (size_t k = 0; k < json_size(channels); k++) {
-        json_at c = json_element(&channels, k), window = json_member(&c, "data_window");
+    for (json_at c = json_first(&channels); c.node; c = json_next(&c)) {
+        json_at window = json_member(&c, "data_window");
         fputs("channel \"", out);
         terminal_text_put(out, text_of(c, "channel"));
         if (*text_of(c, "part")) {
@@ -114,8 +114,7 @@ static void print_images(FILE *out, json_at root)
         fputs("one image: a volume is a stack of them, with numbers in their names\n", out);
     else if (channels.node)
         fprintf(out, "one of %.0f images with numbers in their names\n", images);
-    for (size_t k = 0; k < json_size(stacks); k++) {
-        json_at s = json_element(&stacks, k);
+    for (json_at s = json_first(&stacks); s.node; s = json_next(&s)) {
         fputs("stack of channel \"", out);
         terminal_text_put(out, text_of(s, "channel"));
         fputs("\"\n", out);
@@ -125,16 +124,15 @@ static void print_images(FILE *out, json_at root)
 
 static void print_labels(FILE *out, json_at labels)
 {
-    for (size_t k = 0; k < json_size(labels); k++) {
-        json_at l = json_element(&labels, k);
+    for (json_at l = json_first(&labels); l.node; l = json_next(&l)) {
         fprintf(out, "label %.0f: %.0f voxels, ", number_of(l, "label"), number_of(l, "voxels"));
         print_numbers(out, json_member(&l, "low"), " ");
         fputs(" to ", out);
         print_numbers(out, json_member(&l, "high"), " ");
         fputs(", touches", out);
         const json_at neighbours = json_member(&l, "neighbours");
-        for (size_t i = 0; i < json_size(neighbours); i++)
-            fprintf(out, " %.0f", json_number(json_element(&neighbours, i), 0));
+        for (json_at neighbour = json_first(&neighbours); neighbour.node; neighbour = json_next(&neighbour))
+            fprintf(out, " %.0f", json_number(neighbour, 0));
         putc('\n', out);
     }
 }
@@ -148,17 +146,16 @@ static void print_volume(FILE *out, json_at volume)
         terminal_text_print(out, ", %s", text_of(volume, "space"));
     putc('\n', out);
     const json_at warnings = json_member(&volume, "warnings");
-    for (size_t k = 0; k < json_size(warnings); k++)
-        terminal_text_print(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
+    for (json_at warning = json_first(&warnings); warning.node; warning = json_next(&warning))
+        terminal_text_print(out, "  warning    %s\n", json_string(warning, "?"));
     print_values(out, volume);
     print_labels(out, json_member(&volume, "labels"));
 }
 
 static void print_levels(FILE *out, json_at levels)
 {
-    for (size_t k = 0; k < json_size(levels); k++) {
-        const json_at l = json_element(&levels, k);
-        terminal_text_print(out, "level %zu: %s, ", k, text_of(l, "type"));
+    for (json_at l = json_first(&levels); l.node; l = json_next(&l)) {
+        terminal_text_print(out, "level %zu: %s, ", l.index, text_of(l, "type"));
         print_numbers(out, json_member(&l, "size"), " x ");
         fputs(", voxel ", out);
         print_numbers(out, json_member(&l, "voxel_size"), " x ");
@@ -186,8 +183,8 @@ static void print_mesh(FILE *out, json_at mesh)
         fputs("open edges:\n", out);
         print_box(out, json_member(&mesh, "open_at"));
     }
-    for (size_t k = 0; k < json_size(notes); k++)
-        terminal_text_print(out, "  note       %s\n", json_string(json_element(&notes, k), "?"));
+    for (json_at note = json_first(&notes); note.node; note = json_next(&note))
+        terminal_text_print(out, "  note       %s\n", json_string(note, "?"));
 }
 
 /* Prints a value that can be pasted into a spec, and a line break. */
@@ -224,8 +221,8 @@ static void print_suggestion(FILE *out, json_at s)
         fputs("  spec       ", out);
         print_json(out, spec.node);
     }
-    for (size_t k = 0; k < json_size(warnings); k++)
-        terminal_text_print(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
+    for (json_at warning = json_first(&warnings); warning.node; warning = json_next(&warning))
+        terminal_text_print(out, "  warning    %s\n", json_string(warning, "?"));
 }
 
 void inspection_print(const json *inspection, FILE *out)
@@ -239,8 +236,9 @@ void inspection_print(const json *inspection, FILE *out)
     print_images(out, root);
     print_mesh(out, json_member(&root, "mesh"));
     if (json_size(suggestions) > 0) fputs("surfaces to try:\n", out);
-    for (size_t k = 0; k < json_size(suggestions); k++) {
-        fprintf(out, "%zu. ", k + 1);
-        print_suggestion(out, json_element(&suggestions, k));
+    for (json_at suggestion = json_first(&suggestions); suggestion.node;
+         suggestion = json_next(&suggestion)) {
+        fprintf(out, "%zu. ", suggestion.index + 1);
+        print_suggestion(out, suggestion);
     }
 }

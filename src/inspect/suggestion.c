@@ -105,8 +105,7 @@ static double cells_scanned(const json *list)
 {
     double cells = 0;
     json_at root = json_root(list);
-    for (size_t k = 0; k < json_size(root); k++) {
-        json_at item = json_element(&root, k);
+    for (json_at item = json_first(&root); item.node; item = json_next(&item)) {
         if (json_bool(json_member(&item, "measured"), false))
             cells += json_number(json_member(&item, "cells"), 0);
     }

@@ -57,11 +57,17 @@ json_at json_member(const json_at *object, const char *key)
     return (json_at){node, object, key, 0};
 }
 
-json_at json_element(const json_at *array, size_t index)
+json_at json_first(const json_at *list)
 {
-    const cJSON *node =
-        array->node && index < json_size(*array) ? cJSON_GetArrayItem(array->node, (int)index) : NULL;
-    return (json_at){node, array, node ? node->string : NULL, index};
+    const bool has_children = cJSON_IsArray(list->node) || cJSON_IsObject(list->node);
+    const cJSON *node = has_children ? list->node->child : NULL;
+    return (json_at){node, list, node ? node->string : NULL, 0};
+}
+
+json_at json_next(const json_at *at)
+{
+    const cJSON *node = at->node->next;
+    return (json_at){node, at->parent, node ? node->string : NULL, at->index + 1};
 }
 
 json_type json_type_of(json_at at)

@@ -44,17 +44,20 @@ typedef struct json_at {
 json_at json_root(const json *root);
 /* node NULL if it is absent or `object` is not an object */
 json_at json_member(const json_at *object, const char *key);
-/* also of an object: the member with this index, with its key */
-json_at json_element(const json_at *array, size_t index);
+/* The elements of an array, or the members of an object with their keys, one after another:
+ *     for (json_at at = json_first(&list); at.node; at = json_next(&at))
+ * A list has no access by index, because a loop with it would take quadratic time. */
+json_at json_first(const json_at *list);
+json_at json_next(const json_at *at);
 json_type json_type_of(json_at at);
-size_t json_size(json_at at);                     /* number of elements or members; 0 for other types */
+size_t json_size(json_at at); /* number of elements or members, which are counted; 0 for other types */
 double json_number(json_at at, double otherwise); /* `otherwise` if it is absent or of another type */
 /* Stores pointers to the first `count` elements of an array, of any type, in `out`. Returns their number. */
 size_t json_elements(json_at array, const json **out, size_t count);
 bool json_bool(json_at at, bool otherwise);
 const char *json_string(json_at at, const char *otherwise); /* remains valid as long as the document */
-/* Stores the first `count` numbers of an array in `out`, in one pass; access by index would take quadratic time.
- * Stops at the first element that is not a number. Returns how many were stored. */
+/* Stores the first `count` numbers of an array in `out`. Stops at the first element that is not a number. Returns how
+ * many were stored. */
 size_t json_numbers(json_at array, double *out, size_t count);
 
 /* Writes the JSON Pointer of a position ("" for the root, "/surface/vdb/path"), truncated if necessary, and returns

@@ -339,7 +339,8 @@ static bool has_weight(const json *node)
 {
     json_at weights = member(node, "weights");
     bool found = false;
-    for (size_t k = 0; k < json_size(weights); k++) found |= json_number(json_element(&weights, k), 0) != 0;
+    for (json_at weight = json_first(&weights); weight.node; weight = json_next(&weight))
+        found |= json_number(weight, 0) != 0;
     return found;
 }
 
@@ -355,8 +356,8 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     g->skins += json_number(member(node, "skin"), -1) >= 0;
     g->morphs += member(node, "weights").node ? has_weight(node) : has_weight(mesh);
     g->instances += json_member(&extensions, "EXT_mesh_gpu_instancing").node != NULL;
-    for (size_t k = 0; k < json_size(primitives); k++)
-        if (!add_primitive(g, json_element(&primitives, k).node, m)) return false;
+    for (json_at primitive = json_first(&primitives); primitive.node; primitive = json_next(&primitive))
+        if (!add_primitive(g, primitive.node, m)) return false;
     return true;
 }
 
@@ -426,19 +427,20 @@ static bool visit_scene(gltf *g)
     json_at root = json_root(g->root), scenes = json_member(&root, "scenes");
     const double index = json_number(json_member(&root, "scene"), 0);
     if (json_size(scenes) > 0) {
-        json_at scene = json_element(&scenes, index >= 0 && index < 1e9 ? (size_t)index : 0),
-                nodes = json_member(&scene, "nodes");
+        json_at scene = json_first(&scenes);
+        while (scene.node && (double)scene.index < index && index < 1e9) scene = json_next(&scene);
+        json_at nodes = json_member(&scene, "nodes");
         bool ok = true;
-        for (size_t k = 0; ok && k < json_size(nodes); k++)
-            ok = visit(g, json_number(json_element(&nodes, k), -1), identity, 0);
+        for (json_at node = json_first(&nodes); node.node && ok; node = json_next(&node))
+            ok = visit(g, json_number(node, -1), identity, 0);
         return ok;
     }
     bool *is_below = calloc(g->nodes.count + 1, sizeof *is_below), ok = is_below != NULL;
     for (size_t k = 0; ok && k < g->nodes.count; k++) {
         json_at children = member(g->nodes.item[k], "children");
-        for (size_t c = 0; c < json_size(children); c++) {
-            const double child = json_number(json_element(&children, c), -1);
-            if (item_at(&g->nodes, child)) is_below[(size_t)child] = true;
+        for (json_at child = json_first(&children); child.node; child = json_next(&child)) {
+            const double below = json_number(child, -1);
+            if (item_at(&g->nodes, below)) is_below[(size_t)below] = true;
         }
     }
     if (!is_below) return no_memory(g);
@@ -476,8 +478,8 @@ static bool check_document(gltf *g)
         return plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
                                  "it requires glTF %.20s. Save it as glTF 2.0.",
                                  version[0] != '2' ? version : least);
-    for (size_t k = 0; k < json_size(required); k++) {
-        const char *name = json_string(json_element(&required, k), "");
+    for (json_at extension = json_first(&required); extension.node; extension = json_next(&extension)) {
+        const char *name = json_string(extension, "");
         if (!is_known(name))
             return plain_mesh_refuse(
                 g->out, ERROR_INPUT_UNSUPPORTED,

@@ -33,8 +33,7 @@ static char *copy_labels(json_at asked)
 {
     json *labels = json_new_array();
     json_at list = json_member(&asked, "labels");
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at element = json_element(&list, i);
+    for (json_at element = json_first(&list); element.node; element = json_next(&element)) {
         const char *label = json_string(element, NULL);
         if (label) json_append_string(labels, label);
     }

@@ -160,9 +160,10 @@ static bool read_report(const char *directory, const json *report, result *r, er
     if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no list of outputs");
     r->output = mem_alloc(listed * sizeof *r->output);
-    for (; r->output_count < listed; r->output_count++)
-        if (!read_output(directory, json_element(&outputs, r->output_count), &r->output[r->output_count], e))
-            return false;
+    for (json_at output = json_first(&outputs); output.node; output = json_next(&output)) {
+        if (!read_output(directory, output, &r->output[r->output_count], e)) return false;
+        r->output_count++;
+    }
     return true;
 }
 

@@ -10,7 +10,7 @@ static double number_of(json_at object, const char *key)
 /* Prints the first rating, "hex_fraction 0.9130 (good)"; "not measured" for null. */
 static void print_rating(json_at root, FILE *out)
 {
-    json_at ratings = json_member(&root, "ratings"), rated = json_element(&ratings, 0),
+    json_at ratings = json_member(&root, "ratings"), rated = json_first(&ratings),
             rating = json_member(&rated, "rating");
     terminal_text_put(out, rated.key);
     if (json_type_of(rating) == JSON_STRING)
@@ -22,8 +22,7 @@ static void print_rating(json_at root, FILE *out)
 static void print_reasons(json_at report, FILE *err)
 {
     json_at reasons = json_member(&report, "outcome_reasons");
-    for (size_t k = 0; k < json_size(reasons); k++) {
-        json_at r = json_element(&reasons, k);
+    for (json_at r = json_first(&reasons); r.node; r = json_next(&r)) {
         terminal_text_print(err, "%s: %s\n", json_string(json_member(&report, "outcome"), "?"),
                             json_string(json_member(&r, "message"), "?"));
     }
@@ -60,10 +59,9 @@ void summary_print(const json *report, FILE *out, FILE *err)
     else
         print_sampled(root, out);
     print_reasons(root, err);
-    for (size_t k = 0; k < json_size(warnings); k++)
-        terminal_text_print(err, "warning: %s\n", json_string(json_element(&warnings, k), "?"));
-    for (size_t k = 0; k < json_size(advice); k++) {
-        json_at item = json_element(&advice, k);
+    for (json_at warning = json_first(&warnings); warning.node; warning = json_next(&warning))
+        terminal_text_print(err, "warning: %s\n", json_string(warning, "?"));
+    for (json_at item = json_first(&advice); item.node; item = json_next(&item)) {
         terminal_text_print(err, "advice: %s\n", json_string(json_member(&item, "message"), "?"));
     }
 }

@@ -128,8 +128,8 @@ bool attempt_files_read_request(const char *directory, engine_request *request, 
     };
     bool ok = r.worker && r.command && r.spec && r.memory_mb > 0 && r.threads > 0 &&
               sandbox_mode_from_name(json_string(json_member(&root, "sandbox"), ""), &r.sandbox);
-    for (size_t i = 0; i < r.input_root_count; i++)
-        roots[i] = mem_strdup(json_string(json_element(&list, i), ""));
+    for (json_at path = json_first(&list); path.node; path = json_next(&path))
+        roots[path.index] = mem_strdup(json_string(path, ""));
     json_free(document);
     if (ok)
         *request = r;

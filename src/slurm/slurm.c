@@ -149,8 +149,8 @@ static char *describe_needs(const slurm_settings *settings, const engine_request
                    HIGHEST_PRIORITY - r->priority, account ? "\n--account=" : "", account ? account : "");
     for (size_t i = 0; i < settings->option_count; i++) needs = add_need(needs, settings->options[i]);
     json_at part = json_member(root, "queue"), own = json_member(&part, "slurm");
-    for (size_t i = 0; i < json_size(own); i++)
-        needs = add_need(needs, json_string(json_element(&own, i), ""));
+    for (json_at option = json_first(&own); option.node; option = json_next(&option))
+        needs = add_need(needs, json_string(option, ""));
     return needs;
 }
 

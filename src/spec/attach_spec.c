@@ -6,40 +6,40 @@
 #include "base/memory.h"
 #include "spec/spec.h"
 
-enum { POINTER_SIZE = 1024 };
-
 typedef struct replacement {
     json *root; /* the new document */
     const char *const *mesh;
     size_t given, count; /* meshes; found so far */
 } replacement;
 
+/* Changes a text of the new document, which is not constant. */
+static void set_path(const json_at *path, const char *to)
+{
+    json_set_string((json *)path->node, to);
+}
+
 /* Sets the path of each attribute that is read from the file of a mesh. */
 static void replace_attributes(json *root, const char *from, const char *to)
 {
     const json_at at = json_root(root), list = json_member(&at, "attributes");
-    for (size_t k = 0; k < json_size(list); k++) {
-        const json_at one = json_element(&list, k), path = json_member(&one, "from");
-        char pointer[POINTER_SIZE];
-        if (strcmp(json_string(path, ""), from) != 0) continue;
-        json_set_string(json_find(root, json_pointer(&path, pointer, sizeof pointer)), to);
+    for (json_at one = json_first(&list); one.node; one = json_next(&one)) {
+        const json_at path = json_member(&one, "from");
+        if (strcmp(json_string(path, ""), from) == 0) set_path(&path, to);
     }
 }
 
 /* Replaces the paths of all meshes at a place of the surface and below. */
 static void replace_meshes(replacement *r, const json_at *at)
 {
-    for (size_t k = 0; k < json_size(*at); k++) {
-        const json_at member = json_element(at, k), path = json_member(&member, "path");
-        char pointer[POINTER_SIZE];
+    for (json_at member = json_first(at); member.node; member = json_next(&member)) {
+        const json_at path = json_member(&member, "path");
         if (!member.key || strcmp(member.key, "mesh") != 0 || json_type_of(path) != JSON_STRING) {
             replace_meshes(r, &member);
             continue;
         }
         if (r->count < r->given) {
             char *before = mem_strdup(json_string(path, ""));
-            json_set_string(json_find(r->root, json_pointer(&path, pointer, sizeof pointer)),
-                            r->mesh[r->count]);
+            set_path(&path, r->mesh[r->count]);
             replace_attributes(r->root, before, r->mesh[r->count]);
             free(before);
         }
@@ -52,11 +52,9 @@ static bool has_source(const json_at *at)
 {
     const json_at list = json_member(at, "attributes");
     bool found = false;
-    for (size_t k = 0; !found && k < json_size(list); k++) {
-        const json_at one = json_element(&list, k);
+    for (json_at one = json_first(&list); one.node && !found; one = json_next(&one))
         found = strcmp(json_string(json_member(&one, "from"), ""), SPEC_FROM_GEOMETRY) == 0 &&
                 strcmp(json_string(json_member(&one, "name"), ""), SPEC_GEOMETRY_SOURCE) == 0;
-    }
     return found;
 }
 

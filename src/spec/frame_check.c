@@ -6,6 +6,7 @@
 #include "base/memory.h"
 #include "spec/group.h"
 #include "spec/reading.h"
+#include "spec/relations.h"
 #include "spec/rules.h"
 #include "spec/spec_table.h"
 
@@ -62,13 +63,21 @@ static void find_row(target *t, spec *s)
     t->surface = surface;
 }
 
+/* The element of a list of surfaces, which is short. */
+static json_at find_element(const json_at *list, size_t index)
+{
+    json_at at = json_first(list);
+    while (at.node && at.index < index) at = json_next(&at);
+    return at;
+}
+
 /* The object that has the row's member, which other values may have replaced: then its node is none. */
 static json_at find_place(const target *t, const json *document, json_at place[JSON_MAX_DEPTH])
 {
     const char *part = t->parts;
     place[0] = json_root(document);
     for (size_t i = 0; i < t->depth; i++, part += strlen(part) + 1)
-        place[i + 1] = json_type_of(place[i]) == JSON_ARRAY ? json_element(&place[i], strtoul(part, NULL, 10))
+        place[i + 1] = json_type_of(place[i]) == JSON_ARRAY ? find_element(&place[i], strtoul(part, NULL, 10))
                                                             : json_member(&place[i], part);
     return place[t->depth];
 }
@@ -96,7 +105,7 @@ static void read_target(reading *r, const target *t, const json *document)
     if (json_type_of(at) != JSON_OBJECT) return;
     json *normal = json_new_object(); /* which is of no use */
     bool is_shape = t->row->offset == offsetof(spec, surface.analytic.shape);
-    r->surface = t->surface;
+    r->surface = (partial_surface *)t->surface;
     r->shape_known = !is_shape;
     empty(r, t->row);
     if (is_shape) {
@@ -104,43 +113,48 @@ static void read_target(reading *r, const target *t, const json *document)
         group_read(r, &at, t->group, normal);
     } else {
         group_read_row(r, &at, t->row, normal);
-        if (r->total == before) rules_check_values(r, &at, t->group);
+        if (r->total == before) rules_check_group(r, &at, t->group);
     }
     json_free(normal);
 }
 
+/* Reads into the spec of the first frame, which is complete. */
 static void read_surfaces(const frame_check *c, reading *r)
 {
     json_at root = json_root(c->document);
     for (size_t i = 0; i < c->count; i++)
         if (c->target[i].surface && !c->target[i].repeated) read_target(r, &c->target[i], c->document);
-    r->surface = &c->s->surface;
-    if (r->total == 0) rules_check_values(r, &root, "");
+    r->surface = (partial_surface *)&c->s->surface;
+    relations_check(r, &root);
 }
 
 /* Reads all but surfaces and the queue, which are borrowed. */
 static void read_rest(const frame_check *c, reading *r)
 {
-    json_at root = json_root(c->document), queue = json_member(&root, "queue");
+    json_at root = json_root(c->document);
     json *normal = json_new_object();
-    r->s = mem_alloc(sizeof *r->s);
-    r->surface = &r->s->surface;
+    spec *s = mem_alloc(sizeof *s);
+    reading_open(r, s, c->s);
     group_read(r, &root, "", normal);
-    if (r->total == 0) rules_check_coherent(r, &queue);
-    r->s->surface = (spec_surface){0};
-    r->s->region_inside = NULL;
-    r->s->frames = NULL;
-    spec_free(r->s);
+    relations_set_defaults(r);
+    relations_check(r, &root);
+    s->surface = (spec_surface){0};
+    s->region_inside = NULL;
+    s->frames = NULL;
+    spec_free(s);
+    reading_close(r);
     json_free(normal);
 }
 
 static size_t check_frame(const frame_check *c, const frame_values *w, size_t index, spec_faults *faults)
 {
-    reading r = {.s = c->s, .known = c->s};
+    reading r;
     bool other = false;
+    reading_open(&r, c->s, c->s);
     frame_values_apply(w, index, c->document);
     for (size_t i = 0; i < c->count; i++) other |= !c->target[i].surface;
     read_surfaces(c, &r);
+    reading_close(&r);
     if (other && r.total == 0) read_rest(c, &r);
     frame_values_place_faults(w, index, true, &r.faults);
     if (r.total > 0) *faults = r.faults;

@@ -37,11 +37,9 @@ static bool is_value(json_at at)
     case JSON_BOOL:
         return true;
     case JSON_ARRAY: {
-        size_t count = json_size(at);
-        double *numbers = mem_alloc((count + 1) * sizeof *numbers);
-        bool all = json_numbers(at, numbers, count) == count;
-        free(numbers);
-        return all;
+        json_at element = json_first(&at);
+        while (json_type_of(element) == JSON_NUMBER) element = json_next(&element);
+        return !element.node;
     }
     default:
         return false;
@@ -57,15 +55,9 @@ static bool is_ramp(json_at at)
 
 static void read_values(reading *r, const json_at *at)
 {
-    size_t count = json_size(*at);
-    const json **values = mem_alloc((count + 1) * sizeof *values);
-    json_elements(*at, values, count);
-    for (size_t i = 0; i < count; i++) {
-        json_at element = {values[i], at, NULL, i};
+    for (json_at element = json_first(at); element.node; element = json_next(&element))
         if (!is_value(element))
             reading_add_mismatch(r, &element, "must be a number, a word, true, false or an array of numbers");
-    }
-    free(values);
 }
 
 void frame_values_read(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -76,8 +68,7 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
         reading_add_mismatch(r, at, "must be an object with %.0f to %.0f JSON Pointers", row->low, row->high);
         return;
     }
-    for (size_t i = 0; i < count; i++) {
-        json_at member = json_element(at, i);
+    for (json_at member = json_first(at); member.node; member = json_next(&member)) {
         if (is_path(member.key)) {
             reading_shorten(member.key, given);
             reading_add_fault(
@@ -120,12 +111,12 @@ bool frame_values_open(const json *document, frame_values *w)
     const char *frames = json_string(json_member(&queue, "frames"), NULL);
     *w = (frame_values){0};
     if (json_type_of(list) != JSON_OBJECT || !frames ||
+        (double)json_size(list) > spec_row_find("/queue", "by_frame")->high ||
         !(w->frame = frames_parse(frames, &w->frame_count, NULL)))
         return false;
     find_bounds(w);
     w->member = mem_alloc((json_size(list) + 1) * sizeof *w->member);
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at at = json_element(&list, i);
+    for (json_at at = json_first(&list); at.node; at = json_next(&at)) {
         frame_values_member *m = &w->member[w->count++];
         *m = (frame_values_member){.pointer = at.key,
                                    .from = json_number(json_member(&at, "from"), 0),
@@ -174,27 +165,29 @@ const char *frame_values_apply(const frame_values *w, size_t index, json *docume
 void frame_values_check(reading *r, const json_at *at)
 {
     json_at list = json_member(at, "by_frame");
-    const json_at *root = at;
-    frame_values w;
-    if (!list.node) return;
-    if (!r->s->frame) {
-        if (!r->s->frames) reading_add_fault(r, &list, "requires queue.frames");
-        return;
-    }
-    size_t before = r->total;
-    if (r->s->frame_count > MOST_FRAMES)
+    const bool has_frames = json_member(at, "frames").node != NULL;
+    const int *frames = *(int **)reading_target(r, offsetof(spec, frame));
+    const size_t count = *(size_t *)reading_target(r, offsetof(spec, frame_count));
+    if (list.node && !has_frames) reading_add_fault(r, &list, "requires queue.frames");
+    if (!list.node || !frames) return;
+    if (count > MOST_FRAMES)
         reading_add_fault(r, &list,
                           "a job with by_frame has at most %d frames (given %zu): submit several jobs",
-                          MOST_FRAMES, r->s->frame_count);
-    for (size_t i = 0; i < json_size(list); i++) {
-        json_at member = json_element(&list, i);
-        if (json_type_of(member) == JSON_ARRAY && json_size(member) != r->s->frame_count)
+                          MOST_FRAMES, count);
+    for (json_at member = json_first(&list); member.node; member = json_next(&member)) {
+        const size_t values = json_size(member);
+        if (json_type_of(member) == JSON_ARRAY && values != count)
             reading_add_fault(r, &member,
-                              "must have one value for each frame (given %zu values for %zu frames)",
-                              json_size(member), r->s->frame_count);
+                              "must have one value for each frame (given %zu values for %zu frames)", values,
+                              count);
     }
-    while (root->parent) root = root->parent;
-    if (r->total > before || !frame_values_open(root->node, &w)) return;
+}
+
+void frame_values_check_places(reading *r, const json_at *root)
+{
+    json_at queue = json_member(root, "queue"), list = json_member(&queue, "by_frame");
+    frame_values w;
+    if (!frame_values_open(root->node, &w)) return;
     json *copy = json_copy(root->node);
     const char *lost = frame_values_apply(&w, 0, copy);
     json_at member = json_member(&list, lost ? lost : "");

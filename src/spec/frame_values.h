@@ -30,9 +30,11 @@ typedef struct frame_values {
 /* Reads the member of a spec and notes its faults. */
 void frame_values_read(reading *r, const json_at *at, const spec_row *row, json *normal);
 
-/* Notes lists of another length than the frames have, and members that have no place in the spec. `at` is the group queue,
- * whose members are good by themselves. */
+/* Notes lists of another length than the frames have. `at` is the group queue, whose members are good by themselves. */
 void frame_values_check(reading *r, const json_at *at);
+
+/* Notes members that have no place in the spec, whose document `root` is. */
+void frame_values_check_places(reading *r, const json_at *root);
 
 /* Opens those of a spec's document. False: it has none, or they have faults, which reading it will note. Lists may still
  * have another length than the frames: then only the first frame may be read. */

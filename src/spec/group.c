@@ -5,7 +5,6 @@
 
 #include "base/memory.h"
 #include "spec/rules.h"
-#include "spec/surface.h"
 #include "spec/values.h"
 
 static const char *const surface_keys[] = {SPEC_SURFACE_LIST(WORDS_TEXT, )};
@@ -15,7 +14,7 @@ static bool set_surface_kind(reading *r, const char *key)
 {
     for (size_t k = 0; k < sizeof surface_keys / sizeof surface_keys[0]; k++) {
         if (strcmp(key, surface_keys[k]) != 0) continue;
-        r->surface->kind = (spec_surface_kind)k;
+        *(spec_surface_kind *)reading_target(r, offsetof(spec, surface.kind)) = (spec_surface_kind)k;
         return true;
     }
     return false;
@@ -26,25 +25,31 @@ const char *spec_surface_kind_name(spec_surface_kind kind)
     return surface_keys[kind];
 }
 
+/* Appends a part to the surface at hand. */
+static void append_part(reading *r, spec_surface *part)
+{
+    spec_surface ***parts = reading_target(r, offsetof(spec, surface.parts));
+    size_t *count = reading_target(r, offsetof(spec, surface.part_count));
+    *parts = mem_resize(*parts, (*count + 1) * sizeof **parts);
+    (*parts)[(*count)++] = part;
+}
+
 /* One more part of the surface at hand; or one that is none and goes to *stored. */
 static void read_part(reading *r, const json_at *at, spec_surface **stored, json *normal)
 {
     enum { DEEPEST = 16, MOST_SURFACES = 256 };
-    spec_surface *whole = r->surface;
-    spec_surface *part;
+    partial_surface *whole = r->surface;
     if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
         reading_add_fault(
             r, at, "the combination has more than %d surfaces or more than %d nested levels: use fewer",
             MOST_SURFACES, DEEPEST);
         return;
     }
-    part = mem_alloc(sizeof *part);
-    if (stored) {
+    void *part = mem_alloc(sizeof(spec_surface));
+    if (stored)
         *stored = part;
-    } else {
-        whole->parts = mem_resize(whole->parts, (whole->part_count + 1) * sizeof *whole->parts);
-        whole->parts[whole->part_count++] = part;
-    }
+    else
+        append_part(r, part);
     r->surface = part;
     r->shape_known = false;
     r->depth++;
@@ -63,36 +68,35 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
     }
     set_surface_kind(r, spec_row_key(row));
     json *list = json_put_array(normal, spec_row_key(row));
-    for (size_t k = 0; k < count; k++) {
-        json_at element = json_element(at, k);
+    for (json_at element = json_first(at); element.node; element = json_next(&element))
         read_part(r, &element, NULL, json_append_object(list));
-    }
 }
 
-static void note_attribute(spec *s, const json_at *at)
+static void note_attribute(spec_attribute *a, const json_at *at)
 {
     json_at from = json_member(at, "from");
-    s->attribute.input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
-    json_pointer(&from, s->attribute.input_pointer, sizeof((spec_fault *)0)->pointer);
+    a->input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
+    json_pointer(&from, a->input_pointer, sizeof((spec_fault *)0)->pointer);
 }
 
 /* Each is read into spec.attribute and goes from there into the list. */
 static void read_attributes(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     size_t count = json_size(*at);
-    spec *s = r->s;
+    spec_attribute *one = reading_target(r, offsetof(spec, attribute)),
+                   **all = reading_target(r, offsetof(spec, attributes));
+    size_t *read = reading_target(r, offsetof(spec, attribute_count));
     if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
         reading_add_mismatch(r, at, "must be an array of at most %.0f objects", row->high);
         return;
     }
     json *list = json_put_array(normal, spec_row_key(row));
-    s->attributes = mem_alloc(count * sizeof *s->attributes);
-    for (size_t k = 0; k < count; k++) {
-        json_at element = json_element(at, k);
+    *all = mem_alloc(count * sizeof **all);
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         group_read(r, &element, row->pointer, json_append_object(list));
-        note_attribute(s, &element);
-        s->attributes[s->attribute_count++] = s->attribute;
-        s->attribute = (spec_attribute){0};
+        note_attribute(one, &element);
+        (*all)[(*read)++] = *one;
+        *one = (spec_attribute){0};
     }
 }
 
@@ -109,26 +113,10 @@ static void read_member(reading *r, const json_at *at, const spec_row *row, json
         values_read(r, at, row, normal);
 }
 
-static const char *default_of(const reading *r, const spec_row *row)
+void group_read_default(reading *r, const spec_row *row, const char *otherwise, json *normal)
 {
-    if (row->offset == offsetof(spec, method) && r->s->has_alpha) return "\"paper\"";
-    if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
-    if (row->offset == offsetof(spec, curvature.exponent) && !(r->s->curvature.ratio > 0)) return NULL;
-    if (row->offset == offsetof(spec, gradation) && !spec_is_graded(r->s)) return NULL;
-    if (row->offset == offsetof(spec, surface.mesh.max_resolution) &&
-        (r->surface->mesh.voxel_size > 0 || r->surface->mesh.resolution > 0))
-        return NULL;
-    if (row->offset == offsetof(spec, camera.up)) return spec_y_up(r->s) ? "[0,1,0]" : "[0,0,1]";
-    if (row->offset == offsetof(spec, preview_color)) return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
-    return row->otherwise;
-}
-
-static void read_default(reading *r, const json_at *group, const spec_row *row, json *normal)
-{
-    const char *otherwise = default_of(r, row);
-    if (!otherwise) return;
     json *root = json_parse(otherwise, strlen(otherwise), NULL);
-    json_at at = {root, group, spec_row_key(row), 0};
+    json_at at = json_root(root);
     read_member(r, &at, row, normal);
     json_free(root);
 }
@@ -155,12 +143,12 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
 static bool share_known(reading *r, const spec_row *row)
 {
     if (strcmp(row->pointer, "/surface") == 0) {
-        r->s->surface = r->known->surface;
+        *(spec_surface *)reading_target(r, offsetof(spec, surface)) = r->known->surface;
     } else if (strcmp(row->pointer, "/region/inside") == 0) {
-        r->s->region_inside = r->known->region_inside;
+        *(spec_surface **)reading_target(r, offsetof(spec, region_inside)) = r->known->region_inside;
     } else if (strcmp(row->pointer, "/queue") == 0) {
-        r->s->frames = r->known->frames;
-        r->s->coherent = r->known->coherent;
+        *(char **)reading_target(r, offsetof(spec, frames)) = r->known->frames;
+        *(bool *)reading_target(r, offsetof(spec, coherent)) = r->known->coherent;
     } else {
         return false;
     }
@@ -174,17 +162,45 @@ static void read_missing_part(reading *r, const json_at *at, const spec_row *row
     const bool asks = at->node && !(json_type_of(*at) == JSON_BOOL && !json_bool(*at, true)) &&
                       !(json_type_of(*at) == JSON_ARRAY && json_size(*at) == 0);
     if (asks) reading_add_missing_part(r, at, why);
-    if (!at->node && row->has == offsetof(spec, has_preview)) r->s->preview_left_out = true;
+    if (!at->node && row->has == offsetof(spec, has_preview))
+        *(bool *)reading_target(r, offsetof(spec, preview_left_out)) = true;
+}
+
+/* Whether the solver's method has the member. Else notes a fault if it is given. A method that is absent is one of
+ * SPEC_DEFAULT_METHODS. */
+static bool has_method(reading *r, const json_at *at, const spec_row *row)
+{
+    const char *const *words = spec_row_find("/solver", "method")->words;
+    if (!row->methods || row->methods & r->methods) return true;
+    unsigned given = 0;
+    while (r->methods && !(r->methods & 1u << given)) given++;
+    if (!at->node || !r->methods) return false; /* the fault of the method says what is wrong */
+    if (r->methods == SPEC_DEFAULT_METHODS)
+        reading_add_fault(r, at, "requires the method \"%s\": add it to /solver, or remove this member",
+                          words[SPEC_METHOD_WITKIN_HECKBERT]);
+    else
+        reading_add_fault(r, at, "is not a member of the method \"%s\": remove it", words[given]);
+    return false;
+}
+
+/* Whether the shape has the member. Else notes a fault if it is given. */
+static bool has_shape(reading *r, const json_at *at, const spec_row *row)
+{
+    if (!row->shapes) return true;
+    if (!r->shape_known) return false; /* what belongs here is not known; the shape's fault says so */
+    const spec_shape shape = *(spec_shape *)reading_target(r, offsetof(spec, surface.analytic.shape));
+    if (row->shapes & 1u << shape) return true;
+    if (at->node)
+        reading_add_fault(r, at, "is not a member of the shape \"%s\": remove it",
+                          spec_row_find("/surface/analytic", "shape")->words[shape]);
+    return false;
 }
 
 void group_read_row(reading *r, const json_at *group, const spec_row *row, json *normal)
 {
     json_at at = json_member(group, spec_row_key(row));
-    if (row->methods && !(row->methods & 1u << r->s->method)) {
-        const char *method = spec_row_find("/solver", "method")->words[r->s->method];
-        if (at.node) reading_add_fault(r, &at, "is not a member of the method \"%s\": remove it", method);
-        return;
-    }
+    if (row->offset == offsetof(spec, method)) r->methods = at.node ? 0 : SPEC_DEFAULT_METHODS;
+    if (!has_method(r, &at, row)) return;
     const char *why = build_part_missing(row->part);
     if (why) {
         read_missing_part(r, &at, row, why);
@@ -195,21 +211,15 @@ void group_read_row(reading *r, const json_at *group, const spec_row *row, json 
         read_member_group(r, &at, row, normal);
         return;
     }
-    if (row->shapes) {
-        if (!r->shape_known) return; /* what belongs here is not known; the shape's fault says so */
-        if (!(row->shapes & 1u << r->surface->analytic.shape)) {
-            const char *shape =
-                spec_row_find("/surface/analytic", "shape")->words[r->surface->analytic.shape];
-            if (at.node) reading_add_fault(r, &at, "is not a member of the shape \"%s\": remove it", shape);
-            return;
-        }
-    }
+    if (!has_shape(r, &at, row)) return;
     if (at.node)
         read_member(r, &at, row, normal);
     else if (row->flags & SPEC_REQUIRED)
         reading_add_fault(r, &at, "is required");
-    else
-        read_default(r, group, row, normal);
+    else if (row->flags & SPEC_DEPENDENT)
+        reading_add_absent(r, row, normal);
+    else if (row->otherwise)
+        group_read_default(r, row, row->otherwise, normal);
 }
 
 /* Notes which kind of surface a member of /surface makes, and the input file that it names. */
@@ -219,9 +229,10 @@ static void note_surface(reading *r, const json_at *at, const char *group)
     if (strncmp(group, prefix, strlen(prefix)) != 0) return;
     if (!set_surface_kind(r, group + strlen(prefix))) return;
     json_at path = json_member(at, "path");
-    if (!path.node || r->surface->input_pointer) return;
-    r->surface->input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
-    json_pointer(&path, r->surface->input_pointer, sizeof((spec_fault *)0)->pointer);
+    char **pointer = reading_target(r, offsetof(spec, surface.input_pointer));
+    if (!path.node || *pointer) return;
+    *pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
+    json_pointer(&path, *pointer, sizeof((spec_fault *)0)->pointer);
 }
 
 void group_read(reading *r, const json_at *at, const char *group, json *normal)
@@ -237,5 +248,5 @@ void group_read(reading *r, const json_at *at, const char *group, json *normal)
     for (size_t i = 0; i < count; i++)
         if (!(skipped & 1u << rows[i]->choice)) group_read_row(r, at, rows[i], normal);
     note_surface(r, at, group);
-    if (r->total == before) rules_check_values(r, at, group);
+    if (r->total == before) rules_check_group(r, at, group);
 }

@@ -15,4 +15,7 @@ void group_read(reading *r, const json_at *at, const char *group, json *normal);
 /* Reads one member of the group at this place, or its default. */
 void group_read_row(reading *r, const json_at *group, const spec_row *row, json *normal);
 
+/* Reads a member's default, a JSON text. */
+void group_read_default(reading *r, const spec_row *row, const char *otherwise, json *normal);
+
 #endif

@@ -5,12 +5,41 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/memory.h"
+
+void reading_open(reading *r, spec *s, const spec *known)
+{
+    *r = (reading){.partial = (partial_spec *)s,
+                   .known = known,
+                   .surface = (partial_surface *)&s->surface,
+                   .methods = ~0u};
+}
+
+void reading_close(reading *r)
+{
+    free(r->absent);
+    r->absent = NULL;
+    r->absent_count = 0;
+}
+
+spec *reading_whole(const reading *r)
+{
+    return r->total == 0 ? (spec *)r->partial : NULL;
+}
+
 void *reading_target(reading *r, size_t offset)
 {
     size_t first = offsetof(spec, surface);
     if (offset >= first && offset < first + sizeof(spec_surface))
         return (char *)r->surface + (offset - first);
-    return (char *)r->s + offset;
+    return (char *)r->partial + offset;
+}
+
+void reading_add_absent(reading *r, const spec_row *row, json *normal)
+{
+    r->absent = mem_resize(r->absent, (r->absent_count + 1) * sizeof *r->absent);
+    r->absent[r->absent_count++] = (absent_member){row, r->surface, normal};
+    json_put_null(normal, spec_row_key(row));
 }
 
 /* A further fault at this place without its text; NULL: there are too many. */

@@ -72,13 +72,11 @@ static void unknown_member(reading *r, const json_at *at, const char *group)
 static void check_names(reading *r, const json_at *at, const char *group)
 {
     size_t unknown = 0;
-    for (size_t i = 0; i < json_size(*at) && unknown < SPEC_MAX_FAULTS; i++) {
-        json_at member = json_element(at, i);
-        const spec_row *row = spec_row_find(group, member.key);
-        if (!row) {
-            unknown_member(r, &member, group);
-            unknown++;
-        }
+    for (json_at member = json_first(at); member.node && unknown < SPEC_MAX_FAULTS;
+         member = json_next(&member)) {
+        if (spec_row_find(group, member.key)) continue;
+        unknown_member(r, &member, group);
+        unknown++;
     }
 }
 
@@ -127,10 +125,16 @@ static unsigned check_choices(reading *r, const json_at *at, const char *group)
     return several;
 }
 
-/* What no single row can say; only of values that are good by themselves. */
+/* ---- relations within one group; only of values that are good by themselves ---- */
+
+static bool is_given(const json_at *at, const char *key)
+{
+    return json_member(at, key).node != NULL;
+}
+
 static void check_analytic(reading *r, const json_at *at)
 {
-    const spec_analytic *a = &r->surface->analytic;
+    const spec_analytic *a = reading_target(r, offsetof(spec, surface.analytic));
     json_at minor = json_member(at, "minor_radius"), axis = json_member(at, "axis"),
             rounding = json_member(at, "rounding");
     double smallest = a->shape == SPEC_SHAPE_CYLINDER
@@ -150,41 +154,44 @@ static void check_analytic(reading *r, const json_at *at)
 
 static void check_feature(reading *r, const json_at *at)
 {
-    const spec *s = r->s;
     json_at resolve = json_member(at, "resolve"), alpha = json_member(at, "alpha"),
             curvature = json_member(at, "curvature");
-    if (resolve.node && !s->resolve)
+    const bool resolves = json_bool(resolve, false), feature = is_given(at, "feature");
+    if (resolve.node && !resolves)
         reading_add_fault(r, &resolve, "must be true: for another target, remove this member");
-    if (s->resolve && !s->has_feature)
+    if (resolves && !feature)
         reading_add_fault(r, &resolve,
                           "requires feature: add \"feature\": {} to /sampling, which has defaults");
-    if (s->resolve && curvature.node)
+    if (resolves && curvature.node)
         reading_add_fault(r, &curvature, "excludes resolve: give a count or another target");
-    if ((s->has_feature || s->curve_spacing > 0) && alpha.node)
+    if ((feature || is_given(at, "curve_spacing")) && alpha.node)
         reading_add_fault(r, &alpha, "excludes %s: use curvature, or remove one of the two",
-                          s->has_feature ? "feature" : "curve_spacing");
+                          feature ? "feature" : "curve_spacing");
 }
 
 static void check_points(reading *r, const json_at *at)
 {
     static const char *const targets[] = {"control", "time_s", "resolve"};
-    const spec *s = r->s;
+    const spec_points *given = reading_target(r, offsetof(spec, points));
     const json_at points = json_member(at, "points"), distance = json_member(&points, "distance");
-    if (!s->has_points) return;
+    if (!points.node) return;
     for (size_t k = 0; k < sizeof targets / sizeof *targets; k++)
-        if (json_member(at, targets[k]).node)
+        if (is_given(at, targets[k]))
             reading_add_fault(r, &points, "excludes %s: give a count, spacing or density", targets[k]);
-    if (s->points.mode == SPEC_POINTS_AVOID && !distance.node)
+    if (given->mode == SPEC_POINTS_AVOID && !distance.node)
         reading_add_fault(r, &points, "mode \"avoid\" requires distance: add it");
-    if (s->points.mode != SPEC_POINTS_AVOID && distance.node)
+    if (given->mode != SPEC_POINTS_AVOID && distance.node)
         reading_add_fault(r, &distance, "requires mode \"avoid\": remove one of the two");
 }
 
-static void check_sampling(reading *r, const json_at *at)
+/* Limits of a spacing that varies. */
+static void check_limits(reading *r, const json_at *at)
 {
-    static const char *const limits[] = {"min_spacing", "max_spacing", "gradation"};
-    const spec *s = r->s;
-    for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !spec_is_graded(s); k++) {
+    static const char *const gradings[] = {"curvature", "grid", "feature", "curve_spacing"},
+                             *const limits[] = {"min_spacing", "max_spacing", "gradation"};
+    bool graded = false;
+    for (size_t k = 0; k < sizeof gradings / sizeof *gradings; k++) graded |= is_given(at, gradings[k]);
+    for (size_t k = 0; k < sizeof limits / sizeof *limits && !graded; k++) {
         json_at limit = json_member(at, limits[k]);
         if (limit.node)
             reading_add_fault(
@@ -192,21 +199,31 @@ static void check_sampling(reading *r, const json_at *at)
                 "requires curvature, grid, feature or curve_spacing: add one of them, or remove this "
                 "member");
     }
+}
+
+static void check_sampling(reading *r, const json_at *at)
+{
+    static const char *const counted[] = {"min_spacing", "max_spacing", "feature", "curve_spacing"};
+    json_at least = json_member(at, "min_spacing"), most = json_member(at, "max_spacing"),
+            time = json_member(at, "time_s");
+    const double low = json_number(least, 0), high = json_number(most, 0);
+    bool counts = false;
+    for (size_t k = 0; k < sizeof counted / sizeof *counted; k++) counts |= is_given(at, counted[k]);
+    check_limits(r, at);
     check_feature(r, at);
     check_points(r, at);
-    json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
-            exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
-    json_at time = json_member(at, "time_s");
-    if (time.node && (s->min_spacing > 0 || s->max_spacing > 0 || s->has_feature || s->curve_spacing > 0))
+    if (time.node && counts)
         reading_add_fault(r, &time,
                           "determines the count: remove min_spacing, max_spacing, feature and curve_spacing");
-    if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
-        reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
-                          s->max_spacing);
-    if (exponent.node && !(s->curvature.ratio > 0))
+    if (most.node && high < low)
+        reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", low, high);
+}
+
+static void check_curvature(reading *r, const json_at *at)
+{
+    json_at exponent = json_member(at, "exponent");
+    if (exponent.node && !is_given(at, "ratio"))
         reading_add_fault(r, &exponent, "requires ratio: add it, or remove this member");
-    if (s->has_grid && !s->grid.path && s->surface.kind != SPEC_SURFACE_VDB)
-        reading_add_fault(r, &grid, "requires a path, because the surface is not a VDB file");
 }
 
 /* Whether a list has from low to high numbers, none of them twice. */
@@ -221,29 +238,37 @@ static bool is_set(const spec_list *list, size_t low, size_t high)
     return good;
 }
 
-static void check_lists(reading *r, const json_at *at, const spec_list *lists, size_t count, size_t low,
-                        size_t high, const char *must)
+static void check_lists(reading *r, const json_at *at, const spec_list *lists, size_t low, size_t high,
+                        const char *must)
 {
-    for (size_t k = 0; k < count; k++) {
-        if (is_set(&lists[k], low, high)) continue;
-        const json_at list = json_element(at, k);
-        reading_add_fault(r, &list, "%s", must);
-    }
+    for (json_at list = json_first(at); list.node; list = json_next(&list))
+        if (!is_set(&lists[list.index], low, high)) reading_add_fault(r, &list, "%s", must);
 }
 
 /* A stack of images that a member of the surface describes. It is the same in all frames. */
 static void check_exr(reading *r, const json_at *at)
 {
     if (r->known) return;
-    spec_exr *x = &r->surface->exr;
+    spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
     json_at slices = json_member(at, "slices"), path = json_member(at, "path");
-    if (!surface_parse_slices(x))
+    int from = 0, step = 1;
+    if (!surface_parse_slices(x, &from, &step)) {
         reading_add_fault(
             r, &slices,
             "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
             "(given \"%s\")",
             SURFACE_MOST_SLICES, x->slices);
-    else if (!surface_name_slices(x))
+        return;
+    }
+    r->slices += x->count;
+    r->name_bytes += x->count * strlen(x->path);
+    if (r->slices > SURFACE_MOST_SLICES || r->name_bytes > SURFACE_MOST_NAME_BYTES)
+        reading_add_fault(
+            r, &slices,
+            "the stacks of the spec have more than %d slices or file names of more than %d MiB: "
+            "use fewer slices or shorter paths",
+            SURFACE_MOST_SLICES, SURFACE_MOST_NAME_BYTES >> 20);
+    else if (!surface_name_slices(x, from, step))
         reading_add_fault(r, &path, "must contain one %s in place of the slice number", FRAMES_NOTATIONS);
 }
 
@@ -252,11 +277,12 @@ static void check_label_files(reading *r, const json_at *at)
 {
     static const char *const of_stacks[] = {"part", "channel", "origin"}; /* the last has a default */
     static const char *const of_files[] = {"grid", "index", "level"};
-    spec_surface *s = r->surface;
-    const bool stack = s->exr.slices != NULL;
-    const vec3 size = s->exr.voxel_size, origin = s->exr.origin;
+    spec_labels *l = reading_target(r, offsetof(spec, surface.labels));
+    spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
+    const bool stack = x->slices != NULL;
+    const vec3 size = x->voxel_size, origin = x->origin;
     const bool is_default[] = {false, false, origin.x == 0 && origin.y == 0 && origin.z == 0};
-    s->exr.has_voxel_size = size.x != 1 || size.y != 1 || size.z != 1;
+    x->has_voxel_size = size.x != 1 || size.y != 1 || size.z != 1;
     for (size_t k = 0; k < sizeof of_stacks / sizeof *of_stacks; k++) {
         const json_at member = json_member(at, of_stacks[k]);
         if (!stack && member.node && !is_default[k])
@@ -267,38 +293,39 @@ static void check_label_files(reading *r, const json_at *at)
         if (stack && member.node) reading_add_fault(r, &member, "excludes slices: remove one of the two");
     }
     if (!stack || r->known) return;
-    s->exr.path = s->labels.path;
-    s->labels.path = NULL;
+    x->path = l->path;
+    l->path = NULL;
     check_exr(r, at);
 }
 
 static void check_volume(reading *r, const json_at *at)
 {
-    spec_surface *s = r->surface;
+    spec_volume *v = reading_target(r, offsetof(spec, surface.volume));
+    spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
     const json_at index = json_member(at, "index"), level = json_member(at, "level");
-    if (!s->exr.has_voxel_size) s->exr.voxel_size = vec3_make(1, 1, 1);
-    if (!s->exr.slices) return;
+    if (!x->has_voxel_size) x->voxel_size = vec3_make(1, 1, 1);
+    if (!x->slices) return;
     if (index.node) reading_add_fault(r, &index, "excludes slices: remove one of the two");
     if (level.node) reading_add_fault(r, &level, "excludes slices: remove one of the two");
     if (r->known) return;
-    s->exr.path = s->volume.path;
-    s->volume.path = NULL;
+    x->path = v->path;
+    v->path = NULL;
     check_exr(r, at);
 }
 
 static void check_labels(reading *r, const json_at *at)
 {
     const json_at groups = json_member(at, "groups"), interfaces = json_member(at, "interfaces");
-    const spec_labels *l = &r->surface->labels;
+    const spec_labels *l = reading_target(r, offsetof(spec, surface.labels));
     check_label_files(r, at);
     if (r->known) return; /* lists of lists are the same in all frames */
-    check_lists(r, &groups, l->groups, l->group_count, 2, SIZE_MAX, "must be two or more different labels");
-    check_lists(r, &interfaces, l->interfaces, l->interface_count, 2, 2, "must be two different labels");
+    check_lists(r, &groups, l->groups, 2, SIZE_MAX, "must be two or more different labels");
+    check_lists(r, &interfaces, l->interfaces, 2, 2, "must be two different labels");
 }
 
 static void check_control(reading *r, const json_at *at)
 {
-    const spec_control *c = &r->s->control;
+    const spec_control *c = reading_target(r, offsetof(spec, control));
     json_at start = json_member(at, "start_count");
     if (c->start_count > 0 && c->start_count < c->min_count)
         reading_add_fault(r, &start, "must be at least min_count, %lld (given %lld)", (long long)c->min_count,
@@ -307,18 +334,19 @@ static void check_control(reading *r, const json_at *at)
 
 static void check_box(reading *r, const json_at *at, const spec_box *box)
 {
-    json_at max = json_member(at, "max");
+    json_at max = json_member(at, "max"), side = json_first(&max);
     for (int axis = 0; axis < 3; axis++) {
         double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
-        if (low < high) continue;
-        json_at side = json_element(&max, (size_t)axis); /* max itself where it is the default */
-        reading_add_fault(r, side.node ? &side : at, "max must be above min, %.16g (given %.16g)", low, high);
+        if (!(low < high)) /* max itself where it is the default */
+            reading_add_fault(r, side.node ? &side : at, "max must be above min, %.16g (given %.16g)", low,
+                              high);
+        if (side.node) side = json_next(&side);
     }
 }
 
 static void check_domain(reading *r, const json_at *at)
 {
-    check_box(r, at, &r->surface->bspline.domain);
+    check_box(r, at, reading_target(r, offsetof(spec, surface.bspline.domain)));
 }
 
 static void check_region(reading *r, const json_at *at)
@@ -331,119 +359,12 @@ static void check_region(reading *r, const json_at *at)
                           "is required with %s: a box is {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}",
                           min.node ? "min" : "max");
     else if (min.node)
-        check_box(r, at, &r->s->region);
-}
-
-static bool has_mesh(const spec_surface *s)
-{
-    bool found = s->kind == SPEC_SURFACE_MESH;
-    for (size_t k = 0; k < s->part_count; k++) found |= has_mesh(s->parts[k]);
-    return found;
-}
-
-/* Points that are attached are not computed: what concerns their number, their neighbours or their order is refused. */
-static void check_attach(reading *r, const json_at *at)
-{
-    static const char *const excluded[][2] = {
-        {"sampling", "alpha"},         {"sampling", "curvature"},   {"sampling", "grid"},
-        {"sampling", "feature"},       {"sampling", "min_spacing"}, {"sampling", "max_spacing"},
-        {"sampling", "curve_spacing"}, {"output", "mesh"},          {"output", "convergence"},
-        {"output", "order"},           {"queue", "coherent"},       {"outcome", "require"}};
-    json_at sampling = json_member(at, "sampling"), attach = json_member(&sampling, "attach");
-    if (!r->s->attach) return;
-    if (!has_mesh(&r->s->surface))
-        reading_add_fault(r, &attach, "requires a surface that is a mesh, or has one as a part");
-    for (size_t k = 0; k < sizeof excluded / sizeof *excluded; k++) {
-        json_at group = json_member(at, excluded[k][0]), member = json_member(&group, excluded[k][1]);
-        if (member.node && (json_type_of(member) != JSON_BOOL || json_bool(member, true)))
-            reading_add_fault(
-                r, &member,
-                "excludes sampling.attach, which places points that are given: remove one of the two");
-    }
-}
-
-static bool has_labels(const spec_surface *s)
-{
-    bool found = s->kind == SPEC_SURFACE_LABELS;
-    for (size_t k = 0; k < s->part_count; k++) found |= has_labels(s->parts[k]);
-    return found;
-}
-
-/* Blue noise has no packing, no points on curves and no given points: what concerns these is refused. */
-static void check_pattern(reading *r, const json_at *at)
-{
-    static const char *const excluded[][2] = {
-        {"sampling", "control"},       {"sampling", "alpha"},  {"sampling", "resolve"},
-        {"sampling", "points"},        {"sampling", "attach"}, {"sampling", "time_s"},
-        {"sampling", "curve_spacing"}, {"", "features"},       {"queue", "coherent"}};
-    static const char *const fixed[] = {"method", "init", "energy", "minimiser", "sigma"};
-    const spec *s = r->s;
-    const bool is_fixed[] = {s->method == SPEC_METHOD_SIZED, s->init == SPEC_INIT_SURFACE,
-                             s->energy == SPEC_ENERGY_COTANGENT, s->minimiser == SPEC_MINIMISER_LM,
-                             !(s->sigma > 0)};
-    const json_at sampling = json_member(at, "sampling"), pattern = json_member(&sampling, "pattern"),
-                  solver = json_member(at, "solver");
-    if (s->pattern != SPEC_PATTERN_BLUE_NOISE) return;
-    if (has_labels(&s->surface))
-        reading_add_fault(r, &pattern,
-                          "\"blue_noise\" requires a surface without labels: use \"hexagonal\", or sample a "
-                          "mesh of the interfaces");
-    for (size_t k = 0; k < sizeof excluded / sizeof *excluded; k++) {
-        const json_at group = *excluded[k][0] ? json_member(at, excluded[k][0]) : *at,
-                      member = json_member(&group, excluded[k][1]);
-        if (member.node && (json_type_of(member) != JSON_BOOL || json_bool(member, true)))
-            reading_add_fault(r, &member, "excludes the pattern \"blue_noise\": remove one of the two");
-    }
-    for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++) {
-        const json_at member = json_member(&solver, fixed[k]);
-        if (!is_fixed[k] && member.node)
-            reading_add_fault(
-                r, &member,
-                "excludes the pattern \"blue_noise\", which requires the default: remove one of the two");
-    }
-}
-
-/* The interfaces of labels do not bound one solid, so they can be neither combined nor cut. */
-static void check_whole_labels(reading *r, const json_at *at)
-{
-    const json_at surface = json_member(at, "surface"), region = json_member(at, "region");
-    if (!has_labels(&r->s->surface)) return;
-    if (region.node)
-        reading_add_fault(
-            r, &region,
-            "excludes surface.labels, whose interfaces do not bound one solid: remove it, or crop the "
-            "file of labels");
-    if (r->s->surface.part_count > 0)
-        reading_add_fault(
-            r, &surface,
-            "contains labels, whose interfaces do not bound one solid: make surface.labels the whole "
-            "surface, without a combination, offset or transform");
-}
-
-static void check_whole(reading *r, const json_at *at)
-{
-    json_at surface = json_member(at, "surface");
-    const spec *s = r->s;
-    bool cut = s->region_inside ? spec_surface_is_bounded(s->region_inside) : s->has_region;
-    if (!cut && !spec_surface_is_bounded(&s->surface))
-        reading_add_fault(
-            r, &surface,
-            "is unbounded, because it contains a halfspace: give a region, or intersect it with "
-            "a bounded shape");
-    check_attach(r, at);
-    check_pattern(r, at);
-    check_whole_labels(r, at);
-    json_at output = json_member(at, "output"), order = json_member(&output, "order");
-    if (s->has_order && s->order == SPEC_ORDER_ID && !s->coherent)
-        reading_add_fault(
-            r, &order,
-            "\"id\" requires queue.coherent, because only points of coherent sequences have ids: "
-            "use \"progressive\" or \"spatial\", or remove it");
+        check_box(r, at, reading_target(r, offsetof(spec, region)));
 }
 
 static void check_bspline(reading *r, const json_at *at)
 {
-    const spec_bspline *b = &r->surface->bspline;
+    const spec_bspline *b = reading_target(r, offsetof(spec, surface.bspline));
     json_at coefficients = json_member(at, "coefficients");
     double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
     if (b->coefficients && (double)b->coefficient_count != count)
@@ -454,159 +375,99 @@ static void check_bspline(reading *r, const json_at *at)
 
 static void check_solver(reading *r, const json_at *at)
 {
-    json_at method = json_member(at, "method"), step = json_member(at, "step"),
-            init = json_member(at, "init");
-    if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
+    json_at step = json_member(at, "step");
+    if (step.node && strcmp(json_string(json_member(at, "minimiser"), ""), "gradient") != 0)
         reading_add_fault(r, &step, "requires the minimiser \"gradient\"");
-    if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
-        reading_add_fault(
-            r, &method,
-            "sampling.alpha requires the method \"paper\" or \"witkin-heckbert\" (given \"sized\")");
-    if (spec_is_graded(r->s) && r->s->method != SPEC_METHOD_SIZED)
-        reading_add_fault(r, &method, "sampling.%s requires the method \"sized\"",
-                          r->s->has_feature     ? "feature"
-                          : r->s->has_grid      ? "grid"
-                          : r->s->has_curvature ? "curvature"
-                                                : "curve_spacing");
-    if (r->s->has_points && r->s->method != SPEC_METHOD_SIZED)
-        reading_add_fault(r, &method,
-                          "sampling.points requires the method \"sized\", which excludes sampling.alpha");
-    if (r->s->has_points && r->s->init != SPEC_INIT_SURFACE)
-        reading_add_fault(r, &init, "excludes sampling.points: remove one of the two");
-    if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
-        reading_add_fault(
-            r, &method,
-            "sampling.control requires the method \"sized\" or \"paper\" (given \"witkin-heckbert\")");
 }
 
-static void check_camera(reading *r, const json_at *at)
+void rules_check_up(reading *r, const json_at *at, const spec_camera *c)
 {
-    const spec_camera *c = &r->s->camera;
-    json_at target = json_member(at, "target"), up = json_member(at, "up");
-    vec3 sight = vec3_sub(c->target, c->position);
-    if (!(vec3_norm2(sight) > 0))
-        reading_add_fault(r, &target, "is equal to position: move one of them");
-    else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
+    json_at up = json_member(at, "up");
+    if (!(vec3_norm(vec3_cross(vec3_unit(vec3_sub(c->target, c->position)), vec3_unit(c->up))) >
+          UPRIGHT_LEAST))
         reading_add_fault(r, up.node ? &up : at,
                           "up is zero or parallel to the line of sight: give another direction");
 }
 
+static void check_camera(reading *r, const json_at *at)
+{
+    const spec_camera *c = reading_target(r, offsetof(spec, camera));
+    json_at target = json_member(at, "target");
+    if (!(vec3_norm2(vec3_sub(c->target, c->position)) > 0))
+        reading_add_fault(r, &target, "is equal to position: move one of them");
+    else if (is_given(at, "up"))
+        rules_check_up(r, at, c);
+}
+
 static void check_preview(reading *r, const json_at *at)
 {
-    const spec *s = r->s;
+    const double *limit = *(double **)reading_target(r, offsetof(spec, preview_range));
     json_at range = json_member(at, "range");
-    if (s->preview_range_count == 0 && !range.node) return;
-    if (s->preview_range_count != 2 || !(s->preview_range[0] < s->preview_range[1]))
+    if (range.node && (json_size(range) != 2 || !(limit[0] < limit[1])))
         reading_add_fault(r, &range, "must be two numbers, the lower one first");
+}
+
+/* Notes a fault at a member that is true or an object, if another one is not true. */
+static void check_needs(reading *r, const json_at *at, const json_at *member, const char *needed,
+                        const char *must)
+{
+    if (member->node && json_bool(*member, true) && !json_bool(json_member(at, needed), false))
+        reading_add_fault(r, member, "%s", must);
 }
 
 static void check_output(reading *r, const json_at *at)
 {
-    json_at mesh = json_member(at, "mesh"), usda = json_member(at, "mesh_usda"),
-            parts = json_member(at, "label_meshes");
-    json_at usd = json_member(at, "usd"), instancer = json_member(&usd, "instancer");
-    if (r->s->has_instancer && !r->s->has_points_usda)
-        reading_add_fault(r, &instancer, "requires points_usda: true");
-    if (r->s->has_mesh_usda && !r->s->has_mesh) reading_add_fault(r, &usda, "requires mesh: true");
-    if (r->s->has_mesh && r->s->has_points && r->s->points.mode == SPEC_POINTS_AVOID)
-        reading_add_fault(r, &mesh, "excludes sampling.points with mode \"avoid\": remove one of the two");
-    if (r->s->has_label_meshes && !(r->s->has_mesh && r->s->surface.kind == SPEC_SURFACE_LABELS))
-        reading_add_fault(r, &parts, "requires mesh: true, and surface.labels");
+    json_at usda = json_member(at, "mesh_usda"), parts = json_member(at, "label_meshes"),
+            usd = json_member(at, "usd"), instancer = json_member(&usd, "instancer");
+    check_needs(r, at, &instancer, "points_usda", "requires points_usda: true");
+    check_needs(r, at, &usda, "mesh", "requires mesh: true");
+    check_needs(r, at, &parts, "mesh", RULES_LABEL_MESHES);
 }
 
 static void check_orient(reading *r, const json_at *at)
 {
-    if (r->s->orient.twist && r->s->orient.has_seed)
+    if (is_given(at, "twist") && is_given(at, "seed"))
         reading_add_fault(r, at, "may have at most one of twist, seed (given both): remove one of them");
 }
 
 /* What a path between @ or @@@ cannot hold in a USD file of text. */
 static void check_instancer(reading *r, const json_at *at)
 {
-    const char *path = r->s->instancer.prototype;
     json_at prototype = json_member(at, "prototype");
+    const char *path = json_string(prototype, "");
     bool has_control = false;
-    for (const char *c = path; c && *c; c++) has_control |= (unsigned char)*c < ' ' || *c == 127;
-    if (has_control || (path && strstr(path, "@@@")))
+    for (const char *c = path; *c; c++) has_control |= (unsigned char)*c < ' ' || *c == 127;
+    if (has_control || strstr(path, "@@@"))
         reading_add_fault(r, &prototype, "must not contain control characters or \"@@@\": rename the file");
-}
-
-void rules_check_coherent(reading *r, const json_at *at)
-{
-    const spec *s = r->s;
-    json_at coherent = json_member(at, "coherent");
-    if (!s->coherent) return;
-    if (!s->frames) reading_add_fault(r, &coherent, "requires queue.frames");
-    if (s->method != SPEC_METHOD_SIZED)
-        reading_add_fault(
-            r, &coherent,
-            s->has_alpha ? "excludes /sampling/alpha: replace alpha by /sampling/curvature or /sampling/grid"
-                         : "requires /solver/method \"sized\": remove /solver/method, whose default it is");
-    if (s->features)
-        reading_add_fault(
-            r, &coherent,
-            "excludes features, because points on edges are computed anew in each frame: remove "
-            "one of the two");
-    if (s->has_points)
-        reading_add_fault(
-            r, &coherent,
-            "excludes sampling.points, because each frame starts with the points of the one before: remove "
-            "one of the two");
-    if (s->time_s > 0)
-        reading_add_fault(
-            r, &coherent,
-            "excludes sampling.time_s, because the count would differ from frame to frame: give "
-            "a count or spacing");
 }
 
 static void check_frames(reading *r, const json_at *at)
 {
-    spec *s = r->s;
-    json_at frames = json_member(at, "frames");
+    json_at frames = json_member(at, "frames"), after = json_member(at, "after_frames"),
+            chunk = json_member(at, "chunk"), coherent = json_member(at, "coherent");
+    const char *text = json_string(frames, NULL);
+    const bool in_order = json_bool(coherent, false);
     error e = {0};
-    bool any = false, all;
-    if (!s->frames && s->after_frames_count) {
-        json_at after = json_member(at, "after_frames");
+    if (!text && (json_type_of(after) == JSON_STRING || json_size(after) > 0))
         reading_add_fault(r, &after, "requires queue.frames; for a job without frames use depends_on");
-    }
-    if (s->chunk > 1 && (!s->frames || s->coherent)) {
-        json_at chunk = json_member(at, "chunk");
+    if (json_number(chunk, 1) > 1 && (!text || in_order))
         reading_add_fault(
             r, &chunk, "%s",
-            s->frames ? "excludes queue.coherent, whose frames run one after another: remove one of the two"
-                      : "requires queue.frames: remove chunk, or add frames");
-    }
-    if (!s->frames) return;
-    all = strcmp(s->frames, FRAMES_ALL) == 0;
-    if (!all && !(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
-        reading_add_fault(r, &frames, "%s", e.message);
-        return;
-    }
-    spec_input input;
-    for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
-    if (!any && all)
-        reading_add_fault(
-            r, &frames, "\"" FRAMES_ALL "\" requires the path of a file with %s in place of the frame number",
-            FRAMES_NOTATIONS);
-    else if (!any && !s->has_frame_values)
-        reading_add_fault(r, &frames,
-                          "all frames are equal: write %s in place of the frame number into a path "
-                          "of the surface, or add by_frame",
-                          FRAMES_NOTATIONS);
-    if (s->directory && !frames_is_pattern(s->directory))
-        reading_add_fault(
-            r, &frames,
-            "output.directory is the same for all frames, which would overwrite each other: add %s "
-            "in place of the frame number",
-            FRAMES_NOTATIONS);
+            text ? "excludes queue.coherent, whose frames run one after another: remove one of the two"
+                 : "requires queue.frames: remove chunk, or add frames");
+    if (!text && in_order) reading_add_fault(r, &coherent, "requires queue.frames");
+    if (!text || strcmp(text, FRAMES_ALL) == 0) return;
+    int **numbers = reading_target(r, offsetof(spec, frame));
+    *numbers = frames_parse(text, reading_target(r, offsetof(spec, frame_count)), &e);
+    if (!*numbers) reading_add_fault(r, &frames, "%s", e.message);
 }
 
 static void check_transform(reading *r, const json_at *at)
 {
-    const double *m = r->surface->matrix;
+    const double *m = *(double **)reading_target(r, offsetof(spec, surface.matrix));
     json_at matrix = json_member(at, "matrix");
-    if (r->surface->matrix_count != 16) {
-        reading_add_fault(r, &matrix, "must be 16 numbers (given %zu)", r->surface->matrix_count);
+    if (json_size(matrix) != 16) {
+        reading_add_fault(r, &matrix, "must be 16 numbers (given %zu)", json_size(matrix));
         return;
     }
     if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
@@ -623,7 +484,7 @@ static void check_attribute(reading *r, const json_at *at)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
     static const char *const computed[] = {"part", "direction1", "direction2", SPEC_GEOMETRY_SOURCE};
-    const spec_attribute *a = &r->s->attribute;
+    const spec_attribute *a = reading_target(r, offsetof(spec, attribute));
     json_at as = json_member(at, "as"), name = json_member(at, "name");
     if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))
         reading_add_fault(r, &as, "must be letters, digits and _, a letter first (given \"%s\")", a->as);
@@ -640,21 +501,18 @@ unsigned rules_check_names(reading *r, const json_at *at, const char *group)
     return check_choices(r, at, group);
 }
 
-/* The surface and the method are read before the queue, which depends on them. */
 static void check_queue(reading *r, const json_at *at)
 {
     check_frames(r, at);
     frame_values_check(r, at);
-    rules_check_coherent(r, at);
 }
 
-void rules_check_values(reading *r, const json_at *at, const char *group)
+void rules_check_group(reading *r, const json_at *at, const char *group)
 {
     static const struct {
         const char *group;
         void (*check)(reading *, const json_at *);
-    } rules[] = {{"", check_whole},
-                 {"/surface/analytic", check_analytic},
+    } rules[] = {{"/surface/analytic", check_analytic},
                  {"/surface/bspline", check_bspline},
                  {"/surface/bspline/domain", check_domain},
                  {"/surface/volume", check_volume},
@@ -665,6 +523,7 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
                  {"/attributes", check_attribute},
                  {"/sampling", check_sampling},
                  {"/sampling/control", check_control},
+                 {"/sampling/curvature", check_curvature},
                  {"/solver", check_solver},
                  {"/output", check_output},
                  {"/output/orient", check_orient},

@@ -1,5 +1,5 @@
-/* rules: what holds between the members of a group: known names, "exactly one of", and relations between values.
- * Private to src/spec. */
+/* rules: what holds between the members of one group: known names, "exactly one of", and relations between values.
+ * spec/relations.h has what holds between groups. Private to src/spec. */
 #ifndef HEXAD_SPEC_RULES_H
 #define HEXAD_SPEC_RULES_H
 
@@ -10,11 +10,13 @@
  * more than one member is given, a bit for each: these members may be stored in one place, and must not be read. */
 unsigned rules_check_names(reading *r, const json_at *at, const char *group);
 
-/* Notes values of the group that contradict each other or those of groups before it. Called only when each value is
- * good by itself. */
-void rules_check_values(reading *r, const json_at *at, const char *group);
+/* Notes values of the group that contradict each other. Called only when each value is good by itself. */
+void rules_check_group(reading *r, const json_at *at, const char *group);
 
-/* Notes what queue.coherent excludes elsewhere in the spec. `at` is the group queue. */
-void rules_check_coherent(reading *r, const json_at *at);
+/* Notes that a camera's up, given or by default, gives no upright picture. `at` is the group of the camera. */
+void rules_check_up(reading *r, const json_at *at, const spec_camera *c);
+
+/* What /output/label_meshes requires, within its group and beyond. */
+#define RULES_LABEL_MESHES "requires mesh: true, and surface.labels"
 
 #endif

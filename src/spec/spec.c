@@ -12,6 +12,7 @@
 #include "spec/frame_values.h"
 #include "spec/group.h"
 #include "spec/reading.h"
+#include "spec/relations.h"
 #include "spec/spec_table.h"
 #include "spec/surface.h"
 
@@ -28,37 +29,35 @@ static void sum_up(const spec_faults *faults, size_t total, error *e)
 }
 
 /* Reads a document that has the values of the index-th frame of `w` (NULL: it has no values by frame) in it. */
-static spec *parse(const json *document, const char *group, const frame_values *w, size_t index,
-                   spec_faults *faults, error *e)
+static spec *parse(const json *document, const frame_values *w, size_t index, spec_faults *faults, error *e)
 {
-    reading r = {.s = mem_alloc(sizeof(spec))};
-    r.surface = &r.s->surface;
+    reading r;
+    spec *s = mem_alloc(sizeof *s);
+    reading_open(&r, s, NULL);
     json_at root = json_root(document);
-    r.s->normalised = json_new_object();
+    s->normalised = json_new_object();
     if (document)
-        group_read(&r, &root, group, r.s->normalised);
+        group_read(&r, &root, "", s->normalised);
     else
         reading_add_fault(&r, &root, "must be an object (nothing is given)");
+    relations_set_defaults(&r);
+    relations_check(&r, &root);
+    reading_close(&r);
     if (w) frame_values_place_faults(w, index, index > 0, &r.faults);
     if (faults) *faults = r.faults;
-    if (r.total == 0) return r.s;
+    if (r.total == 0) return s;
     sum_up(&r.faults, r.total, e);
-    spec_free(r.s);
+    spec_free(s);
     return NULL;
-}
-
-spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e)
-{
-    return parse(document, group, NULL, 0, faults, e);
 }
 
 spec *spec_parse(const json *document, spec_faults *faults, error *e)
 {
     frame_values w;
-    if (!document || !frame_values_open(document, &w)) return parse(document, "", NULL, 0, faults, e);
+    if (!document || !frame_values_open(document, &w)) return parse(document, NULL, 0, faults, e);
     json *copy = json_copy(document);
     bool placed = !frame_values_apply(&w, 0, copy);
-    spec *s = parse(placed ? copy : document, "", placed ? &w : NULL, 0, faults, e);
+    spec *s = parse(placed ? copy : document, placed ? &w : NULL, 0, faults, e);
     json_free(copy);
     frame_values_close(&w);
     return s;
@@ -70,7 +69,7 @@ spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e)
     bool swept = frame_values_open(s->normalised, &w);
     assert(s->has_frame_values && swept && index < w.frame_count);
     json *document = frame_values_document(&w, index, s->normalised);
-    spec *frame = parse(document, "", &w, index, faults, e);
+    spec *frame = parse(document, &w, index, faults, e);
     json_free(document);
     frame_values_close(&w);
     return frame;
@@ -217,9 +216,10 @@ bool spec_surface_is_bounded(const spec_surface *s)
 {
     if (s->part_count == 0)
         return s->kind != SPEC_SURFACE_ANALYTIC || s->analytic.shape != SPEC_SHAPE_HALFSPACE;
-    bool any = false, all = true, first = spec_surface_is_bounded(s->parts[0]);
+    bool any = false, all = true, first = false;
     for (size_t k = 0; k < s->part_count; k++) {
         bool bounded = spec_surface_is_bounded(s->parts[k]);
+        if (k == 0) first = bounded;
         any |= bounded;
         all &= bounded;
     }

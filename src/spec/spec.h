@@ -355,9 +355,6 @@ typedef struct spec_faults {
  * (spec_invalid or not_supported) the first of them and their number. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 
-/* The same of the members of one group alone ("/queue"): the document is that group, pointers start there, and only
- * the members of the spec that belong to the group are set. */
-spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e);
 void spec_free(spec *s);
 
 /* The spec of the index-th frame of a spec with queue.by_frame: with that frame's values, and as a sequence of this frame alone.

@@ -51,13 +51,17 @@ typedef enum spec_choice {
 } spec_choice;
 
 enum {
-    SPEC_REQUIRED = 1, /* must be given, if the shape has it */
-    SPEC_LOW_OPEN = 2, /* the low bound itself is not allowed */
-    SPEC_OPTIONAL = 4, /* group: has no defaults; `has` stores whether it was given */
-    SPEC_SWITCH = 8,   /* group: may also be true or false; `has` stores which */
-    SPEC_OR_ZERO = 16, /* 0 is allowed, too, though it is below the low bound */
-    SPEC_OR_ONE = 32   /* strings: one string stands for an array of it */
+    SPEC_REQUIRED = 1,  /* must be given, if the shape has it */
+    SPEC_LOW_OPEN = 2,  /* the low bound itself is not allowed */
+    SPEC_OPTIONAL = 4,  /* group: has no defaults; `has` stores whether it was given */
+    SPEC_SWITCH = 8,    /* group: may also be true or false; `has` stores which */
+    SPEC_OR_ZERO = 16,  /* 0 is allowed, too, though it is below the low bound */
+    SPEC_OR_ONE = 32,   /* strings: one string stands for an array of it */
+    SPEC_DEPENDENT = 64 /* the default depends on other members: spec/relations.c chooses it */
 };
+
+/* What /solver/method may be by default; it depends on other groups. A member of one of these methods belongs to all. */
+#define SPEC_DEFAULT_METHODS (1u << SPEC_METHOD_SIZED | 1u << SPEC_METHOD_PAPER)
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */
 #define SPEC_MAJORITY_MAX 24      /* voxels */

@@ -7,24 +7,25 @@
 #include "base/frames.h"
 #include "base/memory.h"
 
-bool surface_parse_slices(spec_exr *x)
+bool surface_parse_slices(spec_exr *x, int *from, int *step)
 {
-    int first, last, step = 1, end = 0;
-    int got = sscanf(x->slices, "%8d-%8d%nx%8d%n", &first, &last, &end, &step, &end);
-    if (got < 2 || x->slices[end] || first < 0 || last <= first || step < 1) return false;
-    int count = (last - first) / step + 1;
+    int first, last, by = 1, end = 0;
+    int got = sscanf(x->slices, "%8d-%8d%nx%8d%n", &first, &last, &end, &by, &end);
+    if (got < 2 || x->slices[end] || first < 0 || last <= first || by < 1) return false;
+    int count = (last - first) / by + 1;
     if (count < 2 || count > SURFACE_MOST_SLICES) return false;
     x->count = (size_t)count;
-    x->numbers = mem_alloc(x->count * sizeof *x->numbers);
-    for (int k = 0; k < count; k++) x->numbers[k] = first + k * step;
+    *from = first;
+    *step = by;
     return true;
 }
 
-bool surface_name_slices(spec_exr *x)
+bool surface_name_slices(spec_exr *x, int from, int step)
 {
     if (!frames_is_pattern(x->path)) return false;
-    x->files = mem_alloc(x->count * sizeof *x->files);
-    for (size_t k = 0; k < x->count; k++) x->files[k] = frames_path(x->path, x->numbers[k]);
+    x->numbers = mem_alloc(x->count * sizeof *x->numbers);
+    for (size_t k = 0; k < x->count; k++) x->numbers[k] = from + (int)k * step;
+    x->files = frames_paths(x->path, x->numbers, x->count);
     return !frames_is_pattern(x->files[0]);
 }
 

@@ -4,13 +4,17 @@
 
 #include "spec/spec.h"
 
-enum { SURFACE_MOST_SLICES = 65536 };
+enum {
+    SURFACE_MOST_SLICES = 65536,       /* of all stacks of a spec together */
+    SURFACE_MOST_NAME_BYTES = 32 << 20 /* of their file names, which are made for each slice */
+};
 
-/* Reads count and numbers from `slices`. False unless it is FIRST-LAST or FIRST-LASTxSTEP with FIRST < LAST. */
-bool surface_parse_slices(spec_exr *x);
+/* Reads the count from `slices`, and the first number and the step. False unless it is FIRST-LAST or FIRST-LASTxSTEP with
+ * FIRST < LAST. */
+bool surface_parse_slices(spec_exr *x, int *from, int *step);
 
-/* Makes the file names from `path` and the numbers. False unless `path` has exactly one place for a number. */
-bool surface_name_slices(spec_exr *x);
+/* Makes the numbers and the file names. False unless `path` has exactly one place for a number. */
+bool surface_name_slices(spec_exr *x, int from, int step);
 
 /* Inserts the frame number into the paths of the surface and its parts. */
 void surface_set_frame(spec_surface *s, int frame);

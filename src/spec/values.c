@@ -57,11 +57,10 @@ static void read_vector(reading *r, const json_at *at, const spec_row *row, json
         return;
     }
     vec3 v = {0, 0, 0};
-    for (int i = 0; i < 3; i++) {
-        json_at element = json_element(at, (size_t)i);
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         if (is_number(element, row, whole)) {
             double value = json_number(element, 0);
-            vec3_set(&v, i, value == 0 ? 0 : value);
+            vec3_set(&v, (int)element.index, value == 0 ? 0 : value);
         } else {
             reading_add_wrong_value(r, &element, row, whole ? "an integer" : "a number");
             good = false;
@@ -89,16 +88,17 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     size_t count = json_size(*at);
     double *numbers = mem_alloc((count + 1) * sizeof *numbers);
     *(double **)reading_target(r, row->offset) = numbers; /* given to the spec at once, which frees them */
-    size_t good = 0, read = json_numbers(*at, numbers, count);
-    while (good < read && numbers[good] >= row->low && numbers[good] <= row->high) good++;
-    if (good < count) {
-        json_at element = json_element(at, good);
-        reading_add_wrong_value(r, &element, row, "a number");
-        return;
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
+        const double number = json_number(element, NAN);
+        if (!(number >= row->low && number <= row->high)) {
+            reading_add_wrong_value(r, &element, row, "a number");
+            return;
+        }
+        numbers[element.index] = number;
+        json_append_number(list, number == 0 ? 0 : number);
     }
     *(size_t *)reading_target(r, row->has) = count;
-    json *list = json_put_array(normal, spec_row_key(row));
-    for (size_t i = 0; i < count; i++) json_append_number(list, numbers[i] == 0 ? 0 : numbers[i]);
 }
 
 /* The message names the first bad integer of a list. */
@@ -108,20 +108,16 @@ static void read_list(reading *r, const json_at *at, const spec_row *row, spec_l
         reading_add_wrong_value(r, at, row, "an array of integers");
         return;
     }
-    const size_t count = json_size(*at);
-    const json **nodes = mem_alloc((count + 1) * sizeof *nodes);
-    json_elements(*at, nodes, count);
-    out->number = mem_alloc((count + 1) * sizeof *out->number);
-    for (; out->count < count; out->count++) {
-        json_at element = {nodes[out->count], at, NULL, out->count};
+    out->number = mem_alloc((json_size(*at) + 1) * sizeof *out->number);
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         if (!is_number(element, row, true)) {
             reading_add_wrong_value(r, &element, row, "an integer");
             break;
         }
-        out->number[out->count] = json_number(element, 0);
-        json_append_number(normal, out->number[out->count] == 0 ? 0 : out->number[out->count]);
+        const double number = json_number(element, 0);
+        out->number[out->count++] = number;
+        json_append_number(normal, number == 0 ? 0 : number);
     }
-    free(nodes);
 }
 
 static void read_integers(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -140,16 +136,12 @@ static void read_lists(reading *r, const json_at *at, const spec_row *row, json 
     memcpy(reading_target(r, row->offset), &lists,
            sizeof lists); /* given to the spec at once, which frees them */
     memcpy(reading_target(r, row->has), &count, sizeof count);
-    const json **nodes = mem_alloc((count + 1) * sizeof *nodes);
-    json_elements(*at, nodes, count);
     json *all = json_put_array(normal, spec_row_key(row));
-    for (size_t k = 0; k < count; k++) {
-        json_at element = {nodes[k], at, NULL, k};
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         json *list = json_new_array();
         json_append(all, list);
-        read_list(r, &element, row, &lists[k], list);
+        read_list(r, &element, row, &lists[element.index], list);
     }
-    free(nodes);
 }
 
 static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -160,13 +152,13 @@ static void read_size(reading *r, const json_at *at, const spec_row *row, json *
         reading_add_wrong_value(r, at, row, "an integer, or an array [width, height] of integers,");
         return;
     }
-    for (size_t i = 0; i < 2; i++) {
-        json_at side = pair ? json_element(at, i) : *at;
+    size[0] = size[1] = (int)json_number(*at, 0);
+    for (json_at side = json_first(at); side.node; side = json_next(&side)) {
         if (!is_number(side, row, true)) {
             reading_add_wrong_value(r, &side, row, "an integer");
             good = false;
         } else {
-            size[i] = (int)json_number(side, 0);
+            size[side.index] = (int)json_number(side, 0);
         }
     }
     if (!good) return;
@@ -196,6 +188,7 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
     if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
     if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
     if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
+    if (row->offset == offsetof(spec, method)) r->methods = 1u << i;
     json_put_string(normal, spec_row_key(row), row->words[i]);
 }
 
@@ -203,13 +196,11 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
 static void read_words(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     unsigned found = 0;
-    size_t count = json_size(*at);
-    if (json_type_of(*at) != JSON_ARRAY || count == 0) {
+    if (json_type_of(*at) != JSON_ARRAY || json_size(*at) == 0) {
         reading_add_mismatch(r, at, "must be an array of at least one word");
         return;
     }
-    for (size_t k = 0; k < count; k++) {
-        json_at element = json_element(at, k);
+    for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         int i = find_word(r, &element, row);
         if (i < 0) return;
         if (found & 1u << i) {
@@ -257,6 +248,19 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
     }
 }
 
+/* Appends one string to the list at the row's place. */
+static void read_label(reading *r, const json_at *at, const spec_row *row, json *list)
+{
+    const char *text = json_string(*at, NULL);
+    if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
+        reading_add_mismatch(r, at, "must be a string of 1 to %d characters", SPEC_LABEL_LENGTH_MAX);
+        return;
+    }
+    char **labels = *(char ***)reading_target(r, row->offset);
+    labels[(*(size_t *)reading_target(r, row->has))++] = mem_strdup(text);
+    json_append_string(list, text);
+}
+
 static void read_labels(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     bool one = row->flags & SPEC_OR_ONE && json_type_of(*at) == JSON_STRING;
@@ -265,20 +269,11 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         reading_add_mismatch(r, at, "must be an array of at most %.16g strings", row->high);
         return;
     }
-    char **labels = mem_alloc(count * sizeof *labels);
-    *(char ***)reading_target(r, row->offset) = labels; /* given to the spec at once, which frees them */
+    *(char ***)reading_target(r, row->offset) = mem_alloc(count * sizeof(char *)); /* the spec frees them */
     json *list = json_put_array(normal, spec_row_key(row));
-    for (size_t i = 0; i < count; i++) {
-        json_at element = one ? *at : json_element(at, i);
-        const char *text = json_string(element, NULL);
-        if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
-            reading_add_mismatch(r, &element, "must be a string of 1 to %d characters",
-                                 SPEC_LABEL_LENGTH_MAX);
-            continue;
-        }
-        labels[(*(size_t *)reading_target(r, row->has))++] = mem_strdup(text);
-        json_append_string(list, text);
-    }
+    if (one) read_label(r, at, row, list);
+    for (json_at element = json_first(at); element.node; element = json_next(&element))
+        read_label(r, &element, row, list);
 }
 
 void values_read(reading *r, const json_at *at, const spec_row *row, json *normal)

@@ -345,13 +345,29 @@ static void set_missing(const char *path, const char *where, bool sent, int why,
     error_set(e, ERROR_INPUT_MISSING, "cannot read %s%s: %s; %s", path, where, strerror(why), hint);
 }
 
+/* Whether the path below a root names the root itself: it is empty, or has no other step than ".". */
+static bool is_here(const char *rest)
+{
+    bool here = true;
+    while (here && *rest) {
+        here = rest[0] == '.' && (rest[1] == '/' || !rest[1]);
+        rest += 1 + strspn(rest + 1, "/");
+    }
+    return here;
+}
+
+static bool set_is_root(const char *path, error_code code, error *e)
+{
+    return error_set(e, code, "%s is an input root: name a file below it", path);
+}
+
 /* Sets the error for a path that lies below no root. */
 static void set_outside(const store_roots *roots, const char *path, error *e)
 {
     for (size_t i = 0; i < roots->count; i++) {
         const root *r = &roots->item[i];
         if (r->sent || r->only || (strcmp(path, r->given) != 0 && strcmp(path, r->resolved) != 0)) continue;
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s is an input root: name a file below it", path);
+        set_is_root(path, ERROR_PATH_FORBIDDEN, e);
         return;
     }
     bool is_directory;
@@ -407,6 +423,17 @@ static int open_place(const store_roots *roots, const char *path, int flags, err
     return fd;
 }
 
+/* Whether a directory is a root. */
+static bool names_root(const store_roots *roots, const char *path)
+{
+    bool found = false;
+    for (size_t i = 0; roots && i < roots->count; i++) {
+        const char *rest = inside(&roots->item[i], path, false);
+        found |= rest && !roots->item[i].only && is_here(rest);
+    }
+    return found;
+}
+
 int store_open_place(const store_roots *roots, const char *path, bool *is_directory, error *e)
 {
     struct stat info;
@@ -425,9 +452,12 @@ int store_open_place(const store_roots *roots, const char *path, bool *is_direct
     }
     /* a sandbox may permit to pass through a directory and not to read it */
     const int directory = open_place(roots, path, O_PATH | O_DIRECTORY | O_CLOEXEC, NULL);
-    *is_directory = directory >= 0;
+    *is_directory = directory >= 0 && !names_root(roots, path);
     if (directory < 0 && e) *e = failed;
-    return directory;
+    if (directory < 0 || *is_directory) return directory;
+    close(directory);
+    set_is_root(path, ERROR_INPUT_UNSUPPORTED, e);
+    return -1;
 }
 
 int store_open_input(const store_roots *roots, const char *path, error *e)

@@ -37,7 +37,7 @@ void store_roots_note_change(store_roots *roots, bool changed);
 /* Opens a file for reading. Returns its descriptor (close-on-exec), or -1 and an error:
  *   path_forbidden     the path is outside the roots or leads out of them
  *   input_missing      the file does not exist or cannot be read, or an uploaded file was removed
- *   input_unsupported  not a regular file
+ *   input_unsupported  not a regular file, or a root, as "." is
  * An absolute path belongs to the root that it begins with. A relative path is tried below each root in order. If
  * `roots` is NULL (a worker without a daemon), the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);

@@ -126,6 +126,29 @@ def test_scopes(closed_service):
     assert with_token(service, service.token, "POST", path).status in (200, 202)
 
 
+STACK = {"path": "x", "slices": "1-3", "isovalue": 1}
+SPHERE = {"analytic": {"shape": "sphere", "radius": 1}}
+FRAMES = {"queue": {"frames": "1-2"}}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("parts, pointer", [
+    ({"attributes": ["temperature"], **FRAMES}, "/attributes/0"),
+    ({"surface": {"exr": STACK}, **FRAMES}, "/surface/exr/path"),
+    ({"surface": {"volume": STACK}, **FRAMES}, "/surface/volume/path"),
+    ({"surface": {"labels": {"path": "x", "slices": "1-3"}}, **FRAMES}, "/surface/labels/path"),
+    ({"surface": {"union": [SPHERE, {"exr": STACK}]}, **FRAMES}, "/surface/union/1/exr/path"),
+    ({"region": {"inside": {"exr": STACK}}, **FRAMES}, "/region/inside/exr/path"),
+    ({"surface": {"mesh": {}}, "output": {"preview": {"camera": {"position": [1, 1, 1]}}}}, "/surface/mesh/path")])
+def test_a_fault_in_one_group_of_a_spec_is_refused_whatever_depends_on_the_group(closed_service, parts, pointer):
+    service = closed_service
+    reader = new_token(service, "carol", "--scopes", "read")
+    refused = with_token(service, reader, "POST", "/v1/jobs:validate", sphere(**parts))
+    expect_problem(refused, 422, "spec_invalid")
+    assert pointer in [fault["pointer"] for fault in refused.json["errors"]]
+    assert service.get("/healthz").status == 200
+
+
 MARKED_WORKER = """#!/bin/sh
 cat >/dev/null
 base=${4%/*/*/*}

@@ -212,6 +212,10 @@ def test_paths_stay_inside_the_roots(new_service, tmp_path):
     for path in (outside / "secret.vdb", root / "../outside/secret.vdb", "../outside/secret.vdb", root / "link.vdb",
                  "link.vdb", "up/outside/secret.vdb", "/etc/passwd", "/proc/self/environ"):
         expect_problem(service.post("/v1/jobs", vdb(path)), 403, "path_forbidden", pointer)
+    for path in (".", "./", f"{root}/", f"{root}/."):
+        named = service.post("/v1/jobs", vdb(path))
+        expect_problem(named, 422, "input_unsupported", pointer)
+        assert f"{path} is an input root: name a file below it" in named.json["detail"]
     refused = service.post("/v1/jobs", vdb("missing.vdb"))
     expect_problem(refused, 422, "input_missing", pointer)
     assert "; upload the file with hexadctl upload, or correct the path" in refused.json["detail"]

@@ -121,6 +121,66 @@ def test_random_specs(build, source, tmp_path):
     assert re.search(r"\d+ (converged|unresolved)", done.stdout), done.stdout
 
 
+def give_wrong(build, source, folder, *words, **more):
+    done = subprocess.run([sys.executable, "-B", source / "fuzz" / "specs.py", build / "hexad-worker", folder, "--seed", "1",
+                           "--wrong", *words], capture_output=True, text=True, **more)
+    assert done.returncode == 0 and re.search(r"^0 of \d+ specs with wrong values broke something$", done.stdout, re.M), \
+        done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.sanitized
+def test_wrong_values_of_every_member_are_refused(build, source, tmp_path):
+    """Alone and in pairs, in one process. These specs have every kind of the faults that doc/measured/fuzzing.md lists."""
+    told = give_wrong(build, source, tmp_path, "lines", "--program", build / "fuzz" / "lines_spec", "--runs", "5000")
+    assert "5000 lines" in told
+
+
+def members_of_specs(build):
+    """JSON Pointers of all members."""
+    rows = subprocess.run([build / "hexad-worker", "spec-help"], check=True, capture_output=True, text=True).stdout
+    return set(re.findall(r"^(/\S+) \(", rows, re.M))
+
+
+def test_the_dictionary_of_the_target_for_specs_has_every_member(build, source):
+    words = set(re.findall(r'\\"(\w+)\\"', (source / "fuzz" / "spec.dict").read_text()))
+    assert {pointer.rpartition("/")[2] for pointer in members_of_specs(build)} <= words
+
+
+def test_wrong_values_are_tried_for_every_member(build, source, monkeypatch):
+    monkeypatch.syspath_prepend(source / "fuzz")
+    import specs
+    schema = json.loads(subprocess.run([build / "hexad-worker", "schema"], check=True, capture_output=True, text=True).stdout)
+    made = specs.wrong_specs(schema, 1)
+    assert [next(made) for _ in range(50)] == list(itertools.islice(specs.wrong_specs(schema, 1), 50))
+    members = members_of_specs(build)
+    places = specs.wrong_places(schema)
+    assert members <= {re.sub(r"/0", "", place) for place in places}
+    assert {"/surface/union/0/mesh/path", "/region/inside/exr/slices", "/attributes/0"} <= places
+
+
+def test_a_spec_that_breaks_the_target_is_kept(build, source, tmp_path):
+    program = tmp_path / "breaks"
+    program.write_text("#!/bin/sh\nread -r one\nprintf '1\\n2\\nAddressSanitizer\\n' >&2\nexit 7\n")
+    program.chmod(0o700)
+    done = subprocess.run([sys.executable, "-B", source / "fuzz" / "specs.py", build / "hexad-worker", tmp_path, "--seed", "1",
+                           "--wrong", "lines", "--program", program, "--runs", "9"], capture_output=True, text=True)
+    assert done.returncode == 1 and "exit status 7 at spec 2" in done.stdout, done.stdout + done.stderr
+    assert json.loads((tmp_path / "broken.2.json").read_text())
+
+
+@pytest.mark.extended
+def test_wrong_values_are_refused_by_a_worker(build, source, tmp_path):
+    told = give_wrong(build, source, tmp_path, "worker", "--runs", "40")
+    assert "spec_invalid" in told
+
+
+@pytest.mark.extended
+def test_wrong_values_are_refused_by_a_service(build, source, tmp_path):
+    told = give_wrong(build, source, tmp_path, "service", "--runs", "300")
+    assert " with status 422" in told, told
+
+
 def test_random_specs_see_what_is_wrong(build, source, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(source / "fuzz")
     import specs

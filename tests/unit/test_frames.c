@@ -95,6 +95,13 @@ static void test_paths(void **state)
     expect_path("b.$F9", 7, "b.000000007");
     expect_path("plain", 7, "plain");
     expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* other conversions are plain text */
+    char **paths = frames_paths("a.%03d.tif", (const int[]){8, 12, 1234}, 3);
+    static const char *const expected[] = {"a.008.tif", "a.012.tif", "a.1234.tif"};
+    for (size_t k = 0; k < 3; k++) {
+        assert_string_equal(paths[k], expected[k]);
+        free(paths[k]);
+    }
+    free(paths);
     assert_true(frames_is_pattern("x.%03d"));
     assert_false(frames_is_pattern("100%.vdb"));
     assert_false(frames_is_pattern("%0d%"));

@@ -113,9 +113,9 @@ static void test_places(void **state)
 {
     (void)state;
     json *root = accept("{\"a/b~\":[10,{\"x\":\"\\u00e4\\uD83D\\uDE00\"}],\"t\":true,\"z\":null}");
-    json_at at = json_root(root), list = json_member(&at, "a/b~"), second = json_element(&list, 1),
-            x = json_member(&second, "x"), none = json_member(&x, "no"), first = json_element(&at, 0),
-            beyond = json_element(&list, 2);
+    json_at at = json_root(root), list = json_member(&at, "a/b~"), ten = json_first(&list),
+            second = json_next(&ten), x = json_member(&second, "x"), none = json_member(&x, "no"),
+            first = json_first(&at), beyond = json_next(&second), of_number = json_first(&ten);
     char pointer[64], small[6];
     assert_string_equal(json_pointer(&at, pointer, sizeof pointer), "");
     assert_string_equal(json_pointer(&x, pointer, sizeof pointer), "/a~1b~0/1/x");
@@ -126,12 +126,16 @@ static void test_places(void **state)
     assert_int_equal(json_type_of(list), JSON_ARRAY);
     assert_int_equal(json_type_of(none), JSON_NONE);
     assert_int_equal(json_type_of(beyond), JSON_NONE);
+    assert_int_equal(json_type_of(of_number), JSON_NONE);
+    assert_int_equal(json_type_of(json_first(&none)), JSON_NONE);
+    assert_string_equal(json_next(&first).key, "t");
+    assert_int_equal(second.index, 1);
     assert_int_equal(json_type_of(json_member(&at, "z")), JSON_NULL);
     assert_int_equal(json_size(list), 2);
     assert_int_equal(json_size(at), 3);
     assert_int_equal(json_size(x), 0);
     assert_string_equal(json_string(x, ""), "\xc3\xa4\xf0\x9f\x98\x80");
-    assert_true(json_number(json_element(&list, 0), 0) == 10);
+    assert_true(json_number(ten, 0) == 10);
     assert_true(json_number(x, 7) == 7);
     assert_true(json_bool(json_member(&at, "t"), false));
     assert_true(json_bool(x, true));
@@ -144,7 +148,8 @@ static void test_values_are_found_and_set(void **state)
     (void)state;
     json *root = accept("{\"a/b~\":[10,{\"x\":\"old\"}],\"~1\":2,\"\":3}");
     json_set_string(json_find(root, "/a~1b~0/1/x"), "longer than the old one");
-    json_at at = json_root(root), list = json_member(&at, "a/b~"), second = json_element(&list, 1);
+    json_at at = json_root(root), list = json_member(&at, "a/b~"), first = json_first(&list),
+            second = json_next(&first);
     assert_string_equal(json_string(json_member(&second, "x"), ""), "longer than the old one");
     assert_ptr_equal(json_find(root, ""), root);
     assert_ptr_equal(json_find(root, "/~01"), json_member(&at, "~1").node);
@@ -181,7 +186,7 @@ static void test_pointer_is_truncated_between_characters(void **state)
 {
     (void)state;
     json *root = accept("{\"\xc3\xa4\xc3\xb6\":1}");
-    json_at at = json_root(root), member = json_element(&at, 0);
+    json_at at = json_root(root), member = json_first(&at);
     char buffer[5];
     assert_string_equal(json_pointer(&member, buffer, sizeof buffer), "/\xc3\xa4");
     json_free(root);
@@ -245,7 +250,7 @@ static void check_round_trip(double value)
     char *text = json_print(list);
     json *again = accept(text);
     json_at at = json_root(again);
-    double read = json_number(json_element(&at, 0), NAN);
+    double read = json_number(json_first(&at), NAN);
     if (memcmp(&read, &value, sizeof read) != 0)
         fail_msg("%.17g came back as %.17g from %s", value, read, text);
     free(text);

@@ -200,6 +200,22 @@ static void test_a_root_cannot_be_opened_as_a_file(void **state)
     if (!strstr(e.message, "is an input root: name a file below it")) fail_msg("%s", e.message);
 }
 
+static void test_a_path_without_a_name_is_a_root(void **state)
+{
+    place *p = *state;
+    static const char *const relative[] = {".", "./", "././/.", ".//"}, *const absolute[] = {"/", "/.",
+                                                                                             "//./."};
+    bool is_directory;
+    for (size_t k = 0; k < 7; k++) {
+        error e = {0};
+        char *path = k < 4 ? mem_strdup(relative[k]) : mem_printf("%s%s", p->root, absolute[k - 4]);
+        assert_int_equal(store_open_place(p->roots, path, &is_directory, &e), -1);
+        assert_int_equal(e.code, ERROR_INPUT_UNSUPPORTED);
+        if (!strstr(e.message, "is an input root: name a file below it")) fail_msg("%s: %s", path, e.message);
+        free(path);
+    }
+}
+
 static void test_roots_that_change_at_a_restart_are_mentioned(void **state)
 {
     place *p = *state;
@@ -350,6 +366,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
         cmocka_unit_test(test_a_mistyped_root_is_explained),
         cmocka_unit_test_setup_teardown(test_a_root_cannot_be_opened_as_a_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_path_without_a_name_is_a_root, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_roots_that_change_at_a_restart_are_mentioned, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_root_may_be_a_single_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),

@@ -19,6 +19,8 @@
     "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}}," \
     "\"sampling\":{\"count\":100}"
 
+#define UNIT_SPHERE "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}}"
+
 #define GRADED(grading)                                                                \
     "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}}," \
     "\"sampling\":{\"count\":100," grading "}}"
@@ -185,7 +187,7 @@ static json *number_of(double value)
     json *list = json_new_array();
     json_append_number(list, value);
     json_at at = json_root(list);
-    json *number = json_copy(json_element(&at, 0).node);
+    json *number = json_copy(json_first(&at).node);
     json_free(list);
     return number;
 }
@@ -207,7 +209,7 @@ static json_type normalised_type(const spec *s, const char *pointer, double *val
         chain[depth + 1] = json_member(&chain[depth], key);
     json_at leaf = chain[depth];
     json_type type = json_type_of(leaf);
-    *value = json_number(type == JSON_ARRAY ? json_element(&leaf, 0) : leaf, NAN);
+    *value = json_number(type == JSON_ARRAY ? json_first(&leaf) : leaf, NAN);
     free(path);
     return type;
 }
@@ -912,15 +914,18 @@ static void test_faults(void **state)
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",
-                 "is not a member of the method \"sized\"");
+                 "requires the method \"witkin-heckbert\"");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"paper\",\"witkin_heckbert\":{}}}", invalid,
+                 "/solver/witkin_heckbert", "is not a member of the method \"paper\"");
     expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\",\"energy\":\"gaussian\"}}", invalid,
                  "/solver/energy", "is not a member of the method \"witkin-heckbert\"");
-    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1}},\"solver\":{\"method\":"
+    expect_fault(UNIT_SPHERE
+                 ",\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1}},\"solver\":{\"method\":"
                  "\"witkin-heckbert\"}}",
                  invalid, "/solver/method", "requires the method \"sized\" or \"paper\"");
     expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "requires the minimiser");
-    expect_fault("{\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}", invalid,
-                 "/solver/method", "requires the method \"paper\" or \"witkin-heckbert\"");
+    expect_fault(UNIT_SPHERE ",\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}",
+                 invalid, "/solver/method", "requires the method \"paper\" or \"witkin-heckbert\"");
     assert_null(spec_parse(NULL, NULL, NULL));
 }
 
@@ -1183,6 +1188,39 @@ static void test_surfaces_that_exclude_each_other_leave_no_memory(void **state)
     assert_true(after < before + (1 << 16));
 }
 
+/* The names of 62 stacks of 65 536 slices with paths of 4 000 bytes would take 16 GB. */
+static void test_stacks_of_a_spec_have_a_limit_together(void **state)
+{
+    static const struct {
+        int stacks;
+        const char *slices;
+        int path_bytes;
+        bool good;
+    } cases[] = {{2, "1-32768", 10, true},
+                 {2, "1-32769", 10, false},
+                 {62, "1-65536", 4000, false},
+                 {2, "1-9", 4000, true},
+                 {2, "1-8192", 4000, false}};
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        json *root = document(COMBINED("union")), *parts = json_find(root, "/surface/union");
+        char *path = mem_printf("%0*d.####.exr", cases[k].path_bytes, 0);
+        for (int n = 0; n < cases[k].stacks; n++) {
+            json *stack = json_put_object(json_append_object(parts), "exr");
+            json_put_string(stack, "path", path);
+            json_put_string(stack, "slices", cases[k].slices);
+            json_put_number(stack, "isovalue", 1);
+        }
+        spec_faults faults = {0};
+        spec *s = spec_parse(root, &faults, NULL);
+        assert_true(!!s == cases[k].good);
+        if (!s) assert_non_null(strstr(faults.item[0].detail, "more than 65536 slices"));
+        spec_free(s);
+        free(path);
+        json_free(root);
+    }
+}
+
 /* Checks that spec_check_frames, which does not parse each frame, finds the same faults as parsing each frame. */
 static void expect_same_as_each(const char *surface, const char *rest, const char *by_frame)
 {
@@ -1308,6 +1346,123 @@ static void test_long_lists_of_labels_are_read_in_one_walk(void **state)
     json_free(root);
 }
 
+/* Rules and defaults of one group read members of another. Each spec has a fault in the other group. */
+static void test_rules_between_groups_wait_for_groups_without_faults(void **state)
+{
+    static const char stack[] = "{\"path\":\"x\",\"slices\":\"1-3\",\"isovalue\":1}",
+                      sphere[] = "{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}}",
+                      count[] = "\"sampling\":{\"count\":10}", frames[] = "\"queue\":{\"frames\":\"1-2\"}";
+    const struct {
+        char *surface, *rest;
+        const char *pointer;
+    } specs[] = {
+        {mem_strdup(sphere), mem_printf("%s,%s,\"attributes\":[\"temperature\"]", count, frames),
+         "/attributes/0"},
+        {mem_strdup(sphere), mem_printf("%s,%s,\"attributes\":[{\"from\":7}]", count, frames),
+         "/attributes/0/from"},
+        {mem_printf("{\"exr\":%s}", stack), mem_printf("%s,%s", count, frames), "/surface/exr/path"},
+        {mem_printf("{\"volume\":%s}", stack), mem_printf("%s,%s", count, frames), "/surface/volume/path"},
+        {mem_strdup("{\"labels\":{\"path\":\"x\",\"slices\":\"1-3\"}}"), mem_printf("%s,%s", count, frames),
+         "/surface/labels/path"},
+        {mem_printf("{\"union\":[%s,{\"exr\":%s}]}", sphere, stack), mem_printf("%s,%s", count, frames),
+         "/surface/union/1/exr/path"},
+        {mem_strdup(sphere), mem_printf("%s,%s,\"region\":{\"inside\":{\"exr\":%s}}", count, frames, stack),
+         "/region/inside/exr/path"},
+        {mem_strdup("{\"mesh\":{}}"),
+         mem_printf("%s,\"output\":{\"preview\":{\"camera\":{\"position\":[1,1,1]}}}", count),
+         "/surface/mesh/path"},
+        {mem_strdup("{\"offset\":7}"),
+         mem_printf("%s,\"output\":{\"preview\":{\"camera\":{\"position\":[1,1,1],"
+                    "\"target\":[0,0,0]}}}",
+                    count),
+         "/surface/offset"},
+        {mem_strdup("{\"union\":7}"), mem_printf("%s,%s,\"region\":7", count, frames), "/surface/union"},
+    };
+    (void)state;
+    for (size_t k = 0; k < sizeof specs / sizeof *specs; k++) {
+        char *text = mem_printf("{\"version\":1,\"surface\":%s,%s}", specs[k].surface, specs[k].rest);
+        expect_fault(text, ERROR_SPEC_INVALID, specs[k].pointer, "");
+        free(text);
+        free(specs[k].surface);
+        free(specs[k].rest);
+    }
+}
+
+static void test_faults_within_groups_are_noted_together(void **state)
+{
+    static const char text[] =
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":2}},"
+        "\"sampling\":{\"count\":9,\"feature\":{},\"min_spacing\":2,\"max_spacing\":1},"
+        "\"solver\":{\"step\":0.1},\"output\":{\"mesh_usda\":true,\"label_meshes\":true},"
+        "\"queue\":{\"chunk\":2,\"coherent\":true}}";
+    static const char *const places[] = {
+        "/surface/analytic/minor_radius", "/sampling/max_spacing", "/solver/step",   "/output/mesh_usda",
+        "/output/label_meshes",           "/queue/chunk",          "/queue/coherent"};
+    (void)state;
+    for (size_t k = 0; k < sizeof places / sizeof *places; k++)
+        expect_fault(text, ERROR_SPEC_INVALID, places[k], "");
+}
+
+/* The members of the group and of all below it are in the order of the table. */
+static void expect_order_of_table(json_at at, const char *group)
+{
+    size_t count = 0, last = 0;
+    const spec_row *const *rows = spec_rows_of(group, &count);
+    for (json_at member = json_first(&at); member.node; member = json_next(&member)) {
+        size_t k = 0;
+        while (k < count && strcmp(spec_row_key(rows[k]), member.key) != 0) k++;
+        if (k == count || k < last) fail_msg("%s/%s is out of order", group, member.key);
+        if (rows[k]->type == SPEC_TYPE_GROUP && json_type_of(member) == JSON_OBJECT)
+            expect_order_of_table(member, rows[k]->pointer);
+        last = k;
+    }
+}
+
+static void test_defaults_that_depend_on_others_are_in_their_places(void **state)
+{
+    static const char camera[] =
+        ",\"output\":{\"preview\":{\"camera\":{\"fov\":1,\"position\":[1,1,1],\"target\":"
+        "[0,0,0]}}},\"solver\":{\"minimiser\":\"gradient\"}}";
+    static const char *const begin[] = {
+        GRADED("\"curvature\":{\"ratio\":3}"), GRADED("\"alpha\":{}"),
+        "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.stl\"}},\"sampling\":"
+        "{\"count\":9}}"};
+    (void)state;
+    for (size_t k = 0; k < sizeof begin / sizeof *begin; k++) {
+        char *text = mem_printf("%.*s%s", (int)strlen(begin[k]) - 1, begin[k], camera);
+        spec *s = good(text);
+        expect_order_of_table(json_root(s->normalised), "");
+        assert_non_null(json_find(s->normalised, "/output/preview/camera/up"));
+        assert_non_null(json_find(s->normalised, "/output/preview/color"));
+        assert_non_null(json_find(s->normalised, "/solver/method"));
+        assert_non_null(json_find(s->normalised, "/solver/step"));
+        assert_true((k == 0) == !!json_find(s->normalised, "/sampling/curvature/exponent"));
+        assert_true((k == 0) == !!json_find(s->normalised, "/sampling/gradation"));
+        assert_true((k == 2) == !!json_find(s->normalised, "/surface/mesh/max_resolution"));
+        spec_free(s);
+        free(text);
+    }
+}
+
+static void test_members_of_one_default_method_belong_to_all(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const unsigned of_defaults = spec_rows[i].methods & SPEC_DEFAULT_METHODS;
+        if (of_defaults && of_defaults != SPEC_DEFAULT_METHODS) fail_msg("%s", spec_rows[i].pointer);
+    }
+}
+
+static void test_members_of_an_unknown_method_are_not_refused(void **state)
+{
+    error e = {0};
+    (void)state;
+    spec_faults faults =
+        bad(SPHERE ",\"solver\":{\"method\":\"witkin\",\"witkin_heckbert\":{},\"energy\":\"gaussian\"}}", &e);
+    assert_int_equal(faults.count, 1);
+    assert_string_equal(faults.item[0].pointer, "/solver/method");
+}
+
 static void test_lengths(void **state)
 {
     (void)state;
@@ -1408,9 +1563,15 @@ int main(void)
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_surfaces_that_exclude_each_other_leave_no_memory),
+        cmocka_unit_test(test_stacks_of_a_spec_have_a_limit_together),
         cmocka_unit_test(test_frames_are_checked_as_if_each_were_read),
         cmocka_unit_test(test_the_last_of_many_frames_of_a_long_spec_is_checked),
         cmocka_unit_test(test_long_lists_of_labels_are_read_in_one_walk),
+        cmocka_unit_test(test_rules_between_groups_wait_for_groups_without_faults),
+        cmocka_unit_test(test_faults_within_groups_are_noted_together),
+        cmocka_unit_test(test_defaults_that_depend_on_others_are_in_their_places),
+        cmocka_unit_test(test_members_of_one_default_method_belong_to_all),
+        cmocka_unit_test(test_members_of_an_unknown_method_are_not_refused),
         cmocka_unit_test(test_lengths),
         cmocka_unit_test(test_help_names_every_row),
         cmocka_unit_test(test_help_of_one_member_has_it_and_its_members),
