@@ -141,11 +141,14 @@ static spec *read_members(json_at patch, json *errors)
 
 static void check_names(json_at patch, json *errors)
 {
-    for (json_at member = json_first(&patch); member.node; member = json_next(&member)) {
+    size_t unknown = 0;
+    for (json_at member = json_first(&patch); member.node && unknown < SPEC_MAX_FAULTS;
+         member = json_next(&member)) {
         char pointer[256];
         size_t k = 0;
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
+        unknown++;
         reply_append_fault(
             errors, json_pointer(&member, pointer, sizeof pointer),
             "cannot be changed: change only priority, labels, retention_s, accept or max_running");

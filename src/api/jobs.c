@@ -153,7 +153,8 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
 static spec_input find_pattern(const spec *s)
 {
     spec_input input = {0};
-    for (size_t k = 0; spec_input_at(s, k, &input) && !frames_is_pattern(input.path);) k++;
+    for (size_t k = 0; spec_input_at(s, k, &input) && (input.is_slice || !frames_is_pattern(input.path));)
+        k++;
     return input;
 }
 

@@ -125,6 +125,7 @@ static void read_surfaces(const frame_check *c, reading *r)
     for (size_t i = 0; i < c->count; i++)
         if (c->target[i].surface && !c->target[i].repeated) read_target(r, &c->target[i], c->document);
     r->surface = (partial_surface *)&c->s->surface;
+    r->complete = true;
     relations_check(r, &root);
 }
 

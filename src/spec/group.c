@@ -172,9 +172,9 @@ static bool has_method(reading *r, const json_at *at, const spec_row *row)
 {
     const char *const *words = spec_row_find("/solver", "method")->words;
     if (!row->methods || row->methods & r->methods) return true;
-    unsigned given = 0;
-    while (r->methods && !(r->methods & 1u << given)) given++;
     if (!at->node || !r->methods) return false; /* the fault of the method says what is wrong */
+    unsigned given = 0;
+    while (!(r->methods & 1u << given)) given++;
     if (r->methods == SPEC_DEFAULT_METHODS)
         reading_add_fault(r, at, "requires the method \"%s\": add it to /solver, or remove this member",
                           words[SPEC_METHOD_WITKIN_HECKBERT]);
@@ -249,4 +249,5 @@ void group_read(reading *r, const json_at *at, const char *group, json *normal)
         if (!(skipped & 1u << rows[i]->choice)) group_read_row(r, at, rows[i], normal);
     note_surface(r, at, group);
     if (r->total == before) rules_check_group(r, at, group);
+    r->complete = !*group;
 }

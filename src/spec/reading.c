@@ -24,7 +24,7 @@ void reading_close(reading *r)
 
 spec *reading_whole(const reading *r)
 {
-    return r->total == 0 ? (spec *)r->partial : NULL;
+    return r->complete && r->total == 0 ? (spec *)r->partial : NULL;
 }
 
 void *reading_target(reading *r, size_t offset)

@@ -40,6 +40,7 @@ typedef struct reading {
     size_t name_bytes;        /* of the file names of these */
     spec_faults faults;
     size_t total;     /* faults found, kept or not */
+    bool complete;    /* all groups have been read */
     bool shape_known; /* the shape of the surface's formula has been read */
     unsigned methods; /* a bit for each spec_method that the solver may have; 0: its method has a fault */
     absent_member *absent;

@@ -96,7 +96,8 @@ static bool has_pattern(const spec *s)
 {
     spec_input input;
     bool any = false;
-    for (size_t k = 0; !any && spec_input_at(s, k, &input); k++) any = frames_is_pattern(input.path);
+    for (size_t k = 0; !any && spec_input_at(s, k, &input); k++)
+        any = !input.is_slice && frames_is_pattern(input.path);
     return any;
 }
 

@@ -132,21 +132,21 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
     if (surface_input_at(&s->surface, &index, out)) return true;
     if (s->region_inside && surface_input_at(s->region_inside, &index, out)) return true;
     if (s->grid.path && index-- == 0) {
-        *out = (spec_input){"/sampling/grid/path", s->grid.path};
+        *out = (spec_input){"/sampling/grid/path", s->grid.path, false};
         return true;
     }
     if (s->attach && index-- == 0) {
-        *out = (spec_input){"/sampling/attach", s->attach};
+        *out = (spec_input){"/sampling/attach", s->attach, false};
         return true;
     }
     if (s->points.path && index-- == 0) {
-        *out = (spec_input){"/sampling/points/path", s->points.path};
+        *out = (spec_input){"/sampling/points/path", s->points.path, false};
         return true;
     }
     for (size_t k = 0; k < s->attribute_count; k++) {
         const spec_attribute *a = &s->attributes[k];
         if (!spec_attribute_has_file(a) || index-- > 0) continue;
-        *out = (spec_input){a->input_pointer, a->from};
+        *out = (spec_input){a->input_pointer, a->from, false};
         return true;
     }
     return false;

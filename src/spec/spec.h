@@ -384,6 +384,7 @@ bool spec_has_other_outputs(const spec *s);
 typedef struct spec_input {
     const char *pointer; /* JSON Pointer of the member */
     const char *path;    /* the spec's */
+    bool is_slice;       /* of a stack of images: the number in its path is that of the slice */
 } spec_input;
 
 /* Whether `from` is a path. */

@@ -47,11 +47,11 @@ bool surface_input_at(const spec_surface *s, size_t *index, spec_input *out)
     const char *const single[] = {s->vdb.path, s->mesh.path, s->volume.path, s->bspline.path, s->labels.path};
     for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
         if (!single[k] || (*index)-- > 0) continue;
-        *out = (spec_input){s->input_pointer, single[k]};
+        *out = (spec_input){s->input_pointer, single[k], false};
         return true;
     }
     if (*index < s->exr.count) {
-        *out = (spec_input){s->input_pointer, s->exr.files[*index]};
+        *out = (spec_input){s->input_pointer, s->exr.files[*index], true};
         return true;
     }
     *index -= s->exr.count;
