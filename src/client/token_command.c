@@ -1,6 +1,7 @@
 /* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes them. */
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <pwd.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +19,9 @@
 #include "json/json.h"
 
 #define TOKEN_ROW "%-12s  %-16s  %-25s  %-24s  %s\n"
+
+/* Maximum time, in ms, of the wait for another command that changes token files, and the interval of the tries. */
+enum { LOCK_PATIENCE_MS = 10000, LOCK_TRY_MS = 20 };
 
 static const char default_scopes[] = "read,submit,cancel";
 
@@ -57,6 +61,16 @@ static int fail_at_file(const command_options *options, const error *e)
     return COMMAND_USAGE;
 }
 
+static bool take_lock(int fd)
+{
+    const int64_t until_ms = clock_monotonic_ms() + LOCK_PATIENCE_MS;
+    while (flock(fd, LOCK_EX | LOCK_NB) != 0) {
+        if (errno != EWOULDBLOCK || clock_monotonic_ms() >= until_ms) return false;
+        poll(NULL, 0, LOCK_TRY_MS);
+    }
+    return true;
+}
+
 /* Locks the directory of the file, so that of two concurrent changes none is lost; -1 and an error on failure. The
  * directory of the system service is made if it is missing. */
 static int lock_file(const command_options *options, error *e)
@@ -65,11 +79,18 @@ static int lock_file(const command_options *options, error *e)
     if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
         chmod(directory, 0755); /* whatever root's umask: the service reads it. open reports failures */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0 || flock(fd, LOCK_EX) != 0) {
-        error_set(
-            e, ERROR_SPEC_INVALID,
-            "%s: %s. Run the same command with sudo, or give the token file of another daemon with --file.",
-            directory, strerror(errno));
+    if (fd < 0 || !take_lock(fd)) {
+        if (fd >= 0 && errno == EWOULDBLOCK)
+            error_set(
+                e, ERROR_INTERNAL,
+                "%s: another command changes the token files in this directory. End it, and run this command "
+                "again.",
+                directory);
+        else
+            error_set(
+                e, ERROR_SPEC_INVALID,
+                "%s: %s. Run the same command with sudo, or give the token file of another daemon with --file.",
+                directory, strerror(errno));
         if (fd >= 0) close(fd);
         fd = -1;
     }

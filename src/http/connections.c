@@ -48,8 +48,8 @@ struct client_connection {
     bool admin;
     connection_decision decision;
     bool placed; /* it is counted for its owner and in total */
-    /* between requests, and the watcher has not yet checked whether the client has closed it */
-    bool is_between_requests;
+    /* the client is to send something, and the watcher has not yet checked whether it has closed its side */
+    bool must_check;
     bool leaving;     /* its descriptor was shut down; the serving thread notices the end and cleans up */
     int64_t since_ms; /* start of the client's time; NEVER: it does not run */
     client_connection *previous, *next;
@@ -224,7 +224,7 @@ static connection_decision place(connections *p, client_connection *which)
 static void await_request(connections *p, client_connection *which)
 {
     which->since_ms = clock_monotonic_ms();
-    which->is_between_requests = true;
+    which->must_check = true;
     if (which->leaving)
         which->since_ms = NEVER;
     else if (!which->placed)
@@ -321,7 +321,7 @@ static void mark(connections *p, client_connection *which, int64_t since_ms)
     pthread_mutex_lock(&p->mutex);
     if (since_ms == NEVER) leave_queue(which);
     which->since_ms = which->leaving ? NEVER : since_ms;
-    which->is_between_requests = false;
+    which->must_check = since_ms != NEVER;
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -345,13 +345,13 @@ const address *connections_address(const client_connection *which)
     return &which->from;
 }
 
-/* Whether the client has closed its side, after some time without a request. The library (0.9.75) may miss an end
- * that arrived with the last request. */
+/* Whether the client has closed its side, after some time in which it was to send something. The library (0.9.75) may
+ * miss an end that arrived with the last bytes. */
 static bool has_ended(client_connection *which)
 {
     char byte;
-    bool must_check = which->is_between_requests;
-    which->is_between_requests = false;
+    bool must_check = which->must_check;
+    which->must_check = false;
     return must_check && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
 }
 

@@ -32,6 +32,7 @@ struct loop {
     size_t listening;          /* number of listening sockets */
     int64_t paused_until_ms;   /* no connections are accepted before this time; 0: no pause */
     unsigned paused_at;        /* number of connections at its begin */
+    int64_t shortage_ms;       /* time at which the last pause began; 0: there was none */
     int64_t shortage_noted_ms; /* time of the last log line about a shortage; 0: none */
 };
 
@@ -41,6 +42,7 @@ enum {
     PAUSE_MS = 100,          /* longest pause after a connection that could not be accepted */
     TURN_MS = 1000,          /* maximum duration of a wait */
     ACCEPTED_A_TURN = 16,    /* maximum number of connections that a socket gets in a turn */
+    SHORTAGE_MS = 10000,     /* after this time without a pause, a shortage has ended */
     SHORTAGE_NOTE_MS = 60000 /* minimum time between two log lines about a shortage */
 };
 
@@ -131,12 +133,28 @@ static void note_shortage(loop *l, int fault)
 /* Stops watching the listening sockets for a moment; otherwise the loop would use a CPU. */
 static void pause_accepting(loop *l, int fault)
 {
-    l->paused_until_ms = clock_monotonic_ms() + PAUSE_MS;
+    l->shortage_ms = clock_monotonic_ms();
+    l->paused_until_ms = l->shortage_ms + PAUSE_MS;
     l->paused_at = count_connections(l);
     note_shortage(l, fault);
 }
 
-/* Accepts a connection. False: there is none, or none can be accepted. */
+/* Whether the client has closed its side already. The library (0.9.75) misses an end that has arrived with the last
+ * bytes, and would keep the connection. */
+static bool has_left(int fd)
+{
+    struct pollfd one = {.fd = fd, .events = POLLRDHUP};
+    return poll(&one, 1, 0) > 0;
+}
+
+/* Whether a connection could not be accepted a short time ago. */
+static bool is_short(const loop *l)
+{
+    return l->shortage_ms && clock_monotonic_ms() - l->shortage_ms < SHORTAGE_MS;
+}
+
+/* Accepts a connection. After a shortage, many clients have left while they waited: their connections are closed at
+ * once. False: there is no connection, or none can be accepted. */
 static bool accept_one(loop *l, int listening)
 {
     struct sockaddr_storage from;
@@ -147,6 +165,10 @@ static bool accept_one(loop *l, int listening)
         if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM)
             pause_accepting(l, errno);
         return false;
+    }
+    if (is_short(l) && has_left(fd)) {
+        close(fd);
+        return true;
     }
     /* also closes it on failure */
     if (MHD_add_connection(l->daemon, fd, (struct sockaddr *)&from, size) == MHD_YES) return true;

@@ -875,8 +875,17 @@ static void refuse_unread(server *s)
     }
 }
 
+/* Whether the message is about options of TCP. The library (0.9.75) sets them for each answer, on Unix sockets, too,
+ * which refuse them. */
+static bool is_about_tcp(const char *format)
+{
+    static const char option[] = "Setting %s option to ", push[] = "Failed to push the data";
+    return strncmp(format, option, strlen(option)) == 0 || strncmp(format, push, strlen(push)) == 0;
+}
+
 static void write_library_log(void *context, const char *format, va_list arguments)
 {
+    if (is_about_tcp(format)) return;
     refuse_unread(context);
     log_write_list(LOG_LEVEL_DEBUG, format, arguments);
 }

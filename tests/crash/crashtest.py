@@ -17,6 +17,7 @@ import page
 import power
 import reboots
 import restores
+import shortage
 import space
 import volume
 from farm import Violation, setclock
@@ -32,9 +33,10 @@ def parse(words):
     parser.add_argument("--work", type=pathlib.Path, required=True, help="directory for state and figures")
     parser.add_argument("--kills", type=int, default=4000, help=f"in all, shared out among parts: {SHARES}")
     parser.add_argument("--losses", type=int, default=400, help="power losses")
+    parser.add_argument("--shortages", type=int, default=50, help="services whose clients take all descriptors")
     parser.add_argument("--every", type=int, default=1, help="only one in so many faults")
     parser.add_argument("--seed", default="1")
-    parser.add_argument("--parts", default=",".join([*SHARES, "faults", "power", "mutations"]),
+    parser.add_argument("--parts", default=",".join([*SHARES, "shortage", "faults", "power", "mutations"]),
                         help="which, perhaps none; figures of others are kept")
     parser.add_argument("--page", type=pathlib.Path, help="where to write the page, from all parts' last figures")
     return parser.parse_args(words)
@@ -73,6 +75,7 @@ def main(words):
         "space": lambda: space.run(build, work / "space", times["space"], seed, say),
         "restores": lambda: restores.run(build, work / "restores", times["restores"], seed, say),
         "damage": lambda: damage.run(build, work / "damage", times["damage"], seed, say),
+        "shortage": lambda: shortage.run(build, work / "shortage", options.shortages, seed, say),
         "faults": lambda: faults.run(build, work / "faults", seed, say, options.every),
         "power": lambda: power.run(build, work / "power", options.losses, seed, say),
         "mutations": lambda: {"caught": mutations.run(build, work / "mutations", seed, say)},

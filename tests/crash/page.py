@@ -155,6 +155,17 @@ def write_power(f):
         "Replayed to its end, each record gave the state directory byte by byte.", ""]
 
 
+def write_shortage(f):
+    seconds = ", and ".join(f"{what} after {f['slowest'][kind]:.3f} s" for kind, what in
+                            (("healthz", "/healthz"), ("POST", "a submission")) if f["slowest"][kind] is not None)
+    return [
+        "## Shortage of descriptors", "",
+        f"{f['tries']} services with a limit of 40 to 1 024 open files, and 1 to 2 000 connections of clients that send nothing, a"
+        f" part of a request or a request. {about(f)} The limit was set while the service ran in {f['limit set while it ran']} tries,"
+        f" and reached in {f['limit reached']}. Within 2 s after the connections have ended, `/healthz` is answered, and from a limit"
+        f" of 120 on a job is accepted ({f['jobs accepted']} tries); at the latest {seconds}. The log names what was lacking.", ""]
+
+
 def write_mutations(f):
     return [
         "## Deliberate faults", "",
@@ -171,7 +182,7 @@ def count_kills(figures):
 
 def write(figures):
     parts = {"kills": write_kills, "clocks": write_clocks, "reboots": write_reboots, "space": write_space, "restores": write_restores,
-             "damage": write_damage, "faults": write_faults, "power": write_power, "mutations": write_mutations}
+             "damage": write_damage, "shortage": write_shortage, "faults": write_faults, "power": write_power, "mutations": write_mutations}
     lines = [HEAD.format(kills=count_kills(figures))]
     for name, write_part in parts.items():
         if name in figures:

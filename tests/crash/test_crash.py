@@ -21,6 +21,7 @@ import mutations  # noqa: E402
 import power  # noqa: E402
 import reboots  # noqa: E402
 import restores  # noqa: E402
+import shortage  # noqa: E402
 import space  # noqa: E402
 import volume  # noqa: E402
 
@@ -68,6 +69,11 @@ def test_full_disks(build, tmp_path, diagnose):
 def test_backups_put_back(build, tmp_path, diagnose):
     figures = restores.run(build, tmp_path, 3, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
     assert figures["backups"] >= 3 and figures["backups put back"] and figures["ended"]["succeeded"]
+
+
+def test_shortages_of_descriptors(build, tmp_path, diagnose):
+    figures = shortage.run(build, tmp_path, 4, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["tries"] == 4 and figures["jobs accepted"]
 
 
 def test_damage(build, tmp_path, diagnose):

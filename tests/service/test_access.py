@@ -1,4 +1,5 @@
 """Who may do what: Unix peers, tokens, scopes; and how many connections a client may have."""
+import fcntl
 import http.client
 import hashlib
 import json
@@ -44,6 +45,18 @@ def new_token(service, *words):
 def with_token(service, token, method, path, document=None, **more):
     headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json", **more}
     return service.request(method, path, json.dumps(document) if document is not None else None, headers)
+
+
+@pytest.mark.extended
+def test_a_change_of_tokens_does_not_wait_for_ever_for_another_one(build, tmp_path):
+    held = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    try:
+        done = subprocess.run([build / "hexadctl", "token", "add", "ann", "--file", tmp_path / "tokens"],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+    finally:
+        os.close(held)
+    assert done.returncode == 1 and "another command changes the token files" in done.stderr
 
 
 def test_a_token_for_a_user_that_the_machine_does_not_have_is_added_with_a_warning(build, tmp_path):

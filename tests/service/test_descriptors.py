@@ -34,28 +34,30 @@ def is_answered(address):
             return False
 
 
-def exhaust(service, address, files):
-    """Open connections, more than the service can accept."""
+def exhaust(service, address, files, sent):
+    """Open connections, more than the service can accept, which have sent these bytes."""
     held = []
     for _ in range(60):
         held.append(socket.socket())
         held[-1].setblocking(False)
         held[-1].connect_ex(address)
+        if sent:
+            held[-1].send(sent)
     wait_until(lambda: open_files(service) == files, "all descriptors to be taken")
     return held
 
 
 # Each listening socket follows the same rule. The limit of files changes after the start, which had sufficient ones.
 @pytest.mark.sanitized
-@pytest.mark.parametrize("sockets", [1, 2])
-def test_a_service_answers_again_after_its_descriptors_were_exhausted(new_service, sockets):
+@pytest.mark.parametrize("sockets, sent", [(1, b""), (2, b""), (1, b"GET /hea")])
+def test_a_service_answers_again_after_its_descriptors_were_exhausted(new_service, sockets, sent):
     service = new_service("--connection_timeout_s", 600, *["--listen", "127.0.0.1:0"] * sockets).start()
     wait_until(lambda: "database checked" in service.log.read_text(), "the end of the start")
     files = open_files(service) + SPARE
     resource.prlimit(service.process.pid, resource.RLIMIT_NOFILE, (files, files))
     for _ in range(5):
         for address in addresses(service):
-            for one in exhaust(service, address, files):
+            for one in exhaust(service, address, files, sent):
                 one.close()
             wait_until(lambda: is_answered(address), "an answer after the shortage", RECOVERED_S)
     log = service.log.read_text()
