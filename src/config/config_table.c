@@ -57,8 +57,9 @@ const config_row config_table[] = {
      .help = "A file that receives the served addresses, one a line, once the service listens. Empty: none."},
     {SETTING(state_dir), .type = CONFIG_TEXT,
      .help = "The directory of the queue, the attempts and the results. It is created if missing. It must be "
-             "on a local file system, and only one daemon may use it. Empty: $STATE_DIRECTORY (set by "
-             "systemd), otherwise lib/hexad below the localstatedir of the build."},
+             "on a local file system, and only one daemon may use it. A start and --check-settings warn if "
+             "other users can write to it. Empty: $STATE_DIRECTORY (set by systemd), otherwise lib/hexad "
+             "below the localstatedir of the build."},
     {SETTING(work_dir), .type = CONFIG_TEXT,
      .help = "The directory of attempts, results and uploaded inputs, on storage that all nodes "
              "of a farm see at the same path. Only one service may use it. Empty: state_dir."},

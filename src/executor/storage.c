@@ -68,6 +68,14 @@ static int probe(const char *path, bool flush)
     return why;
 }
 
+/* Whether no attempt starts because of the errno of a write. Without a floor, attempts start even on a full disk. */
+static bool holds_attempts(const storage *s, int part)
+{
+    int why = atomic_load(&s->fault[part]);
+    return why && part != STORAGE_INPUTS &&
+           (s->floor_bytes > 0 || error_code_of_errno(why) != ERROR_STORAGE_FULL);
+}
+
 static void probe_part(storage *s, int part, bool flush)
 {
     char path[4096];
@@ -76,9 +84,8 @@ static void probe_part(storage *s, int part, bool flush)
     int why = fits ? probe(path, flush || before) : ENAMETOOLONG;
     atomic_store(&s->fault[part], why);
     if (why && why != before)
-        log_write(LOG_LEVEL_ERROR, "cannot write to %s/%s: %s: %s until this is repaired", s->work_dir,
-                  names[part], strerror(why),
-                  part == STORAGE_INPUTS ? "uploads are refused" : "no job starts");
+        log_write(LOG_LEVEL_ERROR, "cannot write to %s/%s: %s%s", s->work_dir, names[part], strerror(why),
+                  holds_attempts(s, part) ? ": no job starts until this is repaired" : "");
     if (!why && before)
         log_write(LOG_LEVEL_INFO, "files can be written again to %s/%s", s->work_dir, names[part]);
 }
@@ -97,7 +104,7 @@ void storage_check(storage *s)
 bool storage_may_start(storage *s)
 {
     storage_check(s);
-    return !s->low && !atomic_load(&s->fault[STORAGE_ATTEMPTS]) && !atomic_load(&s->fault[STORAGE_RESULTS]);
+    return !s->low && !holds_attempts(s, STORAGE_ATTEMPTS) && !holds_attempts(s, STORAGE_RESULTS);
 }
 
 void storage_suspect(storage *s)
