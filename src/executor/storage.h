@@ -14,8 +14,8 @@
 
 #include "base/error.h"
 
-/* The directories of work_dir that are written to. No attempt starts if one of the first two cannot be written; with
- * floor_bytes 0 a full disk is no reason. */
+/* The directories of work_dir that are written to. No attempt starts if one of the first two cannot be written. With
+ * floor_bytes 0, attempts start even on a full disk. */
 enum { STORAGE_ATTEMPTS, STORAGE_RESULTS, STORAGE_INPUTS, STORAGE_PARTS };
 
 typedef struct storage {
