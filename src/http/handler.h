@@ -68,7 +68,8 @@ typedef struct http_request {
     bool waits;        /* for openers: the client sends the body only after a 100 answer (Expect) */
 } http_request;
 
-/* Opens a sink for the body after the headers have arrived, in the serving thread. On refusal returns NULL and fills the reply. */
+/* Makes a sink for the body after the headers have arrived, in the serving thread. On refusal returns NULL and fills
+ * the reply. */
 typedef http_sink *http_opener(const http_context *c, const http_request *request, reply *r);
 
 /* Fills an empty reply whose fd is -1. Any thread. */

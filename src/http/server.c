@@ -62,8 +62,8 @@
 /* Number of threads that produce the bytes of streams, in total and of one user. */
 #define STREAM_THREADS 4
 #define STREAM_USER_THREADS 2
-/* Added to the nice value of threads for heavy work, for pictures and for streams. If both compute, such a thread gets a tenth of
- * the processor time of a thread with the priority of the process. */
+/* Added to the nice value of threads for heavy work, for pictures and for streams. If both compute, such a thread gets
+ * a tenth of the processor time of a thread with the priority of the process. */
 #define HEAVY_NICE 10
 
 struct server {
