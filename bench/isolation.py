@@ -3,8 +3,9 @@
 
     bench/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]
                        [--untimed] [--only large_pages,...] [--place DIRECTORY]
+    bench/isolation.py --built BUILD --routes SECONDS | --serving-thread [--only listJobs,...] [--real-workers] [--place DIRECTORY]
 
-Prints a table in Markdown: the answering times of GET /healthz, of status reads and of submissions of one user, before and
+The second form measures each row of the table of routes (bench/isolation_routes.py). The first one prints a table in Markdown: the answering times of GET /healthz, of status reads and of submissions of one user, before and
 during the load, and the daemon's RssAnon. Ends with 1 when a goal is missed: 99th percentiles below 50 ms, RssAnon below 300 MB,
 no failure of the measured user's requests, no answer 500, an end within drain_s + grace_s + 5 s of SIGTERM under the load.
 
@@ -659,15 +660,22 @@ def main():
     parser.add_argument("--minutes", type=float, default=60)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=113000)
+    parser.add_argument("--routes", type=float, metavar="SECONDS")
+    parser.add_argument("--serving-thread", action="store_true")
     parser.add_argument("--untimed", action="store_true")
     parser.add_argument("--real-workers", action="store_true")
     parser.add_argument("--only", type=lambda text: text.split(","), default=[])
     parser.add_argument("--place", type=pathlib.Path)
     options = parser.parse_args()
     options.built = options.built.resolve()
-    print(f"seed {options.seed}", flush=True)
+    run = campaign
+    if options.routes or options.serving_thread:
+        import isolation_routes
+        run = isolation_routes.routes if options.routes else isolation_routes.serving_thread
+    else:
+        print(f"seed {options.seed}", flush=True)
     with tempfile.TemporaryDirectory(dir=options.place) as where:
-        status = campaign(options, pathlib.Path(where))
+        status = run(options, pathlib.Path(where))
         log = (pathlib.Path(where) / "log").read_text(errors="replace").splitlines()
         print(f"log: {len(log)} lines", *collections.Counter(" ".join(line.split()[1:5]) for line in log).most_common(8), sep="\n  ",
               file=sys.stderr)

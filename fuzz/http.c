@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "api/context.h"
+#include "api/openapi.h"
 #include "api/routes.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -45,6 +46,7 @@ typedef struct service {
     delivery_counters calls;
     atomic_bool copying;
     http_context context;
+    openapi *openapi;
     address_ranges proxies; /* none */
     pages *pages;
     server *http;
@@ -151,6 +153,7 @@ static void stop(void)
     access_close(s->access);
     listen_close(&s->socket);
     pages_free(s->pages);
+    openapi_free(s->openapi);
     store_remove(s->base, NULL);
 }
 
@@ -174,6 +177,7 @@ static void start(service *s)
     s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
+    s->openapi = openapi_new();
     s->context = (http_context){.access = s->access,
                                 .q = s->q,
                                 .x = s->x,
@@ -186,7 +190,8 @@ static void start(service *s)
                                 .calls = &s->calls,
                                 .copying = &s->copying,
                                 .wait_s = PATIENCE_MS / 2e3,
-                                .outputs = s->outputs};
+                                .outputs = s->outputs,
+                                .openapi = s->openapi};
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(&origin, 1, &e)));
     pages_add(s->pages, where, s->socket.address);

@@ -16,6 +16,8 @@ import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tools"))
 import file_index  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "bench"))
+import isolation_routes  # noqa: E402
 
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
@@ -160,8 +162,23 @@ def indexed_lists(root):
     return faults
 
 
+def untimed_calls(root):
+    """Rows of the table of routes that do not say where their handler runs, and rows whose calls in the serving thread are not
+    those of the table of times in doc/measured/isolation.md."""
+    table, page = root / "src/api/routes.c", root / "doc/measured/isolation.md"
+    if not table.exists():
+        return []
+    try:
+        calls = isolation_routes.serving_calls(table.read_text())
+    except ValueError as fault:
+        return [str(fault)]
+    text = page.read_text() if page.exists() else ""
+    return [f"doc/measured/isolation.md has no times of {name} ({', '.join(found) or '-'}): bench/isolation.py --serving-thread prints them"
+            for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints, indexed_lists]
+          private_phrases, unescaped_prints, indexed_lists, untimed_calls]
 
 
 @pytest.mark.parametrize(
@@ -210,6 +227,8 @@ FAULTS = [
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "ARCHITECTURE.md, Files: +| `new.h` | a new file |"),
+    (untimed_calls, "src/api/routes.c", '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
+    (untimed_calls, "src/api/routes.c", '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
     (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),
     (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
     (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),

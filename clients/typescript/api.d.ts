@@ -3208,13 +3208,19 @@ export interface Operations {
   };
   /** Get the JSON Schema of specs, with the defaults. */
   getSchema: {
-    parameters: {};
-    answer: JsonSchema;
+    parameters: {
+      /** The known ETag: the answer is 304 if it is still valid. */
+      "If-None-Match"?: string;
+    };
+    answer: JsonSchema | null;
   };
   /** Get this document. */
   getOpenapi: {
-    parameters: {};
-    answer: Openapi;
+    parameters: {
+      /** The known ETag: the answer is 304 if it is still valid. */
+      "If-None-Match"?: string;
+    };
+    answer: Openapi | null;
   };
   /** Get whether the service runs. */
   getHealth: {

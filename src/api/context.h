@@ -49,6 +49,7 @@ struct http_context {
     atomic_bool *copying;           /* true while a backup is made; the handler of backups changes it */
     document_cache *documents;      /* NULL: documents are not cached */
     const struct page *page;        /* api/page.h; NULL: no page is served */
+    const struct openapi *openapi;  /* api/openapi.h */
     double session_s;               /* length of a session, in seconds */
 };
 

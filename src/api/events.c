@@ -46,11 +46,12 @@ typedef struct follower {
     int64_t seq, row;     /* the last event and the last progress line that were read */
     int64_t sent_seq;     /* the last id that was written to the stream */
     int64_t sent_removed; /* `removed_up_to` of the last position event */
-    char *text;           /* data for the client */
-    size_t length, sent;  /* of `text` */
+    char *text;           /* the piece for the client */
+    size_t length;        /* of `text` */
+    bool taken;           /* the server has taken `text` */
     bool at_end;          /* the last event is the end of its job */
     bool ended;           /* the stream is of one job and complete */
-    int64_t sent_ms;      /* when data was last sent, monotonic */
+    int64_t sent_ms;      /* when data was last produced, monotonic */
 } follower;
 
 /* The event with the members that the viewer may see; "": an administrator. */
@@ -174,7 +175,6 @@ static bool refill(follower *f, error *e)
 {
     free(f->text);
     f->text = NULL;
-    f->sent = 0;
     FILE *out = open_memstream(&f->text, &f->length);
     bool ok = read_news(f, out, e);
     if (ok && ftell(out) == 0 && clock_monotonic_ms() - f->sent_ms >= SILENCE_MS) break_silence(f, out);
@@ -182,17 +182,16 @@ static bool refill(follower *f, error *e)
     return ok;
 }
 
-static ssize_t read_follower(reply_source *source, char *buffer, size_t size)
+static ssize_t produce(reply_source *source, const char **piece)
 {
     follower *f = (follower *)(void *)source;
     error e = {0};
     /* on an error the stream ends, and the client reconnects with the id of the last event that it received */
-    if (f->sent == f->length && !f->ended && !refill(f, &e)) return -1;
-    size_t count = f->length - f->sent < size ? f->length - f->sent : size;
-    memcpy(buffer, f->text + f->sent, count);
-    f->sent += count;
-    if (count) f->sent_ms = clock_monotonic_ms();
-    return count ? (ssize_t)count : f->ended ? -1 : 0;
+    if (f->taken && (f->ended || !refill(f, &e))) return -1;
+    f->taken = true;
+    *piece = f->text;
+    if (f->length) f->sent_ms = clock_monotonic_ms();
+    return f->length ? (ssize_t)f->length : f->ended ? -1 : 0;
 }
 
 static void free_follower(reply_source *source)
@@ -244,7 +243,7 @@ static void follow(const http_context *c, const selection *s, reply *r)
     error e = {0};
     char topic[REPLY_TOPIC_SIZE] = "";
     follower *f = mem_alloc(sizeof *f);
-    *f = (follower){.source = {read_follower, free_follower},
+    *f = (follower){.source = {produce, free_follower},
                     .c = c,
                     .id = copy(s->id),
                     .owner = copy(s->owner),

@@ -88,16 +88,29 @@ static void show(const char *hex, int64_t bytes, int status, reply *r)
     reply_set_json(r, status, document);
 }
 
+static void open_upload(http_sink *sink)
+{
+    upload *u = (upload *)(void *)sink;
+    if (u->file) u->outcome = store_upload_open(u->file, &u->why);
+}
+
 static void take(http_sink *sink, const char *bytes, size_t count)
 {
     upload *u = (upload *)(void *)sink;
     if (u->file) u->outcome = store_upload_write(u->file, bytes, count, &u->why);
 }
 
+/* Removes an unfinished upload, and counts it no longer. */
+static void end(upload *u)
+{
+    store_upload_end(u->file);
+    u->file = NULL;
+}
+
 static void drop(http_sink *sink)
 {
     upload *u = (upload *)(void *)sink;
-    store_upload_end(u->file);
+    end(u);
     free(u);
 }
 
@@ -126,7 +139,6 @@ bool inputs_check(const http_context *c, const access_caller *caller, const char
 
 http_sink *inputs_begin(const http_context *c, const http_request *request, reply *r)
 {
-    error e = {0};
     store_upload *file = NULL;
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
@@ -141,14 +153,14 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     }
     if (there < 0) {
         store_upload_outcome outcome =
-            store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file, &e);
+            store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file);
         if (outcome != STORE_UPLOAD_GOOD) {
-            refuse(c, outcome, &e, r);
+            refuse(c, outcome, NULL, r);
             return NULL;
         }
     }
     upload *u = mem_alloc(sizeof *u);
-    *u = (upload){.sink = {take, drop}, .file = file};
+    *u = (upload){.sink = {open_upload, take, drop}, .file = file};
     return &u->sink;
 }
 
@@ -163,6 +175,7 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
     if (sent && u->outcome == STORE_UPLOAD_GOOD &&
         !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
         u->outcome = STORE_UPLOAD_FAILED;
+    end(u); /* before the answer, after which the client may begin the next upload */
     if (u->outcome != STORE_UPLOAD_GOOD) {
         refuse(c, u->outcome, &u->why, r);
         return;

@@ -317,7 +317,7 @@ static void put_problems(json *schemas, json *responses)
     }
 }
 
-json *openapi_new(void)
+static json *describe(void)
 {
     json *document = json_new_object();
     json_put_string(document, "openapi", "3.1.0");
@@ -346,16 +346,35 @@ json *openapi_new(void)
     return document;
 }
 
+/* Prints and frees. */
+static constant_document print(json *document)
+{
+    char *text = json_print(document);
+    json_free(document);
+    return constant_document_make("application/json", text, strlen(text));
+}
+
+openapi *openapi_new(void)
+{
+    openapi *o = mem_alloc(sizeof *o);
+    *o = (openapi){print(describe()), print(schema_new(SCHEMA_ALONE))};
+    return o;
+}
+
+void openapi_free(openapi *o)
+{
+    if (!o) return;
+    constant_document_clear(&o->document);
+    constant_document_clear(&o->spec_schema);
+    free(o);
+}
+
 void openapi_show(const http_context *c, const http_request *request, reply *r)
 {
-    (void)c;
-    (void)request;
-    reply_set_json(r, 200, openapi_new());
+    constant_document_answer(&c->openapi->document, request, r);
 }
 
 void openapi_show_schema(const http_context *c, const http_request *request, reply *r)
 {
-    (void)c;
-    (void)request;
-    reply_set_json(r, 200, schema_new(SCHEMA_ALONE));
+    constant_document_answer(&c->openapi->spec_schema, request, r);
 }

@@ -4,15 +4,21 @@
  * problems (http/reply.h) and the job spec (spec/schema.h). The schemas of answers are in openapi_schemas.json and
  * examples of them in openapi_examples.json, both compiled in; tests compare every answer with them. Schemas of
  * requests are closed: unknown members are errors. Schemas of answers are open, because later versions may add
- * members. A schema whose objects have further members now has `additionalProperties`. Any thread. */
+ * members. A schema whose objects have further members now has `additionalProperties`. The documents are made once, at
+ * the start of the service, because they take milliseconds. Any thread. */
 #ifndef HEXAD_API_OPENAPI_H
 #define HEXAD_API_OPENAPI_H
 
+#include "api/constant_document.h"
 #include "api/context.h"
 
-http_handler openapi_show, openapi_show_schema;
+typedef struct openapi {
+    constant_document document, spec_schema;
+} openapi;
 
-/* The document, to be freed. */
-json *openapi_new(void);
+openapi *openapi_new(void);
+void openapi_free(openapi *o); /* accepts NULL */
+
+http_handler openapi_show, openapi_show_schema;
 
 #endif

@@ -9,9 +9,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "api/constant_document.h"
 #include "base/build_part.h"
 #include "base/memory.h"
-#include "http/preconditions.h"
 #include "store/file.h"
 
 #define FILE_BYTES_MOST (1 << 20)
@@ -22,10 +22,8 @@
     "frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types 'none'"
 
 typedef struct page_file {
-    char *name, *bytes;
-    size_t length;
-    const char *type;
-    char tag[STORE_HASH_SIZE + 2]; /* ETag */
+    char *name;
+    constant_document document;
 } page_file;
 
 struct page {
@@ -59,18 +57,15 @@ static const page_file *find(const page *p, const char *name)
 
 static bool read_file(page *p, const char *directory, const char *name, error *e)
 {
-    char hash[STORE_HASH_SIZE];
-    page_file f = {.type = type_of(name)};
-    if (!f.type) return true;
-    char *path = mem_printf("%s/%s", directory, name);
-    f.bytes = store_file_read(path, FILE_BYTES_MOST, &f.length, e);
+    size_t length = 0;
+    const char *type = type_of(name);
+    if (!type) return true;
+    char *path = mem_printf("%s/%s", directory, name),
+         *bytes = store_file_read(path, FILE_BYTES_MOST, &length, e);
     free(path);
-    if (!f.bytes) return false;
-    store_hash(f.bytes, f.length, hash);
-    snprintf(f.tag, sizeof f.tag, "\"%s\"", hash);
-    f.name = mem_strdup(name);
+    if (!bytes) return false;
     p->file = mem_resize(p->file, (p->count + 1) * sizeof *p->file);
-    p->file[p->count++] = f;
+    p->file[p->count++] = (page_file){mem_strdup(name), constant_document_make(type, bytes, length)};
     return true;
 }
 
@@ -128,7 +123,7 @@ void page_close(page *p)
     if (!p) return;
     for (size_t i = 0; i < p->count; i++) {
         free(p->file[i].name);
-        free(p->file[i].bytes);
+        constant_document_clear(&p->file[i].document);
     }
     free(p->file);
     free(p);
@@ -150,16 +145,7 @@ static void send_file(const http_context *c, const http_request *request, const 
             name);
         return;
     }
-    const char *known = request->header[HTTP_IF_NONE_MATCH];
-    if (known && preconditions_match(known, f->tag, true)) {
-        reply_set_empty(r, 304);
-    } else {
-        char *copy = mem_alloc(f->length + 1);
-        memcpy(copy, f->bytes, f->length);
-        reply_set_text(r, f->type, copy);
-    }
-    r->cache_control = "no-cache";
-    reply_add_header(r, "ETag", f->tag);
+    constant_document_answer(&f->document, request, r);
     reply_add_header(r, "Content-Security-Policy", POLICY);
     reply_add_header(r, "Referrer-Policy", "no-referrer");
 }

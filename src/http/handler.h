@@ -40,10 +40,14 @@ typedef enum http_header {
     HTTP_HEADER_COUNT
 } http_header;
 
-/* Receives a long body in pieces, in the serving thread. */
+/* Receives a long body. */
 typedef struct http_sink {
+    /* Called before the first piece, by a thread of the pool. */
+    void (*open)(struct http_sink *sink);
+    /* Receives a piece of at most header_limit_bytes, in the serving thread. */
     void (*take)(struct http_sink *sink, const char *bytes, size_t count);
-    void (*drop)(struct http_sink *sink); /* called at the end of every request, also of a failed one */
+    /* Called at the end of every request, also of a failed one, by a thread of the pool. */
+    void (*drop)(struct http_sink *sink);
 } http_sink;
 
 typedef struct http_request {
@@ -64,7 +68,8 @@ typedef struct http_request {
     bool waits;        /* for openers: the client sends the body only after a 100 answer (Expect) */
 } http_request;
 
-/* Opens a sink for the body after the headers have arrived. On refusal returns NULL and fills the reply. */
+/* Makes a sink for the body after the headers have arrived, in the serving thread. On refusal returns NULL and fills
+ * the reply. */
 typedef http_sink *http_opener(const http_context *c, const http_request *request, reply *r);
 
 /* Fills an empty reply whose fd is -1. Any thread. */

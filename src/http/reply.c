@@ -120,6 +120,15 @@ void reply_set_text(reply *r, const char *content_type, char *text)
     r->length = strlen(text);
 }
 
+void reply_set_constant(reply *r, const char *content_type, const char *bytes, size_t length)
+{
+    reply_clear(r);
+    r->status = 200;
+    r->content_type = content_type;
+    r->constant = bytes;
+    r->length = length;
+}
+
 void reply_set_empty(reply *r, int status)
 {
     reply_clear(r);

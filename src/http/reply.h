@@ -57,32 +57,34 @@ const reply_problem *reply_find_problem(const char *code);
 /* The title of a code of an answer or of a job. */
 const char *reply_title(const char *code);
 
-/* A body that is produced while it is sent. The serving thread makes the calls, one at a time. */
+/* A body that is produced while it is sent, piece by piece. The calls come one at a time. */
 typedef struct reply_source {
-    /* Writes at most `size` bytes and returns their number; 0: nothing yet; -1: the end. */
-    ssize_t (*read)(struct reply_source *source, char *buffer, size_t size);
-    void (*free)(struct reply_source *source);
+    /* Produces the next piece and returns the number of its bytes; 0: nothing yet; -1: the end. The piece is valid
+     * until the next call. A pool of threads makes the call. */
+    ssize_t (*produce)(struct reply_source *source, const char **piece);
+    void (*free)(struct reply_source *source); /* by the serving thread */
 } reply_source;
 
 /* Notifies the creator of an answer of its end. */
 typedef struct reply_receipt {
-    /* Called once, by the serving thread. `sent`: the whole answer, with its body, was sent to the client. */
+    /* Called once, by any thread. `sent`: the whole answer, with its body, was sent to the client. */
     void (*end)(struct reply_receipt *receipt, bool sent);
 } reply_receipt;
 
 #define REPLY_TOPIC_SIZE 32
 
 typedef struct reply {
-    /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms`. Only for a route with
-     * `waits`. */
+    /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms`. Only for a route of
+     * a pool. */
     int status;
     const char *content_type;  /* a constant; NULL: none */
     const char *cache_control; /* a constant; NULL: caches must not store it */
-    char *body;                /* NULL: the file */
-    size_t length;
-    int fd; /* -1: the body */
+    char *body;                /* NULL: the constant bytes, or the file */
+    const char *constant;      /* bytes that outlive the server; NULL: the file */
+    size_t length;             /* of body or constant */
+    int fd;                    /* -1: the body */
     int64_t fd_offset, fd_bytes;
-    reply_source *source;   /* NULL: body or file */
+    reply_source *source;   /* NULL: body, constant or file */
     reply_receipt *receipt; /* NULL: none */
     /* of a source or a waiting answer: the topic that it waits for; "": any topic */
     char topic[REPLY_TOPIC_SIZE];
@@ -107,6 +109,9 @@ void reply_set_json(reply *r, int status, json *document);
 
 /* Takes over the text. `content_type` is a constant. */
 void reply_set_text(reply *r, const char *content_type, char *text);
+
+/* Sets bytes that outlive the server and are not copied. `content_type` is a constant. */
+void reply_set_constant(reply *r, const char *content_type, const char *bytes, size_t length);
 
 /* Takes over the source. `content_type` is a constant. */
 void reply_set_source(reply *r, const char *content_type, const char *topic, reply_source *source);

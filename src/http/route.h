@@ -13,16 +13,25 @@
 /* The body of a PATCH may have this type, as well as application/json. */
 #define ROUTE_MERGE_PATCH "application/merge-patch+json"
 
+/* The thread that runs the handler of a route. Keepers, openers, their sinks and the copying of the bytes of a
+ * stream always run in the serving thread. No call there may take more than .2 ms of processor time, since
+ * it delays all clients; doc/measured/isolation.md has the times. */
+typedef enum route_thread {
+    ROUTE_UNDECLARED,     /* refused when the server starts */
+    ROUTE_SERVING_THREAD, /* the handler only reads memory */
+    ROUTE_POOL,           /* the handler may wait for a disk or run long */
+    ROUTE_HEAVY_POOL,     /* the handler takes milliseconds of processor time; few run at the same time */
+    ROUTE_PICTURE_POOL /* the handler waits for a process that decodes pictures; few run at the same time */
+} route_thread;
+
 /* A row of the table. Words of a list are separated by blanks; NULL is the empty list. */
 typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
     unsigned scope; /* the scope that a caller needs; 0: none */
-    bool waits;     /* the handler may wait for a disk or run long: a thread pool runs it */
-    bool heavy;     /* the handler takes milliseconds of processor time; few run at the same time */
-    /* the handler waits for a process that decodes pictures; few run at the same time */
-    bool draws;
-    http_keeper *kept;      /* of a route with `waits`: answers from memory, without the pool; NULL: none */
+    route_thread runs_in;
+    bool streams;           /* the handler may answer with a source */
+    http_keeper *kept;      /* of a route of a pool: answers from memory, without the pool; NULL: none */
     http_handler *awaiting; /* of a route with provisional answers */
     http_opener *opener;    /* of a route with a long body; NULL: none */
     const char *name;       /* of the operation in the OpenAPI document */

@@ -59,8 +59,11 @@
 /* Number of threads for pictures, in total and of one user. Each waits for a process that decodes a picture. */
 #define PICTURE_THREADS 4
 #define PICTURE_USER_THREADS 2
-/* Added to the nice value of threads for heavy work and for pictures. If both compute, such a thread gets a tenth of
- * the processor time of a thread with the priority of the process. */
+/* Number of threads that produce the bytes of streams, in total and of one user. */
+#define STREAM_THREADS 4
+#define STREAM_USER_THREADS 2
+/* Added to the nice value of threads for heavy work, for pictures and for streams. If both compute, such a thread gets
+ * a tenth of the processor time of a thread with the priority of the process. */
 #define HEAVY_NICE 10
 
 struct server {
@@ -68,7 +71,7 @@ struct server {
     access_control *access;
     loop *loop;
     connections *connections;
-    thread_pool *pool, *heavy_pool, *picture_pool;
+    thread_pool *pool, *heavy_pool, *picture_pool, *stream_pool;
     body_bytes *bodies, *answers;
     pthread_mutex_t mutex;
     pthread_cond_t changed;  /* monotonic clock */
@@ -97,12 +100,15 @@ typedef struct exchange {
     size_t step;             /* bytes of a long body since the client's time was restarted */
     bool too_large;          /* the rest of the body is ignored */
     bool answered;           /* the rest of the body is discarded */
+    bool opening;            /* the pool opens the sink, and the library's next call has no body */
     bool awaits;             /* there is a provisional answer */
     bool chunked;
     reply answer;
-    size_t answer_bytes;    /* counted in the server's answers */
-    reply_receipt *receipt; /* of the answer that is being sent */
-    bool head;              /* a HEAD request: the body is not sent */
+    size_t answer_bytes;       /* counted in the server's answers */
+    reply_receipt *receipt;    /* of the answer that is being sent */
+    struct MHD_Response *file; /* the answer that is being sent, if it is a file */
+    bool sent;                 /* the whole answer, with its body */
+    bool head;                 /* a HEAD request: the body is not sent */
 } exchange;
 
 static const char *const header_names[HTTP_HEADER_COUNT] = {
@@ -157,38 +163,72 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
     }
 }
 
-/* A reply whose body is produced while it is sent. */
+/* A reply whose body a pool produces while it is sent. */
 typedef struct stream {
-    wait_list *waiting;
-    loop *loop;
-    struct MHD_Connection *connection;
+    thread_pool_work work; /* first member: the pool refers to it */
+    server *s;
+    struct MHD_Connection *connection; /* suspended while the pool has the work or a topic is awaited */
     reply_source *source;
+    const char *piece; /* the serving thread copies it */
+    size_t length, sent;
+    bool ended; /* no piece follows */
     char topic[REPLY_TOPIC_SIZE];
-    access_control *access;
+    char user[ACCESS_USER_SIZE];
     uint64_t generation; /* of the tokens that identified the caller; 0: without a token */
     int64_t until_ms;    /* end of the caller's session, wall clock; 0: no session */
 } stream;
 
-/* Whether a token may have been revoked, or a session has ended. The client then reconnects and is identified again. */
+/* Whether the service stops, a token may have been revoked, or a session has ended. The client then reconnects and is
+ * identified again. */
 static bool is_outdated(const stream *t)
 {
-    return (t->generation && t->generation != access_generation(t->access)) ||
-           access_session_is_over(t->access, t->until_ms);
+    access_control *access = t->s->access;
+    return wait_list_is_dismissed(t->s->settings.waiting) ||
+           (t->generation && t->generation != access_generation(access)) ||
+           access_session_is_over(access, t->until_ms);
 }
 
+/* Produces the next piece, or lets the stream wait for its topic. */
+static void produce_in_pool(thread_pool_work *work)
+{
+    stream *t = (stream *)(void *)work;
+    wait_list *waiting = t->s->settings.waiting;
+    uint64_t seen = wait_list_seen(waiting);
+    ssize_t count = t->source->produce(t->source, &t->piece);
+    t->length = count > 0 ? (size_t)count : 0;
+    t->sent = 0;
+    t->ended = count < 0;
+    /* from its resumption on, the stream may end */
+    if (count)
+        loop_resume(t->s->loop, t->connection);
+    else if (!wait_list_add(waiting, t->s->loop, t->connection, seen, t->topic,
+                            clock_monotonic_ms() + STREAM_TICK_MS))
+        thread_pool_add(t->s->stream_pool, work); /* something has happened meanwhile */
+}
+
+static void end_in_pool(thread_pool_work *work, thread_pool_refusal why)
+{
+    (void)why;
+    stream *t = (stream *)(void *)work;
+    t->ended = true;
+    loop_resume(t->s->loop, t->connection);
+}
+
+/* Copies bytes that the pool has produced. If there are none, suspends the connection until there are. */
 static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_t size)
 {
     (void)position;
     stream *t = context;
-    for (;;) {
-        uint64_t seen = wait_list_seen(t->waiting);
-        if (wait_list_is_dismissed(t->waiting) || is_outdated(t)) return MHD_CONTENT_READER_END_OF_STREAM;
-        ssize_t count = t->source->read(t->source, buffer, size);
-        if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
-        if (wait_list_wait(t->waiting, t->loop, t->connection, seen, t->topic,
-                           clock_monotonic_ms() + STREAM_TICK_MS))
-            return 0;
+    size_t left = t->length - t->sent, count = left < size ? left : size;
+    if ((!left && t->ended) || is_outdated(t)) return MHD_CONTENT_READER_END_OF_STREAM;
+    if (!left) {
+        MHD_suspend_connection(t->connection);
+        thread_pool_add(t->s->stream_pool, &t->work);
+        return 0;
     }
+    memcpy(buffer, t->piece + t->sent, count);
+    t->sent += count;
+    return (ssize_t)count;
 }
 
 static void free_stream(void *context)
@@ -201,14 +241,14 @@ static void free_stream(void *context)
 static struct MHD_Response *open_stream(const exchange *x, reply *r)
 {
     stream *t = mem_alloc(sizeof *t);
-    *t = (stream){.waiting = x->s->settings.waiting,
-                  .loop = x->s->loop,
+    *t = (stream){.s = x->s,
                   .connection = x->connection,
                   .source = r->source,
-                  .access = x->s->access,
                   .generation = x->caller.generation,
                   .until_ms = x->caller.session_ends_ms};
+    t->work = (thread_pool_work){.run = produce_in_pool, .refuse = end_in_pool, .user = t->user};
     memcpy(t->topic, r->topic, sizeof t->topic);
+    memcpy(t->user, x->caller.user, sizeof t->user);
     struct MHD_Response *response =
         MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);
     if (response)
@@ -270,12 +310,16 @@ static void count_answer(exchange *x, reply *r)
 static enum MHD_Result queue_reply(exchange *x, reply *r)
 {
     struct MHD_Response *response;
+    const bool is_file = r->fd >= 0;
     if (r->source) {
         response = open_stream(x, r);
-    } else if (r->fd >= 0) {
+    } else if (is_file) {
         response =
             MHD_create_response_from_fd_at_offset64((uint64_t)r->fd_bytes, r->fd, (uint64_t)r->fd_offset);
         if (response) r->fd = -1; /* the response closes it */
+    } else if (r->constant) {
+        response = MHD_create_response_from_buffer(r->length, (void *)(uintptr_t)r->constant,
+                                                   MHD_RESPMEM_PERSISTENT);
     } else {
         response = MHD_create_response_from_buffer(r->length, r->body, MHD_RESPMEM_MUST_FREE);
         if (response) r->body = NULL;
@@ -292,7 +336,10 @@ static enum MHD_Result queue_reply(exchange *x, reply *r)
         if (x->chunked) MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
         if (pages_has_listed(x->s->settings.pages)) add_page_headers(x->page_origin, response);
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
-        MHD_destroy_response(response);
+        if (is_file)
+            x->file = response;
+        else
+            MHD_destroy_response(response);
     }
     x->receipt = r->receipt;
     r->receipt = NULL;
@@ -509,8 +556,8 @@ static bool read_request(exchange *x, const char *method, reply *r)
     return parameter_check_query(x->s->settings.routes->parameters, x->route.found->query, request, r);
 }
 
-/* Opens the sink of a long body. False if *r was filled with a refusal. */
-static bool open_sink(exchange *x, const fields *f, reply *r)
+/* Makes the sink of a long body. False if *r was filled with a refusal. */
+static bool make_sink(exchange *x, const fields *f, reply *r)
 {
     http_request *request = &x->request;
     if (!x->route.found->opener) return true;
@@ -538,7 +585,7 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
         reply_add_header(r, MHD_HTTP_HEADER_ALLOW, match->allow);
         return true;
     }
-    return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
+    return refuse_body(x, f, r) || !read_request(x, method, r) || !make_sink(x, f, r);
 }
 
 /* Refuses a head that a proxy may interpret differently. True if *r was filled. */
@@ -597,6 +644,38 @@ static void note_answer(const exchange *x, const char *method, const char *path,
               r->status, *x->caller.user ? x->caller.user : "-", address_print(&x->client, client));
 }
 
+/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the
+ * serving thread (call_handler). */
+static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
+{
+    exchange *x = (exchange *)(void *)work;
+    x->answered = x->awaits || !x->request.waited || why == THREAD_POOL_IS_BUSY;
+    if (x->awaits)
+        x->answer.provisional = false;
+    else if (why == THREAD_POOL_IS_BUSY)
+        reply_set_unavailable(&x->answer, "the service is busy, and the request has waited as long as it may"
+                                          " (setting thread_wait_s)");
+    else if (x->answered)
+        reply_set_unavailable(&x->answer, "the service is stopping: try again later");
+    loop_resume(x->s->loop, x->connection);
+}
+
+static void open_in_pool(thread_pool_work *work)
+{
+    exchange *x = (exchange *)(void *)work;
+    x->request.sink->open(x->request.sink);
+    loop_resume(x->s->loop, x->connection);
+}
+
+/* Opens the sink in the pool, because files are created for it. The body is read afterwards. */
+static void open_sink(exchange *x)
+{
+    x->opening = true;
+    MHD_suspend_connection(x->connection);
+    x->work = (thread_pool_work){.run = open_in_pool, .refuse = refuse_in_pool, .user = x->caller.user};
+    thread_pool_add(x->s->pool, &x->work);
+}
+
 static enum MHD_Result begin(exchange *x, const char *method, const char *path, const char *version)
 {
     server *s = x->s;
@@ -610,6 +689,7 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
     x->answered = refuse_early(x, method, path, version, &early, &x->answer);
     if (!x->answered || !early) {
         connections_await_body(s->connections, connection_of(x->connection));
+        if (!x->answered && x->request.sink) open_sink(x);
         return MHD_YES;
     }
     connections_end_time(s->connections, connection_of(x->connection));
@@ -706,6 +786,7 @@ static void run_handler(exchange *x)
     const route *of = x->route.found;
     x->request.last = wait_list_is_dismissed(c->waiting);
     (x->awaits ? of->awaiting : of->handler)(c->context, &x->request, &x->answer);
+    assert(of->streams || !x->answer.source);
     x->awaits = x->answer.provisional;
     x->answered = x->answer.status && !x->awaits;
 }
@@ -728,26 +809,11 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the
- * serving thread (call_handler). */
-static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
-{
-    exchange *x = (exchange *)(void *)work;
-    x->answered = x->awaits || !x->request.waited || why == THREAD_POOL_IS_BUSY;
-    if (x->awaits)
-        x->answer.provisional = false;
-    else if (why == THREAD_POOL_IS_BUSY)
-        reply_set_unavailable(&x->answer, "the service is busy, and the request has waited as long as it may"
-                                          " (setting thread_wait_s)");
-    else if (x->answered)
-        reply_set_unavailable(&x->answer, "the service is stopping: try again later");
-    loop_resume(x->s->loop, x->connection);
-}
-
 /* The weight of a request, in bytes of bodies. 0: the request is not heavy. */
 static size_t weight_of(const exchange *x)
 {
-    if (x->route.found->heavy) return x->s->settings.body_limit_bytes / HEAVY_AT_ONCE + 1;
+    if (x->route.found->runs_in == ROUTE_HEAVY_POOL)
+        return x->s->settings.body_limit_bytes / HEAVY_AT_ONCE + 1;
     return x->request.length < HEAVY_BYTES ? 0 : x->request.length;
 }
 
@@ -756,7 +822,7 @@ static void give_to_pool(exchange *x)
     MHD_suspend_connection(x->connection);
     x->work = (thread_pool_work){
         .run = run_in_pool, .refuse = refuse_in_pool, .user = x->caller.user, .weight = weight_of(x)};
-    if (x->route.found->draws)
+    if (x->route.found->runs_in == ROUTE_PICTURE_POOL)
         thread_pool_add(x->s->picture_pool, &x->work);
     else
         thread_pool_add(x->work.weight ? x->s->heavy_pool : x->s->pool, &x->work);
@@ -769,7 +835,7 @@ static bool call_handler(exchange *x)
     const route *of = x->route.found;
     if (of->kept && of->kept(c->context, &x->request, &x->answer)) return true;
     /* when the service stops, waiting requests are answered here, because the pools refuse work */
-    if (of->waits && !(x->request.waited && wait_list_is_dismissed(c->waiting))) {
+    if (of->runs_in != ROUTE_SERVING_THREAD && !(x->request.waited && wait_list_is_dismissed(c->waiting))) {
         give_to_pool(x);
         return false;
     }
@@ -795,6 +861,10 @@ static enum MHD_Result answer(void *context, struct MHD_Connection *connection, 
     (void)connection;
     exchange *x = *slot;
     if (!x->begun) return begin(x, method, path, version);
+    if (x->opening) { /* the library repeats the first call, in which the connection was suspended */
+        x->opening = false;
+        return MHD_YES;
+    }
     if (*size) return take_body(x, data, size);
     return finish(x, method, path);
 }
@@ -823,6 +893,38 @@ static size_t unescape(void *context, struct MHD_Connection *connection, char *t
     return (size_t)(to - text);
 }
 
+static void end_exchange(exchange *x)
+{
+    if (x->request.sink) x->request.sink->drop(x->request.sink);
+    if (x->receipt) x->receipt->end(x->receipt, x->sent);
+    if (x->file) MHD_destroy_response(x->file);
+    free(x);
+}
+
+static void end_exchange_in_pool(thread_pool_work *work)
+{
+    end_exchange((exchange *)(void *)work);
+}
+
+static void end_refused_exchange(thread_pool_work *work, thread_pool_refusal why)
+{
+    (void)why;
+    end_exchange_in_pool(work);
+}
+
+/* Ends a request in the pool if files have to be closed or removed, which takes long if they are large. After the
+ * dismissal the pool may not exist any more. */
+static void finish_exchange(exchange *x)
+{
+    bool is_simple = !x->request.sink && !x->receipt && !x->file;
+    x->work = (thread_pool_work){
+        .run = end_exchange_in_pool, .refuse = end_refused_exchange, .user = x->caller.user};
+    if (is_simple || wait_list_is_dismissed(x->s->settings.waiting))
+        end_exchange(x);
+    else
+        thread_pool_add(x->s->pool, &x->work);
+}
+
 static void complete(void *context, struct MHD_Connection *connection, void **slot,
                      enum MHD_RequestTerminationCode why)
 {
@@ -833,12 +935,11 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     bool begun = x->begun;
     if (!begun) leave_unread(x);
     reply_clear(&x->answer);
-    if (x->receipt) x->receipt->end(x->receipt, why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head);
-    if (x->request.sink) x->request.sink->drop(x->request.sink);
+    x->sent = why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head;
     drop_body(x);
     char text[ADDRESS_TEXT_SIZE];
     if (x->answer_bytes) body_bytes_give_back(s->answers, reader_of(x, text), x->answer_bytes);
-    free(x);
+    finish_exchange(x);
     *slot = NULL;
     if (!begun) return;
     pthread_mutex_lock(&s->mutex);
@@ -936,8 +1037,13 @@ static bool start_pools(server *s, error *e)
                                            .most_of_user = PICTURE_USER_THREADS,
                                            .nice = HEAVY_NICE,
                                            .patience_ms = patience_ms};
+    const thread_pool_settings streams = {.threads = STREAM_THREADS,
+                                          .most_of_user = STREAM_USER_THREADS,
+                                          .nice = HEAVY_NICE,
+                                          .patience_ms = patience_ms};
     return (s->pool = thread_pool_start(&usual, e)) && (s->heavy_pool = thread_pool_start(&heavy, e)) &&
-           (s->picture_pool = thread_pool_start(&pictures, e));
+           (s->picture_pool = thread_pool_start(&pictures, e)) &&
+           (s->stream_pool = thread_pool_start(&streams, e));
 }
 
 /* Serves copies of the descriptors, since the loop closes its own. */
@@ -964,6 +1070,8 @@ static bool serve_sockets(server *s, const listen_socket *sockets, size_t count,
 server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
                      access_control *access, error *e)
 {
+    for (size_t i = 0; i < settings->routes->count; i++)
+        assert(settings->routes->row[i].runs_in != ROUTE_UNDECLARED);
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->access = access;
@@ -1006,11 +1114,13 @@ void server_stop(server *s)
     thread_pool_refuse(s->pool); /* waiting requests may take long */
     thread_pool_refuse(s->heavy_pool);
     thread_pool_refuse(s->picture_pool);
+    thread_pool_refuse(s->stream_pool);
     wait_for_replies(s);
     loop_end(s->loop);         /* otherwise clients would add work to the pool */
     thread_pool_stop(s->pool); /* resumes the connections of its work */
     thread_pool_stop(s->heavy_pool);
     thread_pool_stop(s->picture_pool);
+    thread_pool_stop(s->stream_pool);
     loop_stop(s->loop);
     connections_stop(s->connections);
     body_bytes_free(s->bodies);

@@ -1,12 +1,12 @@
 /* server: HTTP/1.1 with libmicrohttpd; only src/http uses that library.
  *
- * One thread serves all connections with epoll. It runs handlers that only read memory. Handlers that may wait
- * (route.waits) run in a pool of threads (http/thread_pool), while their connection is suspended. http/connections
- * limits the number of connections and the time of clients. A body over the limit is answered with 413 and not
- * stored. If its length is announced, the answer is sent before the body is read; otherwise (chunked) at its end. A
- * request that a proxy may interpret differently is refused (http/head). The library itself refuses input that is
- * not a request, and headers over header_limit_bytes, with an answer in HTML. All other errors are problem
- * documents.
+ * One thread serves all connections with epoll. The table of routes says which handlers it runs (route.runs_in).
+ * All others, and the producers of streams, run in pools of threads (http/thread_pool), while their connection is
+ * suspended. http/connections limits the number of connections and the time of clients. A body over the limit is
+ * answered with 413 and not stored. If its length is announced, the answer is sent before the body is read;
+ * otherwise (chunked) at its end. A request that a proxy may interpret differently is refused (http/head). The
+ * library itself refuses input that is not a request, and headers over header_limit_bytes, with an answer in HTML.
+ * All other errors are problem documents.
  */
 #ifndef HEXAD_HTTP_SERVER_H
 #define HEXAD_HTTP_SERVER_H

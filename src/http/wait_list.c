@@ -118,8 +118,8 @@ uint64_t wait_list_seen(wait_list *l)
     return happened;
 }
 
-static bool add(wait_list *l, loop *served_by, struct MHD_Connection *connection, bool suspend, uint64_t seen,
-                const char *topic, int64_t until_ms)
+bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                   const char *topic, int64_t until_ms)
 {
     pthread_mutex_lock(&l->mutex);
     bool stays = !l->dismissed && seen == l->happened;
@@ -131,23 +131,10 @@ static bool add(wait_list *l, loop *served_by, struct MHD_Connection *connection
         strncpy(w->topic, topic, sizeof w->topic - 1);
         w->next = l->first;
         l->first = w;
-        if (suspend) MHD_suspend_connection(connection);
         if (!w->next) pthread_cond_broadcast(&l->changed);
     }
     pthread_mutex_unlock(&l->mutex);
     return stays;
-}
-
-bool wait_list_wait(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
-                    const char *topic, int64_t until_ms)
-{
-    return add(l, served_by, connection, true, seen, topic, until_ms);
-}
-
-bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
-                   const char *topic, int64_t until_ms)
-{
-    return add(l, served_by, connection, false, seen, topic, until_ms);
 }
 
 void wait_list_wake(wait_list *l, const char *const *topics, size_t count)

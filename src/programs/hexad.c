@@ -16,6 +16,7 @@
 
 #include "api/context.h"
 #include "api/notifier.h"
+#include "api/openapi.h"
 #include "api/page.h"
 #include "api/routes.h"
 #include "auth/access.h"
@@ -103,6 +104,7 @@ typedef struct service {
     address_ranges proxies;
     pages *pages;
     page *page; /* NULL: none */
+    openapi *openapi;
     server *http;
     stall supervising, serving;
 } service;
@@ -654,6 +656,18 @@ static void fini_page(service *s)
     page_close(s->page);
 }
 
+static bool init_openapi(service *s, error *e)
+{
+    (void)e;
+    s->openapi = openapi_new();
+    return true;
+}
+
+static void fini_openapi(service *s)
+{
+    openapi_free(s->openapi);
+}
+
 static void free_context(service *s)
 {
     document_cache_free(s->context.documents);
@@ -780,6 +794,7 @@ static bool init_http(service *s, error *e)
         .copying = &s->copying,
         .documents = document_cache_new((size_t)c->kept_documents),
         .page = s->page,
+        .openapi = s->openapi,
         .session_s = c->session_s,
     };
     s->http = server_start(&settings, s->sockets, s->socket_count, s->access, e);
@@ -842,6 +857,7 @@ static const struct step {
     {"webhooks", init_webhooks, fini_webhooks},
     {"network", init_network, fini_network},
     {"page", init_page, fini_page},
+    {"openapi", init_openapi, fini_openapi},
     {"http", init_http, fini_http},
     {"checker", init_checker, fini_checker},
     {"port_file", init_port_file, fini_port_file},

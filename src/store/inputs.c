@@ -386,28 +386,28 @@ static void leave(store_inputs *s, sender *from, int64_t bytes, int64_t kept)
 }
 
 store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
-                                        store_upload **upload, error *e)
+                                        store_upload **upload)
 {
     if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
     sender *from;
     store_upload_outcome outcome = enter(s, user, announced, &from);
     if (outcome != STORE_UPLOAD_GOOD) return outcome;
     store_upload *u = mem_alloc(sizeof *u);
-    char *path = path_of(s, hex);
-    bool ok = store_file_begin(path, &u->file, e);
-    free(path);
-    if (!ok) {
-        int fault = errno;
-        leave(s, from, 0, 0);
-        free(u);
-        return fault == ENOSPC || fault == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
-    }
     u->owner = s;
     u->sender = from;
     sha256_init(&u->hash);
     strcpy(u->wanted, hex);
     *upload = u;
     return STORE_UPLOAD_GOOD;
+}
+
+store_upload_outcome store_upload_open(store_upload *u, error *e)
+{
+    char *path = path_of(u->owner, u->wanted);
+    if (!store_file_begin(path, &u->file, e))
+        u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
+    free(path);
+    return u->outcome;
 }
 
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)

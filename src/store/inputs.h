@@ -77,10 +77,12 @@ typedef enum store_upload_outcome {
 typedef struct store_upload store_upload;
 
 /* Begins an upload of `announced` bytes; -1: the length is not known. Space is reserved as bytes arrive. Announced
- * bytes reserve no space, but the upload is refused if there is no space for them now. On GOOD the caller ends
- * *upload. */
+ * bytes reserve no space, but the upload is refused if there is no space for them now. On GOOD the caller opens
+ * and ends *upload. */
 store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
-                                        store_upload **upload, error *e);
+                                        store_upload **upload);
+/* Creates the file, before the first bytes. */
+store_upload_outcome store_upload_open(store_upload *u, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
 /* Verifies the hash, flushes the file and renames it to its name. If the same file is already stored, the upload is

@@ -106,6 +106,16 @@ def parts(schema, pointer=""):
             yield from parts(part, f"{pointer}/{name}")
 
 
+@pytest.mark.parametrize("path", ["/v1/openapi.json", "/v1/schema.json"])
+def test_a_known_document_is_not_sent_again(described, path):
+    first = described.get(path)
+    tag = first.headers["ETag"]
+    assert first.status == 200 and tag and first.headers["Cache-Control"] == "no-cache"
+    again = described.request("GET", path, headers={"If-None-Match": tag})
+    assert (again.status, again.body, again.headers["ETag"]) == (304, b"", tag)
+    assert described.request("GET", path, headers={"If-None-Match": '"another"'}).body == first.body
+
+
 def test_the_document_is_made_of_the_tables(described, build):
     schema = json.loads(subprocess.run([build / "hexad-worker", "schema"], capture_output=True, check=True).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)

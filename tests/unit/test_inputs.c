@@ -50,7 +50,8 @@ static store_upload_outcome begin(const place *p, const char *user, int64_t anno
 {
     char hex[STORE_HASH_SIZE];
     store_hash("", 0, hex);
-    return store_upload_begin(p->inputs, hex, user, announced, upload, NULL);
+    store_upload_outcome outcome = store_upload_begin(p->inputs, hex, user, announced, upload);
+    return outcome == STORE_UPLOAD_GOOD ? store_upload_open(*upload, NULL) : outcome;
 }
 
 /* Begins and ends an upload of this many bytes. */
@@ -67,7 +68,8 @@ static void send_text(const place *p, const char *user, const char *text, char h
 {
     store_upload *upload = NULL;
     store_hash(text, strlen(text), hex);
-    assert_int_equal(store_upload_begin(p->inputs, hex, user, -1, &upload, NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_begin(p->inputs, hex, user, -1, &upload), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_open(upload, NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_write(upload, text, strlen(text), NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
     assert_true(store_inputs_note_sender(p->inputs, hex, user, NULL));

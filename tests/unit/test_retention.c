@@ -357,9 +357,8 @@ static void test_unused_uploads_are_removed(void **state)
     assert_int_equal(access(fresh, F_OK), 0);
     /* and its space was released */
     store_upload *upload = NULL;
-    assert_int_equal(
-        store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload, NULL),
-        STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload),
+                     STORE_UPLOAD_GOOD);
     store_upload_end(upload);
     /* a use keeps the file; the thread must not delete it before */
     retention_stop(p->r);
@@ -412,7 +411,8 @@ static void *collect(void *argument)
 static void send_it(place *p, const char *hex)
 {
     store_upload *upload = NULL;
-    assert_int_equal(store_upload_begin(p->inputs, hex, "ann", -1, &upload, NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_begin(p->inputs, hex, "ann", -1, &upload), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_open(upload, NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_write(upload, SENT, strlen(SENT), NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
     store_upload_end(upload);
@@ -440,8 +440,8 @@ static void test_an_upload_during_a_collection_is_counted_once(void **state)
         assert_non_null(collected);
         assert_int_equal(access(path, F_OK), 0);
         store_upload *upload = NULL;
-        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload, NULL), STORE_UPLOAD_ALL_FULL);
-        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload, NULL), STORE_UPLOAD_GOOD);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 7, &upload), STORE_UPLOAD_ALL_FULL);
+        assert_int_equal(store_upload_begin(p->inputs, hex, "ann", 6, &upload), STORE_UPLOAD_GOOD);
         store_upload_end(upload);
     }
     free(path);
