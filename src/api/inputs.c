@@ -142,6 +142,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     store_upload *file = NULL;
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
+    error e = {0};
     if (!queue_has_place(c->q, &e)) {
         reply_set_error(r, &e, NULL);
         return NULL;
