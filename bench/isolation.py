@@ -3,7 +3,8 @@
 
     bench/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]
                        [--untimed] [--only large_pages,...] [--place DIRECTORY]
-    bench/isolation.py --built BUILD --routes SECONDS | --serving-thread [--only listJobs,...] [--real-workers] [--place DIRECTORY]
+    bench/isolation.py --built BUILD --routes SECONDS | --serving-thread [--jobs 0] [--only listJobs,...] [--real-workers]
+                       [--place DIRECTORY]
 
 The second form measures each row of the table of routes (bench/isolation_routes.py). The first one prints a table in Markdown: the answering times of GET /healthz, of status reads and of submissions of one user, before and
 during the load, and the daemon's RssAnon. Ends with 1 when a goal is missed: 99th percentiles below 50 ms, RssAnon below 300 MB,
@@ -659,7 +660,7 @@ def main():
     parser.add_argument("--built", type=pathlib.Path, required=True)
     parser.add_argument("--minutes", type=float, default=60)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=113000)
+    parser.add_argument("--jobs", type=int)
     parser.add_argument("--routes", type=float, metavar="SECONDS")
     parser.add_argument("--serving-thread", action="store_true")
     parser.add_argument("--untimed", action="store_true")
@@ -669,6 +670,8 @@ def main():
     options = parser.parse_args()
     options.built = options.built.resolve()
     run = campaign
+    if options.jobs is None:
+        options.jobs = 0 if options.routes or options.serving_thread else 113000
     if options.routes or options.serving_thread:
         import isolation_routes
         run = isolation_routes.routes if options.routes else isolation_routes.serving_thread

@@ -25,7 +25,7 @@ import statistics
 import sys
 import time
 
-from isolation import MEASURED, Client, Daemon, Measured, ball, be_last, percentile
+from isolation import MEASURED, Client, Daemon, Measured, ball, be_last, fill, percentile
 
 CONNECTIONS = 200
 LOADER = "loader"
@@ -67,6 +67,8 @@ class Scene:
         self.own = self.daemon.token(MEASURED, ("read", "submit", "cancel"))
         self.admin = self.daemon.token("root", ("read", "submit", "cancel", "admin"))
         self.daemon.start()
+        if options.jobs:
+            fill(self.daemon, options.jobs, self.tokens["submitter"])
         client = Client(self.daemon.address, self.tokens["submitter"])
         self.document = client.ask("GET", "/v1/openapi.json").json
         self.upload = b"OFF\n# uploaded\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n"
@@ -192,7 +194,7 @@ class Line:
 
 
 def load(scene, row, token, query, headers, end, pipe):
-    """Sends the requests until `end`; reports the number of answers of each status."""
+    """Sends the requests until `end`; reports the first answer, and at the end the number of answers of each status."""
     os.setsid()
     be_last()
     chosen, statuses, number = selectors.DefaultSelector(), collections.Counter(), 0
@@ -208,8 +210,11 @@ def load(scene, row, token, query, headers, end, pipe):
         line.restart()
         chosen.register(line.socket, selectors.EVENT_WRITE, line)
 
-    pipe.send("ready")
+    told = False
     while not end.is_set():
+        if statuses and not told:
+            pipe.send("ready")
+            told = True
         for key, events in chosen.select(0.05):
             line = key.data
             try:

@@ -67,12 +67,25 @@ static void test_unknown_paths(void **state)
     assert_false(m.known);
 }
 
+static void each_row_says_where_its_handler_runs(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < api_routes.count; i++) {
+        const route *r = &api_routes.row[i];
+        if (r->runs_in == ROUTE_UNDECLARED) fail_msg("%s", r->name);
+        /* a keeper saves the way to a pool; a body, a sink and a provisional answer need one */
+        bool needs_pool = r->kept || r->body || r->opener || r->awaiting || r->streams;
+        if (needs_pool && r->runs_in == ROUTE_SERVING_THREAD) fail_msg("%s", r->name);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_parameters),
         cmocka_unit_test(test_methods),
         cmocka_unit_test(test_unknown_paths),
+        cmocka_unit_test(each_row_says_where_its_handler_runs),
     };
     return cmocka_run_group_tests_name("route", tests, NULL, NULL);
 }
