@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Submissions, reads and tiny jobs a second of two builds, in one run.
 
-    bench/rates.py --built BUILD --before BUILD [--rounds 5] [--span 2] [--jobs 100] [--worker PROGRAM] [--priority 0] [--least 0.95]
+    bench/rates.py --built BUILD --before BUILD [--rounds 5] [--span 2] [--jobs 100] [--worker PROGRAM] [--least 0.95]
 
 The builds take turns in each round, the second one first in every other round. Printed are the medians of the rounds, and the median
 of the rounds' ratios. Ends with 1 when a ratio is below --least. --worker: of both for the tiny jobs, instead of each build's own;
-then only the daemons differ. --priority: nice value of all, and of their session.
+then only the daemons differ.
 """
 import argparse
 import json
@@ -20,7 +20,6 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "service")]
 
-from isolation import set_priority  # noqa: E402
 from service import Service, cpu_seconds, sphere, wait_until  # noqa: E402
 
 CLIENTS = 16
@@ -128,13 +127,8 @@ def main():
     parser.add_argument("--span", type=float, default=2)
     parser.add_argument("--jobs", type=int, default=100)
     parser.add_argument("--worker", type=lambda path: pathlib.Path(path).resolve())
-    parser.add_argument("--priority", type=int, default=0)
     parser.add_argument("--least", type=float, default=0.95)
     options = parser.parse_args()
-    if options.priority:
-        if os.getsid(0) != os.getpid():
-            os.setsid()
-        set_priority(options.priority)
     builds = []
     with tempfile.TemporaryDirectory() as where:
         where = pathlib.Path(where)
