@@ -2,7 +2,7 @@
 phrases that comments, messages and pages must not contain (plain_language.py).
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
-with one fault, where the list must name it. tests/layers checks which folder of src may include which.
+with one fault, where the list must name it. test_layers.py checks which module of src may include which.
 """
 import os
 import pathlib
@@ -64,7 +64,7 @@ def misplaced_pages(root):
 
 def makefile(root):
     """The text of Makefile.am and of the files that it includes, with whole paths."""
-    parts = sorted(root.glob("src/*/Makefile.inc"))
+    parts = sorted(root.glob("src/**/Makefile.inc"))
     return (root / "Makefile.am").read_text() + "".join(
         part.read_text().replace("%D%", str(part.parent.relative_to(root))) for part in parts)
 
@@ -72,8 +72,8 @@ def makefile(root):
 def parts_left_out(root):
     """Lists of folders that Makefile.am does not include."""
     text = (root / "Makefile.am").read_text()
-    return [f"Makefile.am does not include src/{folder}/Makefile.inc" for folder in sorted(
-        p.parent.name for p in root.glob("src/*/Makefile.inc")) if f"include $(srcdir)/src/{folder}/Makefile.inc" not in text]
+    return [f"Makefile.am does not include {part}" for part in sorted(
+        p.relative_to(root).as_posix() for p in root.glob("src/**/Makefile.inc")) if f"include $(srcdir)/{part}\n" not in text]
 
 
 def listed_sources(root):
@@ -110,7 +110,7 @@ def other_versions(root):
 
 
 def lost_names(root):
-    """Links of pages to files that are nowhere, and modules (`folder/noun` in backticks) that are not in src."""
+    """Links of pages to files that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
     faults = []
     folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
     for name in pages_of(root):
@@ -119,7 +119,7 @@ def lost_names(root):
         for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
             if "://" not in link and not (here / link).exists():
                 faults.append(f"{name}: the link to {link} leads nowhere")
-        for path in re.findall(r"`(?:src/)?([a-z_]+/[a-z_]+)`", text):
+        for path in re.findall(r"`(?:src/)?([a-z_]+(?:/[a-z_]+)+)(?:\.(?:[ch]|cc))?`", text):
             if path.split("/")[0] in folders and not [*(root / "src").glob(path + ".*"), *(root / "src").glob(path)]:
                 faults.append(f"{name}: there is no src/{path}")
     return faults
@@ -219,6 +219,7 @@ FAULTS = [
     (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
     (misplaced_pages, "PLANS.md", "A page outside the folders of pages.\n", "PLANS.md is not where pages are"),
     (parts_left_out, "src/json/Makefile.inc", "a_SOURCES += %D%/json.c\n", "Makefile.am does not include src/json/Makefile.inc"),
+    (parts_left_out, "src/io/points/Makefile.inc", "a_SOURCES += %D%/ply.c\n", "Makefile.am does not include src/io/points/Makefile.inc"),
     (lost_sources, "src/base/Makefile.inc", "a_SOURCES += %D%/clock.c %D%/gone.c\n", "Makefile.am names src/base/gone.c"),
     (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
     (lost_sources, "probe.c", "int new;\n", "Makefile.am does not name probe.c"),
@@ -226,6 +227,7 @@ FAULTS = [
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
+    (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "ARCHITECTURE.md, Files: +| `new.h` | a new file |"),
     (untimed_calls, "src/api/routes.c", '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
     (untimed_calls, "src/api/routes.c", '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
@@ -297,7 +299,7 @@ def listed_tests(root, variables):
 @pytest.fixture(scope="module")
 def files_by_tier(source):
     found = {tier: set() for tier in TIERS}
-    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_source_tree.py"):  # equal names in two folders
+    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_layers.py", "tests/test_source_tree.py"):  # equal names in two folders
         done = subprocess.run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "-q", "--tiers", place],
                               cwd=source, capture_output=True, text=True,
                               env={k: v for k, v in os.environ.items() if k not in ("HEXAD_TIER", "HEXAD_TAP_FD")})

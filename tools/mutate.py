@@ -177,7 +177,7 @@ def collect(source, build, folders, tier=None):
 
 def measuring_tests():
     """Unit tests that a build with sanitizers leaves out."""
-    text = "".join(path.read_text() for path in SOURCE.glob("src/*/Makefile.inc")).replace("\\\n", " ")
+    text = "".join(path.read_text() for path in sorted(SOURCE.glob("src/**/Makefile.inc"))).replace("\\\n", " ")
     return [word for words in re.findall(r"^measuring_tests \+= (.*)$", text, re.M) for word in words.split()]
 
 

@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 #include "field/patches.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "run/advice.h"
 #include "run/job.h"
 #include "source/plan.h"

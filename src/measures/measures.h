@@ -34,7 +34,7 @@ typedef struct measures_input {
     const vec3 *copy_normal;           /* NULL: the normals are those of the nearest triangles */
     const uint32_t *copy_point;        /* NULL: copy i is point i */
     const uint32_t *copy_patch;        /* NULL: one patch */
-    const uint8_t *copy_flags;         /* of packing.h; NULL: none */
+    const uint8_t *copy_flags;         /* of point_flags.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
     /* Receive for each point, or NULL: its piece of the surface, and the spacing by which its distances are divided. */
     uint32_t *out_piece;

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "packing/energy.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "voronoi/partitions.h"
 #include "voronoi/resolution.h"
 #include "voronoi/voronoi.h"

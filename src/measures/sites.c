@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 
 static uint32_t point_of(const sites_copies *c, size_t copy)
 {

@@ -42,7 +42,7 @@ typedef struct sites_copies {
     const vec3 *normal;    /* NULL: not known */
     const uint32_t *point; /* NULL: copy i is point i */
     const uint32_t *patch; /* NULL: one patch */
-    const uint8_t *flags;  /* of packing.h; NULL: none */
+    const uint8_t *flags;  /* of point_flags.h; NULL: none */
 } sites_copies;
 
 /* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for

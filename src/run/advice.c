@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "source/plan.h"
 
 /* Factor of the spacing that is tried if the required factor is unknown. */

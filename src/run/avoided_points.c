@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "geometry/point_tree.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "sizing/sizing_field.h"
 #include "solver/particles/random_streams.h"
 #include "source/plan.h"

@@ -4,7 +4,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "measures/measures.h"
 #include "run/advice.h"
 #include "run/cost_model.h"

@@ -9,7 +9,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "run/cost_model.h"

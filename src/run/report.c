@@ -6,7 +6,7 @@
 #include "base/build_part.h"
 #include "base/clock.h"
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "run/advice.h"
 #include "run/label_advice.h"
 #include "run/patch_report.h"

@@ -10,7 +10,7 @@
 #include "geometry/morton.h"
 #include "geometry/point_tree.h"
 #include "packing/neighbours.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/curves/quota.h"
 #include "solver/particles/particles.h"
 #include "solver/particles/random_streams.h"

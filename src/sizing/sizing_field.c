@@ -7,7 +7,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/block_map.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "sizing/spacing_request.h"
 
 /* Edge of a cube of nodes: in cell sizes, so that every cube that the surface crosses contains samples; and in mean

@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "field/patches.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "sizing/feature_size.h"
 #include "sizing/scaled_curvature.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 #include "solver/adaptation.h"

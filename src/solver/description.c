@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "geometry/point_tree.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 #include "voronoi/resolution.h"
 #include "solver/solver_state.h"
 

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "packing/energy.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/adaptation.h"
 #include "solver/level.h"
 #include "solver/passes/passes.h"

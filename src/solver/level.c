@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "field/projection.h"
 #include "geometry/morton.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/passes/refine.h"
 #include "solver/level.h"
 #include "solver/start.h"

@@ -8,7 +8,7 @@
 #include "base/compare.h"
 #include "base/memory.h"
 #include "base/rng.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/refine.h"
 

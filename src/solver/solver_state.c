@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "packing/energy.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/solver_state.h"
 
 relax *solver_new_relax(const solver *s, size_t capacity, error *e)

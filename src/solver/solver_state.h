@@ -120,7 +120,7 @@ typedef struct solver_record {
     solver_points out;
     bool *replaced;   /* of each particle, from solver_project on */
     uint32_t *point;  /* of each particle of a surface with patches its point, see solver_patch_points */
-    uint8_t *flags;   /* likewise, of packing/packing.h */
+    uint8_t *flags;   /* likewise, of packing/point_flags.h */
     vec3 *normal;     /* of each point */
     uint8_t *feature; /* of each point */
     double *column;   /* see solver_column */

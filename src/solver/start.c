@@ -8,7 +8,7 @@
 #include "geometry/point_tree.h"
 #include "solver/curves/boundary.h"
 #include "field/projection.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/particles/random_streams.h"
 
 /* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and there is no surface.

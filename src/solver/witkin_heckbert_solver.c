@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "field/projection.h"
 #include "packing/neighbours.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 #include "solver/solver_state.h"

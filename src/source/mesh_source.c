@@ -13,7 +13,7 @@
 #include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"
 #include "meshfile/mesh_file.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */

@@ -10,7 +10,7 @@
 #include "field/patches.h"
 #include "geometry/affine.h"
 #include "geometry/block_map.h"
-#include "packing/neighbours.h"
+#include "geometry/cell_list.h"
 
 static const char what[] = "the surface's parts"; /* that memory is for */
 
@@ -156,10 +156,38 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static void join_near(const neighbours *near, uint32_t *parent)
+/* A cell that is joined with the cells near it. */
+typedef struct cell_joins {
+    const cell_set *all;
+    uint32_t *parent;
+    uint32_t cell;
+} cell_joins;
+
+/* Each pair is found from its larger cell. */
+static void join_near(void *context, uint32_t other)
 {
-    for (uint32_t k = 0; k < near->count; k++)
-        for (uint32_t i = 0; i < near->list_count[k]; i++) sets_join(parent, k, neighbours_list(near, k)[i]);
+    const cell_joins *j = context;
+    const cell_set *c = j->all;
+    const double reach = TOUCHING_UNEVEN * (c->edge[j->cell] + c->edge[other]) / 2;
+    if (c->edge[other] > c->edge[j->cell]) return;
+    if (vec3_norm(vec3_sub(c->middle[other], c->middle[j->cell])) < reach)
+        sets_join_shared(j->parent, j->cell, other);
+}
+
+typedef struct uneven_joins {
+    const cell_set *all;
+    const cell_list *near;
+    uint32_t *parent;
+} uneven_joins;
+
+static void join_near_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const uneven_joins *u = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        cell_joins of_cell = {u->all, u->parent, (uint32_t)k};
+        cell_list_within(u->near, u->all->middle[k], TOUCHING_UNEVEN * u->all->edge[k], join_near, &of_cell);
+    }
 }
 
 static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads *pool, error *e)
@@ -167,15 +195,18 @@ static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads 
     cell_set all = {.field = f,
                     .middle = mem_array(cells, sizeof *all.middle, what, e),
                     .edge = mem_array(cells, sizeof *all.edge, what, e)};
-    neighbours *near = neighbours_new(cells, SIZE_MAX, e);
-    bool ok = all.middle && all.edge && near;
+    cell_list *near = NULL;
+    bool ok = all.middle && all.edge;
     if (ok) {
         threads_run(pool, cells, CHUNK, look_chunk, &all);
         ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
     }
-    ok = ok && neighbours_build(near, cells, all.middle, all.edge, TOUCHING_UNEVEN, pool, e);
-    if (ok) join_near(near, parent);
-    neighbours_free(near);
+    ok = ok && (near = cell_list_new(all.middle, cells, pool, e));
+    if (ok) {
+        threads_run(pool, cells, CHUNK, join_near_chunk, &(uneven_joins){&all, near, parent});
+        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    cell_list_free(near);
     free(all.middle);
     free(all.edge);
     return ok;

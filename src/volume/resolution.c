@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "geometry/bbox.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 
 /* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of the level
  * set. */

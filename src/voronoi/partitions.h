@@ -24,7 +24,7 @@ typedef struct partitions_input {
     const double *spacing; /* per point, world units, > 0 */
     /* per point; its list contains only points of the same label; NULL: all have one label */
     const uint32_t *label;
-    const uint8_t *flags; /* per point, of packing/packing.h; NULL: none */
+    const uint8_t *flags; /* per point, of packing/point_flags.h; NULL: none */
     double cutoff; /* reach of the lists: maximum distance of a pair as a multiple of its mean spacing */
 } partitions_input;
 

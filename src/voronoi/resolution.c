@@ -3,7 +3,8 @@
 #include <math.h>
 #include <stdatomic.h>
 
-#include "packing/packing.h"
+#include "packing/point_flags.h"
+#include "geometry/packing.h"
 #include "voronoi/partitions.h"
 #include "voronoi/voronoi.h"
 

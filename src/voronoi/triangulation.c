@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 #include "voronoi/partitions.h"
 #include "voronoi/voronoi.h"
 

@@ -30,7 +30,7 @@ typedef struct triangulation_input {
     bool open; /* the surface has boundaries in the faces of `domain`; they count as boundaries below */
     bbox domain;
     /* The following are NULL for a surface without patches. Per point: its label (only points of one label form triangles) and its flags
-     * (packing/packing.h). Fixed points may lie on a boundary. */
+     * (packing/point_flags.h). Fixed points may lie on a boundary. */
     const uint32_t *label;
     const uint8_t *flags;
     /* Per point: the index of its vertex, a point at the same position. Several points, one for each label, may have one vertex. The

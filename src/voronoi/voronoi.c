@@ -5,7 +5,7 @@
 
 #include "base/compare.h"
 #include "base/lanes.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 #include "packing/pair.h"
 #include "voronoi/triangle_filter.h"
 

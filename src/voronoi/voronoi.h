@@ -22,7 +22,7 @@ typedef struct voronoi_sites {
     const double *spacing;         /* of an ideal packing at each point, world units, > 0 */
     /* lists within at least VORONOI_REACH times the mean spacing of a pair */
     const neighbours *near;
-    const uint8_t *flags; /* per point, of packing/packing.h; NULL: none */
+    const uint8_t *flags; /* per point, of packing/point_flags.h; NULL: none */
     /* per point of a subset: its index in the whole set, ascending; NULL: the points are the whole set */
     const uint32_t *index;
 } voronoi_sites;

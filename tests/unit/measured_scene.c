@@ -9,7 +9,7 @@
 #include "measured_scene.h"
 
 #include "geometry/triangle.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 
 enum { MOST_NORMALS = 16 };
 

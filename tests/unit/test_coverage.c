@@ -9,7 +9,7 @@
 
 #include "base/rng.h"
 #include "close.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "shapes.h"
 #include "solver/particles/coverage.h"
 

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "field/projection.h"
 #include "close.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/level_plan.h"
 #include "solver/solver.h"
 #include "sequence/frame_transfer.h"

@@ -11,7 +11,7 @@
 
 #include "base/rng.h"
 #include "measures/progressive_order.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 #include "shapes.h"
 
 enum { MOST = 900, SIDES = 3 };

@@ -12,7 +12,7 @@
 
 #include "close.h"
 #include "packing/energy.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "shapes.h"
 #include "solve_fixture.h"
 

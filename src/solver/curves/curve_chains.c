@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 
 double curve_chains_length(const field_patches *patches, const field_curve *curve)
 {

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "geometry/cell_list.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "solver/particles/population.h"
 
 /* Fixed-point iterations for the spacing: curve samples cover area, so that h grows and the samples become fewer. */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "packing/packing.h"
+#include "packing/point_flags.h"
 
 particles *particles_new_even(size_t count, error *e)
 {

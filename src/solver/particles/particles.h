@@ -97,7 +97,7 @@ bool particles_add_places(particles *p, error *e);
 bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e);
 void particles_free(particles *p);
 
-/* Flags of packing.h for each particle of a surface with patches. */
+/* Flags of point_flags.h for each particle of a surface with patches. */
 void particles_flags(const particles *p, uint8_t *out);
 
 /* Number of particles that are not fixed. */

@@ -14,7 +14,7 @@
 
 #include "base/memory.h"
 #include "packing/neighbours.h"
-#include "packing/packing.h"
+#include "geometry/packing.h"
 #include "voronoi/voronoi.h"
 #include "solver/passes/repair_region.h"
 

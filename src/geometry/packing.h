@@ -1,13 +1,9 @@
 /* packing: the formulas of the ideal hexagonal packing, in which six neighbours at one distance h, the spacing,
  * surround each point. Pure functions. Lengths, areas and counts are the caller's units. */
-#ifndef HEXAD_PACKING_PACKING_H
-#define HEXAD_PACKING_PACKING_H
+#ifndef HEXAD_GEOMETRY_PACKING_H
+#define HEXAD_GEOMETRY_PACKING_H
 
 #include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
-
-#include "geometry/bbox.h"
 
 /* The spacing of `count` points on an area. With a count of 1 the area is that of one point's cell; with an area
  * of 1 the count is a density. */
@@ -49,20 +45,5 @@ static inline double packing_count_of_support(double area, double support)
 
 /* Number of neighbours of a point of the hexagonal packing. */
 enum { PACKING_IDEAL_DEGREE = 6 };
-
-/* Flags of a point. */
-enum {
-    PACKING_FIXED = 1,     /* it is fixed on a curve, where its patch ends */
-    PACKING_ONE_SIDED = 2, /* the sign of its normal is arbitrary */
-    PACKING_AT_WEDGE =
-        4 /* it is near the samples of a sharp edge, where the faces that meet there are within reach of each other */
-};
-
-/* Whether x lies within two spacings of a face of the box that cuts the surface: a point there has fewer neighbours than in the
- * interior, or other positions of them. */
-static inline bool packing_is_near_boundary(bbox faces, vec3 x, double spacing)
-{
-    return !bbox_contains(bbox_grow(faces, -2 * spacing), x);
-}
 
 #endif
