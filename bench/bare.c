@@ -13,7 +13,7 @@
 
 #include <microhttpd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 enum { CONNECTIONS = 2048 };
 

@@ -6,7 +6,7 @@
 
 #include <sqlite3.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 static _Noreturn void die(const char *what)
 {

@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/analytic.h"
 #include "solver/level_plan.h"
 #include "solver/passes/relax.h"

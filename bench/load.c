@@ -23,7 +23,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "durable.h"
 
 enum { BUFFER = 1 << 16, READY = 256 };

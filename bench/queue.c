@@ -8,7 +8,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "durable.h"
 #include "queue/queue.h"
 #include "store/file.h"

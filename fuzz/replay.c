@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "fuzz/target.h"
 
 static bool run_file(const char *path, size_t *count)

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "fuzz/target.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/spec.h"
 
 /* The text of what a text says, which must be a fixed point. */

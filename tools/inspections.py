@@ -14,7 +14,7 @@ import sys
 import tempfile
 
 PATIENCE_S = 600
-# What an inspection may end with: codes of errors that name what is wrong with a file (src/base/error.c).
+# What an inspection may end with: codes of errors that name what is wrong with a file (src/base/core/error.c).
 OF_FILES = {"input_damaged", "input_unsupported", "input_missing", "no_surface", "limit_memory"}
 FOLDERS = ("meshes", "vdb", "volumes", "exr", "malformed")
 # Beside data files: their pages, and files that another one names.

@@ -1,6 +1,6 @@
 #include "api/backup.h"
 
-#include "base/log.h"
+#include "base/core/log.h"
 #include "database/backup.h"
 
 void backup_send(const http_context *c, const http_request *request, reply *r)

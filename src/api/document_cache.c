@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Places in a row. The hash of the id of a job determines the row of its documents. */
 #define ROW_PLACES 4

@@ -7,8 +7,8 @@
 #include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "api/notifier.h"
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 #include "executor/progress_ring.h"
 #include "http/parameter.h"
 

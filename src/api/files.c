@@ -8,9 +8,9 @@
 #include <unistd.h>
 
 #include "api/job_json.h"
-#include "base/compare.h"
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 #include "http/parameter.h"
 
 /* The first `most` names of a directory behind `after`, sorted. */

@@ -4,9 +4,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 
 typedef struct upload {
     http_sink sink;     /* first member: the server passes its address */

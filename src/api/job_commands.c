@@ -6,8 +6,8 @@
 #include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "api/jobs.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "http/parameter.h"
 #include "spec/spec.h"
 

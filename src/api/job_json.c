@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "api/paths.h"
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "http/reply.h"
 #include "results/result.h"
 

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 #include "auth/access.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "queue/queue.h"
 
 #define JOB_JSON_TAG_SIZE 40 /* of an ETag, with the terminating 0 */

@@ -5,7 +5,7 @@
 
 #include "config.h"
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 
 /* Writes the lines HELP and TYPE, which precede the values of a metric. */
 static void put_head(FILE *out, const char *name, const char *type, const char *prose)

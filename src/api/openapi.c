@@ -9,7 +9,7 @@
 #include "api/job_commands.h"
 #include "api/parameters.h"
 #include "api/routes.h"
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/schema.h"
 
 #define STREAM_PROSE                                                                                          \

@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "api/constant_document.h"
-#include "base/build_part.h"
-#include "base/memory.h"
+#include "base/core/build_part.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 #define FILE_BYTES_MOST (1 << 20)

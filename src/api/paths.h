@@ -7,7 +7,7 @@
 #ifndef HEXAD_API_PATHS_H
 #define HEXAD_API_PATHS_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/spec.h"
 #include "store/path_map.h"
 

@@ -2,8 +2,8 @@
 
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/worker_contract.h"
+#include "base/core/clock.h"
+#include "base/core/worker_contract.h"
 #include "results/result.h"
 
 static bool stops(void *context)

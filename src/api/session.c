@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "api/job_json.h"
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 static void show(const access_caller *caller, reply *r)
 {

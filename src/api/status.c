@@ -7,7 +7,7 @@
 #include "config.h"
 
 #include "api/job_json.h"
-#include "base/log.h"
+#include "base/core/log.h"
 
 void status_health(const http_context *c, const http_request *request, reply *r)
 {

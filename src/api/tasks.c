@@ -6,8 +6,8 @@
 
 #include "api/job_json.h"
 #include "api/job_lookup.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 #include "http/parameter.h"
 #include "results/result.h"
 

@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/points.h"
 #include "geometry/vec3.h"
 #include "mesh/mesh_patches.h"

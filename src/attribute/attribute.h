@@ -8,7 +8,7 @@
 #define HEXAD_ATTRIBUTE_ATTRIBUTE_H
 
 #include "attribute/stencil.h"
-#include "base/error.h"
+#include "base/core/error.h"
 #include "dense/exr_stack.h"
 #include "formats/points.h"
 

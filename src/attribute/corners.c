@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "attribute/lattice.h"
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/affine.h"
 #include "meshfile/mesh_file.h"
 #include "mesh/triangle_tree.h"

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "attribute/lattice.h"
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "dense/volume_file.h"
 #include "geometry/affine.h"
 

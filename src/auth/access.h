@@ -24,9 +24,9 @@
 
 #include "auth/scope.h"
 #include "auth/session.h"
-#include "base/running_time.h"
+#include "base/core/running_time.h"
 #include "auth/token.h"
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define ACCESS_USER_SIZE 65
 #define ACCESS_ANYONE "anyone"
@@ -112,7 +112,7 @@ uint64_t access_generation(access_control *a);
 bool access_begin_session(access_control *a, const char *token_text, char session[SESSION_SIZE],
                           access_caller *caller);
 
-/* Whether the session that ends at this time has ended (base/running_time). False if the time is 0. */
+/* Whether the session that ends at this time has ended (base/core/running_time). False if the time is 0. */
 bool access_session_is_over(access_control *a, int64_t session_ends_ms);
 
 /* The name of the cookie; "" if there are no sessions. */

@@ -13,7 +13,7 @@
 #include <nettle/hmac.h>
 #include <nettle/memops.h>
 
-#include "base/denial.h"
+#include "base/core/denial.h"
 #include "store/file.h"
 
 static bool make_key(const char *path, error *e)

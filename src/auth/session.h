@@ -9,7 +9,7 @@
 #define HEXAD_AUTH_SESSION_H
 
 #include "auth/token.h"
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define SESSION_KEY_BYTES 32
 #define SESSION_SIZE (TOKEN_ID_SIZE + 1 + 20 + 1 + 64)

@@ -13,9 +13,9 @@
 #include <nettle/sha2.h>
 
 #include "auth/scope.h"
-#include "base/clock.h"
-#include "base/denial.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/denial.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 #define SECRET_BYTES 32

@@ -21,7 +21,7 @@
 #include <stdio.h>
 #include <sys/types.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define TOKEN_PREFIX "hexad_"
 #define TOKEN_SIZE (sizeof TOKEN_PREFIX + 64) /* of its text, with the final NUL */

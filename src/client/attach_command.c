@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "spec/attach_spec.h"

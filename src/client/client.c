@@ -8,9 +8,9 @@
 
 #include <curl/curl.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
-#include "base/user_name.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
+#include "base/core/user_name.h"
 
 #define HTTP "http://"
 #define HTTPS "https://"

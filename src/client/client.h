@@ -7,8 +7,8 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 
 typedef struct client client;
 

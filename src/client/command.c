@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "client/print.h"
 
 char *command_job_path(const char *id, const char *rest)

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 

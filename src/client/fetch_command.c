@@ -6,10 +6,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/compare.h"
-#include "base/frames.h"
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/compare.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "client/progress_bar.h"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/terminal_text.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 

@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/nearest_name.h"
-#include "base/terminal_text.h"
-#include "base/ulid.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/nearest_name.h"
+#include "base/core/terminal_text.h"
+#include "base/core/ulid.h"
 #include "client/command.h"
 #include "client/list_query.h"
 #include "client/print.h"

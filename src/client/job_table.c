@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
 

@@ -3,7 +3,7 @@
 #define HEXAD_CLIENT_JOB_TABLE_H
 
 #include "client/table.h"
-#include "json/json.h"
+#include "base/json/json.h"
 
 /* Tables of jobs, of attempts, and of the frames of an array. */
 table job_table_new(void);

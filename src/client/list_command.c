@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/job_table.h"
 #include "client/list_query.h"

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 
 /* The seconds of "90m" or "90m ago"; -1 for any other text. */
 static int64_t seconds_of(const char *given)

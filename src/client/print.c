@@ -5,9 +5,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
-#include "base/user_name.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
+#include "base/core/user_name.h"
 #include "client/command.h"
 
 int print_failure(const char *format, ...)

@@ -1,5 +1,5 @@
 /* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit codes. Texts
- * of others are escaped by base/terminal_text; documents are printed as they are. One thread.
+ * of others are escaped by base/core/terminal_text; documents are printed as they are. One thread.
  */
 #ifndef HEXAD_CLIENT_PRINT_H
 #define HEXAD_CLIENT_PRINT_H

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/terminal_text.h"
+#include "base/core/terminal_text.h"
 #include "client/print.h"
 
 #define BAR_WIDTH 24

@@ -6,7 +6,7 @@
 
 #include <stdbool.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 
 typedef struct progress_bar {
     bool terminal, drawn;

@@ -1,4 +1,4 @@
-/* table: prints texts in columns, escaped as base/terminal_text describes. Each column is as wide as its widest text, in
+/* table: prints texts in columns, escaped as base/core/terminal_text describes. Each column is as wide as its widest text, in
  * characters. One thread. */
 #ifndef HEXAD_CLIENT_TABLE_H
 #define HEXAD_CLIENT_TABLE_H

@@ -12,11 +12,11 @@
 
 #include "auth/scope.h"
 #include "auth/token.h"
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/command.h"
-#include "json/json.h"
+#include "base/json/json.h"
 
 #define TOKEN_ROW "%-12s  %-16s  %-25s  %-24s  %s\n"
 

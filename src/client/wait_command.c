@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "client/progress_bar.h"

@@ -9,9 +9,9 @@
 
 #include <ini.h>
 
-#include "base/denial.h"
-#include "base/memory.h"
-#include "base/nearest_name.h"
+#include "base/core/denial.h"
+#include "base/core/memory.h"
+#include "base/core/nearest_name.h"
 #include "config/config_table.h"
 
 enum { MOST_SETTINGS = 128 };

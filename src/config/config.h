@@ -15,9 +15,9 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "base/error.h"
-#include "base/log.h"
-#include "base/sandbox.h"
+#include "base/core/error.h"
+#include "base/core/log.h"
+#include "base/core/sandbox.h"
 
 /* The settings file of the installed service. */
 #define CONFIG_FILE HEXAD_SYSCONFDIR "/hexad.conf"

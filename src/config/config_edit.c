@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 #define BLANKS " \t"
 

@@ -1,6 +1,6 @@
 #include "config/config_table.h"
 
-#include "base/worker_contract.h"
+#include "base/core/worker_contract.h"
 #include "config/config.h"
 
 /* The key of a setting is the name of its member of config. */

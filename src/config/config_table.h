@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/build_part.h"
+#include "base/core/build_part.h"
 
 typedef enum config_type {
     CONFIG_TEXT,    /* char * */

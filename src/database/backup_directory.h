@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* The path of the directory; the caller frees it. */
 char *backup_directory_path(const char *state_dir);

@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 struct database; /* database/database.h */
 typedef struct checker checker;

@@ -18,7 +18,7 @@
 
 #include <sqlite3.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct database database;
 

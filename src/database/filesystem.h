@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* The name of a network file system by the f_type of statfs(2). NULL for any other file system. */
 const char *filesystem_network_name(uint64_t type);

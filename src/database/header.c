@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "database/health.h"
 
 /* https://www.sqlite.org/fileformat.html, 1.3 */

@@ -7,7 +7,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* The database, in the state directory. */
 #define DATABASE_FILE_NAME "queue.db"

@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* Instruction in messages about damage. */
 #define HEALTH_WAY_OUT                                                                                          \

@@ -10,10 +10,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/denial.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/denial.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 
 /* Maximum time, and interval, of attempts to take a lock that another process holds. */
 #define PATIENCE_MS 1000

@@ -6,7 +6,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* Returns the descriptor, which the caller closes, or -1 and an error. *in_use: another process holds the lock. With
  * in_use NULL the call waits up to a second for the lock: the kernel needs time to release a killed process. */

@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "database/header.h"
 
 /* Instruction in messages about a loss. */

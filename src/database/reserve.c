@@ -9,8 +9,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "database/header.h"
 
 /* The first bytes of a WAL: its magic number. A file of zeros is an empty log. */

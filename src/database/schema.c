@@ -163,7 +163,7 @@
 
 /* The wait of a delayed task or a notification that was set when its last try ended (queue/running). */
 #define WAIT_MS "wait_ms INTEGER NOT NULL DEFAULT 0"
-/* The periods in which the daemon ran (base/running_time), oldest first. */
+/* The periods in which the daemon ran (base/core/running_time), oldest first. */
 #define RUNNING                     \
     "CREATE TABLE running ("        \
     "  number INTEGER PRIMARY KEY," \

@@ -10,7 +10,7 @@
 
 #include <sqlite3.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define SCHEMA_VERSION 18
 

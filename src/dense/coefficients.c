@@ -7,8 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/transfer.h"
+#include "base/core/memory.h"
+#include "base/core/transfer.h"
 
 /* As for coefficients in a spec: squares of derivatives stay finite. */
 static const double COEFFICIENT_MAX = 1e30;

@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* Reads the coefficients from `fd`, which the caller closes; `path` is for messages. The caller frees the result.
  * Errors, with the file: input_damaged (the size fits neither width, or a number is not finite or beyond 1e30, as in

@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define DWA_IMAGE_MODULE "hexad-exr.so"
 

@@ -1,5 +1,5 @@
 /* dwa_image.h for a program that loads the library only where an image needs it. */
-#include "base/module.h"
+#include "base/core/module.h"
 #include "dense/dwa_image.h"
 
 typedef bool read_function(int, int, const char *, bool, const int32_t *, const int32_t *, uint32_t *,

@@ -12,9 +12,9 @@
 #include <half.h>
 #include <openexr.h>
 
-#include "base/error.h"
-#include "base/reader.h"
-#include "base/transfer.h"
+#include "base/core/error.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
 #include "dense/dwa_image.h"
 
 /* Standard descriptors, a slice's, and one more for what the libraries open for a moment. */

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/reader.h"
+#include "base/core/memory.h"
+#include "base/core/reader.h"
 
 /* To parse a page of text, or to unpack one. */
 static const size_t memory_limit = (size_t)256 << 20;

@@ -11,7 +11,7 @@
 #include <stdint.h>
 #include <sys/types.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "dense/warnings.h"
 
 #define HEADER_COMMAND "read-header"

@@ -14,8 +14,8 @@
 #include <nifti2_io.h>
 #include <teem/nrrd.h>
 
-#include "base/reader.h"
-#include "base/transfer.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
 #include "dense/meta_image.h"
 
 /* Headers are a page of text; more than this is none. */

@@ -7,7 +7,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 enum { INPUT = 1 << 18, EITHER = MAX_WBITS + 32 }; /* zlib's own header, or gzip's */
 

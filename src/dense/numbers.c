@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/precision.h"
+#include "base/core/precision.h"
 
 static const struct {
     int bytes;

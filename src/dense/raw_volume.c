@@ -9,8 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/precision.h"
+#include "base/core/memory.h"
+#include "base/core/precision.h"
 #include "dense/header.h"
 #include "dense/inflated.h"
 #include "dense/numbers.h"

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* Initialise with {0}. */
 typedef struct slice_faults {

@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-#include "base/module.h"
-#include "base/reader.h"
+#include "base/core/module.h"
+#include "base/core/reader.h"
 
 int tiff_reader_main(int argc, char **argv)
 {

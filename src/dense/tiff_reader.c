@@ -13,9 +13,9 @@
 #include <half.h>
 #include <tiffio.h>
 
-#include "base/error.h"
-#include "base/reader.h"
-#include "base/transfer.h"
+#include "base/core/error.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
 #include "dense/header.h"
 #include "dense/numbers.h"
 

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/reader.h"
+#include "base/core/memory.h"
+#include "base/core/reader.h"
 #include "dense/numbers.h"
 #include "dense/slice_faults.h"
 #include "dense/tiff_reader.h"

@@ -8,9 +8,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/transfer.h"
-#include "json/json.h"
+#include "base/core/memory.h"
+#include "base/core/transfer.h"
+#include "base/json/json.h"
 
 /* Larger metadata files are refused. */
 static const off_t largest_file = 4 << 20;

@@ -11,8 +11,8 @@
 #include <zlib.h>
 #include <zstd.h>
 
-#include "base/reader.h"
-#include "base/transfer.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
 
 /* Standard descriptors, a chunk's file, and one more for what the libraries open for a moment. */
 enum { DESCRIPTORS = 5 };

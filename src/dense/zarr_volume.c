@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/reader.h"
+#include "base/core/memory.h"
+#include "base/core/reader.h"
 #include "dense/numbers.h"
 #include "dense/zarr_reader.h"
 

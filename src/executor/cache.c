@@ -7,8 +7,8 @@
 
 #include "config.h"
 
-#include "base/memory.h"
-#include "json/json.h"
+#include "base/core/memory.h"
+#include "base/json/json.h"
 #include "results/own_report.h"
 #include "results/result.h"
 #include "store/inputs.h"

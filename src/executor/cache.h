@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "results/result.h"
 #include "store/file.h"
 #include "store/root.h"

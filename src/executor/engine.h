@@ -13,9 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/control_group.h"
-#include "base/error.h"
-#include "base/sandbox.h"
+#include "base/core/control_group.h"
+#include "base/core/error.h"
+#include "base/core/sandbox.h"
 #include "queue/queue.h"
 
 #define ENGINE_MAX_FDS 3

@@ -7,14 +7,14 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/descriptor_wait.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/clock.h"
+#include "base/core/descriptor_wait.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 #include "executor/input_permissions.h"
 #include "executor/local.h"
 #include "executor/settlement.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "store/file.h"
 
 /* Maximum size of a document: estimates are small, descriptions of files may be long. */

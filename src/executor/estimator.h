@@ -7,7 +7,7 @@
 #ifndef HEXAD_EXECUTOR_ESTIMATOR_H
 #define HEXAD_EXECUTOR_ESTIMATOR_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "executor/executor.h"
 
 typedef struct estimator estimator;
@@ -27,7 +27,7 @@ typedef enum estimator_outcome {
 } estimator_outcome;
 
 /* Runs a worker. `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT with a `spec` that contains a path
- * (base/worker_contract.h). The worker is stopped after `within_s` seconds, or after the time of the setting if that
+ * (base/core/worker_contract.h). The worker is stopped after `within_s` seconds, or after the time of the setting if that
  * is shorter or `within_s` is 0. `threads` and `memory_mb` are limits as of an attempt. `frame` may be
  * QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (run/run.h, inspect/inspection.h), which the
  * caller frees. */

@@ -13,12 +13,12 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/descriptor_wait.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/threads.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/descriptor_wait.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/threads.h"
 #include "executor/host.h"
 #include "executor/progress_ring.h"
 #include "executor/settlement.h"

@@ -14,8 +14,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/sandbox.h"
+#include "base/core/error.h"
+#include "base/core/sandbox.h"
 #include "executor/engine.h"
 #include "executor/meter.h"
 #include "executor/progress_ring.h"

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 #define GROUPS "/sys/fs/cgroup"

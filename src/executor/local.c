@@ -15,12 +15,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/sandbox.h"
-#include "base/transfer.h"
-#include "base/worker_contract.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/sandbox.h"
+#include "base/core/transfer.h"
+#include "base/core/worker_contract.h"
 #include "results/result.h"
 #include "store/file.h"
 

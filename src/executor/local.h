@@ -4,7 +4,7 @@
  * writes no core file, gains no privileges, and cannot write files above a maximum size. If memory is exhausted, the
  * kernel kills it before the daemon. Its address space is limited to its memory limit plus a headroom (not under
  * AddressSanitizer, whose shadow memory would not fit). With control groups the kernel limits its memory. The worker
- * enters its sandbox itself (base/sandbox). It reads its spec from standard input and writes progress lines to
+ * enters its sandbox itself (base/core/sandbox). It reads its spec from standard input and writes progress lines to
  * descriptor 3. The last LOCAL_LOG_BYTES of its standard error are kept. Only async-signal-safe calls are made between
  * fork and exec, so that the daemon may have threads. A thread that starts attempts must live as long as they do.
  */

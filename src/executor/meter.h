@@ -4,8 +4,8 @@
 #ifndef HEXAD_EXECUTOR_METER_H
 #define HEXAD_EXECUTOR_METER_H
 
-#include "base/error.h"
-#include "base/histogram.h"
+#include "base/core/error.h"
+#include "base/core/histogram.h"
 #include "queue/queue.h"
 
 /* How an attempt ended. */

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "queue/queue.h"
-#include "base/ulid.h"
+#include "base/core/ulid.h"
 
 /* An attempt reports at most ten times a second, so this holds six seconds of sixty attempts: about a megabyte. */
 #define PROGRESS_RING_LINES 4096

@@ -10,11 +10,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "json/json.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/json/json.h"
 #include "results/lost_found.h"
 #include "results/own_report.h"
 #include "results/result.h"

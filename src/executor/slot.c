@@ -5,14 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "base/frames.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/clock.h"
+#include "base/core/frames.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 #include "executor/cache.h"
 #include "executor/input_permissions.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "results/kept_result.h"
 #include "results/own_report.h"
 #include "results/publication.h"

@@ -19,7 +19,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/sandbox.h"
+#include "base/core/sandbox.h"
 #include "executor/engine.h"
 #include "executor/progress_ring.h"
 #include "executor/settlement.h"

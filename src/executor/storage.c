@@ -8,8 +8,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/log.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
 
 /* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may be on a
  * network file system. */

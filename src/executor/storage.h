@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* The directories of work_dir that are written to. No attempt starts if one of the first two cannot be written. With
  * floor_bytes 0, attempts start even on a full disk. */

@@ -2,8 +2,8 @@
 
 #include <stdlib.h>
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 
 /* Cells along the longest side of the domain, and across the smallest feature of the shape. The error of the area of
  * the quartic of (15) is 1e-6; more cells only cost time. */

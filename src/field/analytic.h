@@ -9,8 +9,8 @@
 #ifndef HEXAD_FIELD_ANALYTIC_H
 #define HEXAD_FIELD_ANALYTIC_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/cell_grid.h"
 #include "field/field.h"
 

@@ -3,7 +3,7 @@
 #include <assert.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/spline.h"
 
 /* Minimum cells along the longest side of the domain; and cells per span, in which the second derivative of F may

@@ -11,8 +11,8 @@
 
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 
 /* Maximum number of crossing cells: 160 MB of indices. */

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/cell_grid.h"
 
 /* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */

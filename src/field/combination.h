@@ -11,8 +11,8 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 
 typedef struct combination combination;

@@ -8,7 +8,7 @@
 #ifndef HEXAD_FIELD_CREASED_H
 #define HEXAD_FIELD_CREASED_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/patches.h"
 #include "field/solid.h"
 

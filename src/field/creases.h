@@ -2,7 +2,7 @@
 #ifndef HEXAD_FIELD_CREASES_H
 #define HEXAD_FIELD_CREASES_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/patches.h"
 #include "field/solid.h"
 

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "field/kuhn.h"
 
 /* In edge lengths: larger than the rounding errors of corners. */

@@ -2,7 +2,7 @@
 #ifndef HEXAD_FIELD_PLACEMENT_H
 #define HEXAD_FIELD_PLACEMENT_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/field.h"
 
 typedef struct placement placement;

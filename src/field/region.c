@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */
 static const double BULGE = 0.5;

@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/field.h"
 
 typedef struct region region;

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/affine.h"
 
 /* Tolerance for equal planes: of unit normals, and of offsets in units of the solid's size. */

@@ -10,7 +10,7 @@
 
 #include <stddef.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "geometry/vec3.h"
 
 /* A value with its derivatives along the grid's axes, per cell. */

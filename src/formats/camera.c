@@ -1,6 +1,6 @@
 #include "formats/camera.h"
 
-#include "base/compare.h"
+#include "base/core/compare.h"
 #include "geometry/bbox.h"
 
 /* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a long focal

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Layout in font pixels. */
 enum { SCALE = 2, LEFT = 44, RIGHT = 10, TOP = 14, BETWEEN = 16, BOTTOM = 22, GAP = 3, LINE = 1 };

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Minimum range relative to the centre. Noise of the curvature of a volume is about a percent; with this range it has
  * one hue. */

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 /* viridis at t in [0, 1] (clamped): red, green, blue in sRGB, [0, 1]. Perceptually uniform, and readable without
  * colour. A polynomial of degree 6, published under CC0, within 0.01 of the published table. */

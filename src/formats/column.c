@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* The columns of the points' own properties, in the order of output. */
 typedef struct own_column {

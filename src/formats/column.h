@@ -14,7 +14,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/points.h"
 
 enum { COLUMN_NAME_SIZE = 80, COLUMNS_MAX = 160 };

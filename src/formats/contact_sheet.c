@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Pixels. Text has twice the size of the font; below a thumbnail are its number and two gaps. */
 enum {

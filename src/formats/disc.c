@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/isa.h"
+#include "base/core/compare.h"
+#include "base/core/isa.h"
 
 static const double ring_share = 0.88; /* the outline starts at this fraction of the radius */
 

@@ -1,6 +1,6 @@
 #include "formats/format.h"
 
-#include "base/worker_contract.h"
+#include "base/core/worker_contract.h"
 #include "formats/glb.h"
 #include "formats/npz.h"
 #include "formats/usda.h"

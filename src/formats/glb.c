@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "formats/colormap.h"
 #include "formats/property.h"
-#include "json/json.h"
+#include "base/json/json.h"
 
 #define MAGIC 0x46546C67u /* "glTF" */
 #define CHUNK_JSON 0x4E4F534Au

@@ -1,5 +1,5 @@
 /* Replaces picture_png.c in a build without pictures. */
-#include "base/build_part.h"
+#include "base/core/build_part.h"
 #include "formats/picture_png.h"
 
 bool picture_png_write(FILE *out, const canvas *picture, error *e)

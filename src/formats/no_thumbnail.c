@@ -1,5 +1,5 @@
 /* Replaces thumbnail.c in a build without pictures. */
-#include "base/build_part.h"
+#include "base/core/build_part.h"
 #include "formats/thumbnail.h"
 
 bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patience, thumbnail *out, error *e)

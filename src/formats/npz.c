@@ -9,7 +9,7 @@
 #include <minizip/unzip.h>
 #include <minizip/zip.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "formats/property.h"
 
 /* Numbers converted at a time; bytes of the header of an array; bytes of it before the text. */

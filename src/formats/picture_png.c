@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Runs of one colour along a row become runs of zeros after the filter. A full search for matches makes files a fifth
  * smaller and takes five times as long. */

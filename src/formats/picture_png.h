@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/canvas.h"
 
 /* Writes at the current position and flushes. The caller creates, syncs and renames the file. Errors: internal,

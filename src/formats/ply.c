@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/precision.h"
+#include "base/core/memory.h"
+#include "base/core/precision.h"
 
 /* Points per block: with twenty columns a block fits into a second-level cache. */
 enum { BLOCK_POINTS = 4096 };

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 #include "formats/disc.h"
 #include "formats/half.h"
 #include "formats/legend.h"

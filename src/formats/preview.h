@@ -14,8 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "formats/camera.h"
 #include "formats/colormap.h"
 #include "formats/points.h"

@@ -9,8 +9,8 @@
 
 #include <openexr.h>
 
-#include "base/memory.h"
-#include "base/transfer.h"
+#include "base/core/memory.h"
+#include "base/core/transfer.h"
 
 /* In the order of the file: sorted by name. */
 enum { A, B, G, N_X, N_Y, N_Z, P_X, P_Y, P_Z, R, Z, ID, KAPPA, SPACING, CHANNELS };

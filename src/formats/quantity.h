@@ -2,7 +2,7 @@
 #ifndef HEXAD_FORMATS_QUANTITY_H
 #define HEXAD_FORMATS_QUANTITY_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/colormap.h"
 #include "formats/points.h"
 

@@ -11,10 +11,10 @@
 #include <sys/pidfd.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/reader.h"
-#include "base/worker_contract.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/reader.h"
+#include "base/core/worker_contract.h"
 #include "formats/preview.h"
 
 /* Limits of the process: a row of the largest picture and the buffers of libpng need 1 MiB; decoding that picture takes

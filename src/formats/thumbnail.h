@@ -1,6 +1,6 @@
 /* thumbnail: reads a PNG file of a preview and reduces it for a contact sheet.
  *
- * A separate process (base/reader) decodes the file, because a worker that read untrusted inputs wrote it. The program
+ * A separate process (base/core/reader) decodes the file, because a worker that read untrusted inputs wrote it. The program
  * that is started has the command THUMBNAIL_COMMAND, which calls thumbnail_main. A build without pictures has
  * no_thumbnail.c instead of thumbnail.c.
  */
@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define THUMBNAIL_COMMAND "read-picture"
 

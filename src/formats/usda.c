@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/precision.h"
-#include "base/worker_contract.h"
+#include "base/core/memory.h"
+#include "base/core/precision.h"
+#include "base/core/worker_contract.h"
 #include "formats/colormap.h"
 #include "formats/half.h"
 #include "formats/property.h"

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "geometry/vec3.h"
 
 enum { BBOX_FACES = 6 };

@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/point_tree.h"
 
 /* Number of nodes of a tree with `count` items. */

@@ -14,7 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "geometry/bbox.h"
 
 /* BOX_TREE_LEAF: maximum number of items of a leaf; the test of a box takes about as long as the test of one

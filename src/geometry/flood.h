@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "geometry/block_map.h"
 
 /* `cells`: 64 bytes per block of the map; bit z of byte 8 x + y: the cell (x, y, z) is in the set. *all: the set is

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 
 enum { FEWEST_BITS = 5, MOST_BITS = 14 };

@@ -11,8 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/vec3.h"
 
 /* order[k]: the index of the k-th point along the curve. The coordinates of all `count` points are finite. The cells

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 
 /* Maximum points of a leaf: searching all of them takes no longer than dividing them. */

@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "geometry/vec3.h"
 
 /* A place whose projection is this many times as far from all edges of the triangle as the place is from its plane

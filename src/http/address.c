@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 static address of_v6(const struct in6_addr *v6)
 {

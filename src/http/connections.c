@@ -6,9 +6,9 @@
 #include <sys/socket.h>
 
 #include "auth/scope.h"
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 
 /* Maximum delay, in ms, until the thread notices an overdue connection. */
 #define WATCH_MS 250

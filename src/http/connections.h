@@ -24,7 +24,7 @@
 #include <stdint.h>
 
 #include "auth/access.h"
-#include "base/error.h"
+#include "base/core/error.h"
 #include "http/address.h"
 
 typedef struct connections connections;

@@ -7,7 +7,7 @@
 
 #include <sys/types.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef enum listen_reach { LISTEN_UNIX, LISTEN_LOOPBACK, LISTEN_NETWORK } listen_reach;
 

@@ -14,11 +14,11 @@
 
 #include <microhttpd.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/descriptor_wait.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/descriptor_wait.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 
 struct loop {
     struct MHD_Daemon *daemon;

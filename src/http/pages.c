@@ -4,7 +4,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 struct pages {
     char **host; /* "localhost:8080" */

@@ -7,8 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 
 /* Seconds in Retry-After; a restart of the daemon takes less. */
 #define RETRY_AFTER_S "5"

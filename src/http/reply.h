@@ -2,7 +2,7 @@
  *
  * A problem is `application/problem+json` with type, title, status, detail, the stable `code`, and `errors`.
  * `errors` is an array of {pointer, detail}; the pointer (RFC 6901) refers to the request body. The codes are those
- * of jobs (base/error.h) and the following ones. The table in reply.c has the status and the title of each code.
+ * of jobs (base/core/error.h) and the following ones. The table in reply.c has the status and the title of each code.
  *
  *     json_invalid 400            the body is not a JSON value
  *     request_invalid 400         the framing of the request, a header or a query parameter is wrong
@@ -38,8 +38,8 @@
 #include <stdint.h>
 #include <sys/types.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 
 #define REPLY_MAX_HEADERS 8
 

@@ -15,10 +15,10 @@
 #include <microhttpd.h>
 
 #include "auth/scope.h"
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "http/body_bytes.h"
 #include "http/fields.h"
 #include "http/forwarded.h"

@@ -6,9 +6,9 @@
 
 #include <microhttpd.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 
 #define TOPIC_SIZE 32
 /* Maximum delay, in ms, of resuming a connection after its deadline. */

@@ -2,8 +2,8 @@
 #ifndef HEXAD_INSPECT_CONTENTS_H
 #define HEXAD_INSPECT_CONTENTS_H
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "run/run_options.h"
 
 typedef struct contents_input {

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "dense/volume_file.h"
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 
 /* Adds `index_to_world` (row-major, for column vectors), `voxel_size` (three lengths), and for the samples from
  * `low` to `high` `index_box` {min, max} and `bounding_box`. Without the boxes if high < low. */

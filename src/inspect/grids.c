@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "inspect/contents.h"
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"

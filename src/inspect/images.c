@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "dense/exr_stack.h"
 #include "dense/volume_file.h"
 #include "inspect/contents.h"

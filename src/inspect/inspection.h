@@ -7,8 +7,8 @@
 
 #include <stdio.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "run/run_options.h"
 
 /* Returns the inspection, an object (doc/inspect.md) that the caller frees. `path` is opened below options->roots.

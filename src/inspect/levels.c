@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "dense/numbers.h"
 #include "dense/volume_file.h"
 #include "dense/zarr_metadata.h"

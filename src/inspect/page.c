@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/terminal_text.h"
+#include "base/core/terminal_text.h"
 #include "inspect/inspection.h"
 
 static double number_of(json_at object, const char *key)

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/patches.h"
 #include "geometry/packing.h"
 #include "run/advice.h"

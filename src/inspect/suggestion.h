@@ -4,7 +4,7 @@
 #ifndef HEXAD_INSPECT_SUGGESTION_H
 #define HEXAD_INSPECT_SUGGESTION_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "run/run_options.h"
 
 /* Opens and scans a surface. `shape`: the object `surface` of a spec; suggestion_append frees it. `voxels`: the

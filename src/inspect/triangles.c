@@ -1,8 +1,8 @@
 /* The contents of mesh files. */
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
 #include "triangles/flat_triangles.h"

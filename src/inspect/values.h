@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 
 typedef struct values {
     double lowest, highest; /* of the finite values */

@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "triangles/mesh_edges.h"
 
 static const char what[] = "the neighbours of vertices between labels";

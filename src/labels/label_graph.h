@@ -6,7 +6,7 @@
 #ifndef HEXAD_LABELS_LABEL_GRAPH_H
 #define HEXAD_LABELS_LABEL_GRAPH_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 typedef struct label_graph {

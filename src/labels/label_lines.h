@@ -10,8 +10,8 @@
 #ifndef HEXAD_LABELS_LABEL_LINES_H
 #define HEXAD_LABELS_LABEL_LINES_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "labels/label_graph.h"
 
 typedef struct label_lines {

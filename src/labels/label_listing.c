@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* In a segmentation at least this share of the voxels equals one of the next voxels along the three axes; in noisy
  * measurements few do. */

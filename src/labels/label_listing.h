@@ -3,7 +3,7 @@
 #ifndef HEXAD_LABELS_LABEL_LISTING_H
 #define HEXAD_LABELS_LABEL_LISTING_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "labels/label_volume.h"
 
 enum { LABEL_LISTING_MOST = 1000 }; /* maximum number of labels in a listing */

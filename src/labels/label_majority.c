@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "labels/label_weights.h"
 
 static const char what[] = "the majority of the labels";

@@ -10,7 +10,7 @@
 #ifndef HEXAD_LABELS_LABEL_MAJORITY_H
 #define HEXAD_LABELS_LABEL_MAJORITY_H
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "labels/label_volume.h"
 
 /* `width`: the standard deviation, in units of the smallest side of a voxel; 0: the volume is unchanged. The layer

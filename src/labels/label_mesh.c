@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/affine.h"
 #include "geometry/block_map.h"
 #include "labels/label_smoothing.h"

@@ -11,7 +11,7 @@
 #ifndef HEXAD_LABELS_LABEL_MESH_H
 #define HEXAD_LABELS_LABEL_MESH_H
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "labels/label_volume.h"
 #include "triangles/mesh.h"
 

@@ -10,8 +10,8 @@
 #ifndef HEXAD_LABELS_LABEL_SMOOTHING_H
 #define HEXAD_LABELS_LABEL_SMOOTHING_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 typedef struct label_smoothing {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "labels/label_majority.h"
 #include "labels/label_mesh.h"
 #include "labels/label_thinness.h"

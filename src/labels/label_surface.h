@@ -2,9 +2,9 @@
 #ifndef HEXAD_LABELS_LABEL_SURFACE_H
 #define HEXAD_LABELS_LABEL_SURFACE_H
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "field/field.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "labels/label_volume.h"
 #include "mesh/mesh_patches.h"
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Thin labels that a report names, each by a warning; rows of voxels that a thread takes at once. */
 enum { MOST_NAMED = 5, GRAIN = 64 };

@@ -4,8 +4,8 @@
 #ifndef HEXAD_LABELS_LABEL_THINNESS_H
 #define HEXAD_LABELS_LABEL_THINNESS_H
 
-#include "base/threads.h"
-#include "json/json.h"
+#include "base/core/threads.h"
+#include "base/json/json.h"
 #include "labels/label_volume.h"
 
 /* Sets `thin` and `rows` of all materials. Requires the voxels. */

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/precision.h"
+#include "base/core/memory.h"
+#include "base/core/precision.h"
 #include "geometry/affine.h"
 #include "geometry/block_map.h"
 

@@ -11,8 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 
 /* LABEL_RIVALS: the maximum number of candidate labels of a voxel. LABEL_WEIGHTS_RATIO: the maximum ratio of two
  * weights. A label whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest cannot win. */

@@ -11,8 +11,8 @@
 #ifndef HEXAD_MEASURES_FACETS_H
 #define HEXAD_MEASURES_FACETS_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/surface.h"
 
 #define FACETS_MIXED UINT32_MAX /* a node whose items have different pieces, or different patches */

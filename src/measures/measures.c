@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "measures/pair_measures.h"
 #include "measures/restricted_voronoi.h"

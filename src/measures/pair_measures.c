@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/energy.h"
 #include "geometry/packing.h"
 #include "voronoi/partitions.h"

@@ -2,8 +2,8 @@
 #ifndef HEXAD_MEASURES_PAIR_MEASURES_H
 #define HEXAD_MEASURES_PAIR_MEASURES_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "measures/measures.h"
 #include "measures/sites.h"
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 #include "geometry/point_tree.h"
 #include "measures/sites.h"

@@ -16,8 +16,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/vec3.h"
 
 /* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less

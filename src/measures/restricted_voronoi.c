@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "measures/coverage_search.h"
 
 /* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for

@@ -9,8 +9,8 @@
 #ifndef HEXAD_MEASURES_RESTRICTED_VORONOI_H
 #define HEXAD_MEASURES_RESTRICTED_VORONOI_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "measures/facets.h"
 #include "measures/sites.h"
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 #include "mesh/triangle_tree.h"
 

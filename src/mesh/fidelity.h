@@ -12,8 +12,8 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "triangles/mesh.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "mesh/triangle_tree.h"
 
 /* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it cuts off. */

@@ -12,8 +12,8 @@
 #ifndef HEXAD_MESH_MESH_FACES_H
 #define HEXAD_MESH_MESH_FACES_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 typedef struct mesh_faces mesh_faces;

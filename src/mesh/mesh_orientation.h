@@ -8,7 +8,7 @@
 #ifndef HEXAD_MESH_MESH_ORIENTATION_H
 #define HEXAD_MESH_MESH_ORIENTATION_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "mesh/mesh_patches.h"
 
 /* Orients the triangles and sets p->turned. Error: limit_memory; *p is unchanged then. */

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "triangles/coplanar.h"
 #include "triangles/flat_triangles.h"
 #include "triangles/mesh_edges.h"

@@ -11,8 +11,8 @@
 #ifndef HEXAD_MESH_MESH_PATCHES_H
 #define HEXAD_MESH_MESH_PATCHES_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/patches.h"
 #include "triangles/mesh.h"
 #include "triangles/mesh_edges.h"

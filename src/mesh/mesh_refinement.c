@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/triangle.h"
 #include "triangles/mesh_edges.h"
 

@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 /* One round: halves each edge longer than `longest` once, if a vertex normal (unit) of an adjacent triangle differs

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "geometry/bbox.h"
 #include "triangles/mesh_edges.h"
 #include "triangles/orientation.h"

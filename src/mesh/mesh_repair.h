@@ -13,8 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 #include "triangles/mesh_edges.h"
 #include "mesh/winding_number.h"

@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 #include "geometry/smooth_triangle.h"
 #include "triangles/mesh_edges.h"
 #include "mesh/triangle_tree.h"

@@ -11,7 +11,7 @@
 #ifndef HEXAD_MESH_MESH_SURFACE_H
 #define HEXAD_MESH_MESH_SURFACE_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/field.h"
 #include "mesh/mesh_patches.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/lanes.h"
-#include "base/memory.h"
+#include "base/core/lanes.h"
+#include "base/core/memory.h"
 #include "geometry/block_map.h"
 #include "geometry/triangle.h"
 

@@ -5,7 +5,7 @@
 #ifndef HEXAD_MESH_TRIANGLE_TREE_H
 #define HEXAD_MESH_TRIANGLE_TREE_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 #include "geometry/triangle.h"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 enum { CHUNK = 4096 }; /* triangles, or lines, of a task */
 

@@ -16,8 +16,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 #define WINDING_BITS 16          /* fractional bits of the fixed point */

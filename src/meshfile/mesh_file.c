@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/reader.h"
+#include "base/core/memory.h"
+#include "base/core/reader.h"
 #include "meshfile/mesh_reader.h"
 
 /* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is

@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 #include "meshfile/mesh_reader.h"
 

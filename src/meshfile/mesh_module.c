@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/module.h"
+#include "base/core/module.h"
 
 int mesh_reader_main(int argc, char **argv)
 {

@@ -12,9 +12,9 @@
 #include <assimp/cimport.h>
 #include <assimp/scene.h>
 
-#include "base/error.h"
-#include "base/reader.h"
-#include "base/transfer.h"
+#include "base/core/error.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
 #include "meshfile/content_end.h"
 #include "meshfile/foreign_format.h"
 #include "meshfile/plain_mesh.h"

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "geometry/affine.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "meshfile/plain_mesh.h"
 
 enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };

@@ -12,7 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "meshfile/mesh_reader.h"
 
 typedef struct plain_mesh {

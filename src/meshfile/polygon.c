@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/precision.h"
+#include "base/core/precision.h"
 #include "geometry/vec3.h"
 
 #define NONE UINT32_MAX

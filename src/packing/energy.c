@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 
 const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     0.9999999999999993,      -0.33333333333263604,    -0.02222222223830475,   -0.0021164019721737048,

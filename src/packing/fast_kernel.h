@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "packing/neighbours.h"
 
 #define FAST_KERNEL_LANES VEC3_LANES

@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 
 /* How many sets are being filled at a time: an even packing needs about eight until the first are full. */
 enum { OPEN = 16 };

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "packing/fast_kernel.h"
 #include "packing/neighbours.h"
 

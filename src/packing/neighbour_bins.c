@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
 /* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room

@@ -8,8 +8,8 @@
 #include <immintrin.h>
 #endif
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 #include "packing/neighbour_bins.h"
 

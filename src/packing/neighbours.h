@@ -14,8 +14,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/vec3.h"
 
 /* An assertion in inner loops, which would cost one or two per cent of a job: enabled in the sanitized build only. */

@@ -1,6 +1,6 @@
 #include "packing/pair.h"
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "packing/energy.h"
 
 /* Two particles never come closer than this fraction of sigma as far as the potential is concerned;

@@ -10,8 +10,8 @@
 
 #include "auth/access.h"
 #include "auth/token.h"
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "config/config_edit.h"
 #include "store/file.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/build_part.h"
-#include "base/memory.h"
+#include "base/core/build_part.h"
+#include "base/core/memory.h"
 #include "executor/local.h"
 #include "store/file.h"
 

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "config/config.h"
 #include "executor/engine.h"
 

@@ -6,7 +6,7 @@
 
 #include "config.h"
 
-#include "base/terminal_text.h"
+#include "base/core/terminal_text.h"
 #include "slurm/node.h"
 
 /* Reads the names on standard input, one or more per line. The part of this task is `lines` lines. */

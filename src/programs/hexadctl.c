@@ -9,9 +9,9 @@
 #include "config.h"
 
 #include "auth/token.h"
-#include "base/memory.h"
-#include "base/nearest_name.h"
-#include "base/terminal_text.h"
+#include "base/core/memory.h"
+#include "base/core/nearest_name.h"
+#include "base/core/terminal_text.h"
 #include "client/client.h"
 #include "client/command.h"
 #include "client/job_name.h"

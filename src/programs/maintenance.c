@@ -7,8 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "client/client.h"
 #include "database/backup.h"
 #include "database/backup_directory.h"

@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 static bool is_own_group(const struct stat *info)
 {

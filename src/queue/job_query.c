@@ -6,7 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "database/schema.h"
 #include "queue/job_row.h"
 

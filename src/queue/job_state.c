@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "database/schema.h"
 #include "queue/chunks.h"
 #include "queue/frame_needs.h"

@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "queue/members.h"
 #include "queue/job_row.h"
 

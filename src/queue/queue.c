@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "queue/members.h"
 
 /* SQLite calls this for each changed row, also of a change that is rolled back later. */

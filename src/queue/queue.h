@@ -29,10 +29,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/running_time.h"
+#include "base/core/error.h"
+#include "base/core/running_time.h"
 #include "database/health.h"
-#include "base/ulid.h"
+#include "base/core/ulid.h"
 #include "queue/user_numbers.h"
 
 typedef struct queue queue;

@@ -1,5 +1,5 @@
 /* Running periods of the daemon, and waits after the wall clock was set back. */
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "queue/members.h"
 
 bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t *count, error *e)

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
-#include "base/compare.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/compare.h"
+#include "base/core/memory.h"
 #include "database/schema.h"
 #include "queue/frame_needs.h"
 #include "queue/job_row.h"

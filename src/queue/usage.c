@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "database/schema.h"
 
 void queue_bound(queue *q, const queue_bounds *bounds)

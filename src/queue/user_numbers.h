@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct user_numbers user_numbers;
 

@@ -7,7 +7,7 @@
 #ifndef HEXAD_REMESH_FINE_MESH_H
 #define HEXAD_REMESH_FINE_MESH_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 typedef struct fine_mesh {

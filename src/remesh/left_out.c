@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "mesh/triangle_tree.h"
 #include "remesh/fine_mesh.h"
 

@@ -6,8 +6,8 @@
 #ifndef HEXAD_REMESH_LEFT_OUT_H
 #define HEXAD_REMESH_LEFT_OUT_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 typedef struct left_out_input {

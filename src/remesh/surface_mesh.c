@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "remesh/geodesic_cells.h"
 
 static const char what[] = "the mesh of the surface";

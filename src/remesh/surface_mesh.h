@@ -11,7 +11,7 @@
 #ifndef HEXAD_REMESH_SURFACE_MESH_H
 #define HEXAD_REMESH_SURFACE_MESH_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 typedef struct surface_mesh_input {

@@ -5,10 +5,10 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "json/json.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/json/json.h"
 #include "results/result.h"
 #include "store/file.h"
 

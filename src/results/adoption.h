@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 
 /* Adds the jobs of `count` results to the queue. The list must be sorted by id, then by frame, and filled by

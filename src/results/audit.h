@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 
 /* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that are not in the queue. Prints a

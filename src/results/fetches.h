@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/ulid.h"
+#include "base/core/ulid.h"
 
 #define FETCHES_MOST 4096 /* partly sent results that are recorded */
 

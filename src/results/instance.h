@@ -10,7 +10,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 
 #define INSTANCE_FILE_NAME "instance" /* in work_dir; holds the id and a line end */

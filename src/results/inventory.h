@@ -10,7 +10,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 
 /* Compares all entries. With `adopt`, jobs that are not in the queue are first added from the reports of their

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 /* The path of an unused name in `directory`, to be freed. No other process creates names there: the daemon holds the

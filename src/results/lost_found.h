@@ -8,7 +8,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define LOST_FOUND_DIRECTORY "lost+found"
 

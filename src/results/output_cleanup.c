@@ -5,10 +5,10 @@
 #include <string.h>
 #include <time.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 
 /* Time between two rounds, in milliseconds. An unreachable directory becomes reachable when its disk is mounted. */
 #define AGAIN_MS 60000

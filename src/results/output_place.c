@@ -8,12 +8,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/frames.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/frames.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 #include "results/result.h"
 #include "store/turns.h"
 

@@ -11,7 +11,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 #include "store/output.h"
 

@@ -5,11 +5,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/manager.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "json/json_copy.h"
+#include "base/core/log.h"
+#include "base/core/manager.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/json/json_copy.h"
 #include "store/file.h"
 
 /* Jobs that one query lists. */

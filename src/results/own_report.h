@@ -10,8 +10,8 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "queue/queue.h"
 #include "results/result.h"
 

@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/frames.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/frames.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "results/result.h"
 
 /* Wait after a database error, in milliseconds. */

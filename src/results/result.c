@@ -10,11 +10,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "json/json.h"
-#include "json/json_copy.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/json/json.h"
+#include "base/json/json_copy.h"
 #include "store/file.h"
 
 /* Longest report that is read. A report has a record for each sweep, and a job may request a million sweeps. */

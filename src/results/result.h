@@ -12,8 +12,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "queue/queue.h"
 
 #define RESULT_LOG_NAME "worker.log" /* written by the engine: the standard error of the worker */

@@ -1,7 +1,7 @@
 /* retention: deletes jobs with their results and logs, and uploaded files that have not been used for some time.
  *
  * A job is deleted when a client requests it, when its retention has expired by the running time of the daemon
- * (base/running_time, which the thread of this module stores), or when results have reached a bound (queue_bounds).
+ * (base/core/running_time, which the thread of this module stores), or when results have reached a bound (queue_bounds).
  *
  * One transaction deletes the job and notes its directories (queue_removal). Then the directories are removed, and
  * last the note. After a crash or a failure, the thread removes the directories that are still noted: at the start,
@@ -13,7 +13,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 #include "results/fetches.h"
 #include "store/inputs.h"

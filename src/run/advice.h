@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/spec.h"
 
 typedef struct advice_resolution {

@@ -6,7 +6,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "formats/ply.h"
 #include "formats/property.h"
 #include "run/job.h"

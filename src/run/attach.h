@@ -6,8 +6,8 @@
 #ifndef HEXAD_RUN_ATTACH_H
 #define HEXAD_RUN_ATTACH_H
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "run/run_options.h"
 #include "run/outcome.h"
 #include "spec/spec.h"

@@ -7,8 +7,8 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/precision.h"
+#include "base/core/memory.h"
+#include "base/core/precision.h"
 #include "formats/column.h"
 #include "formats/property.h"
 #include "geometry/affine.h"

@@ -9,7 +9,7 @@
 
 #include "attribute/attribute.h"
 #include "formats/points.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "source/source.h"
 #include "run/surface_meshes.h"
 #include "solver/solver.h"

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "geometry/point_tree.h"
 #include "geometry/packing.h"
 #include "sizing/sizing_field.h"

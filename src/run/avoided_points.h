@@ -3,8 +3,8 @@
 #ifndef HEXAD_RUN_AVOIDED_POINTS_H
 #define HEXAD_RUN_AVOIDED_POINTS_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "run/given_points.h"
 #include "source/source.h"
 #include "spec/spec.h"

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "meshfile/mesh_file.h"
 #include "source/mesh_projection.h"

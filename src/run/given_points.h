@@ -3,9 +3,9 @@
 #ifndef HEXAD_RUN_GIVEN_POINTS_H
 #define HEXAD_RUN_GIVEN_POINTS_H
 
-#include "base/error.h"
-#include "base/threads.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
+#include "base/json/json.h"
 #include "source/source.h"
 #include "spec/spec.h"
 #include "sequence/frame_transfer.h"

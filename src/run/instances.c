@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "formats/orientation.h"
 #include "formats/property.h"
 

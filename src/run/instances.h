@@ -2,7 +2,7 @@
 #ifndef HEXAD_RUN_INSTANCES_H
 #define HEXAD_RUN_INSTANCES_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/points.h"
 #include "formats/scene.h"
 #include "spec/spec.h"

@@ -6,9 +6,9 @@
 #include <string.h>
 #include <sys/resource.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/sandbox.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/sandbox.h"
 #include "geometry/packing.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"

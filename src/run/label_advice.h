@@ -2,7 +2,7 @@
 #ifndef HEXAD_RUN_LABEL_ADVICE_H
 #define HEXAD_RUN_LABEL_ADVICE_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "labels/label_surface.h"
 #include "spec/spec.h"
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "triangles/mesh_edges.h"
 
 static const char what[] = "the mesh of a label";

@@ -2,7 +2,7 @@
 #ifndef HEXAD_RUN_LABEL_MESHES_H
 #define HEXAD_RUN_LABEL_MESHES_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "formats/points.h"
 
 enum { LABEL_MESHES_MOST = 128 };

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 
 /* The relative path from a folder up to its root, "../../". */
 static char *way_up(const char *path)

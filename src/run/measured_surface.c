@@ -2,8 +2,8 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "field/patches.h"
 
 static const char what[] = "the measures of the surface";

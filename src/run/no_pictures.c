@@ -1,5 +1,5 @@
 /* Replaces pictures.c in a build without pictures. The parser of the spec refuses jobs that would call these. */
-#include "base/build_part.h"
+#include "base/core/build_part.h"
 #include "run/pictures.h"
 
 bool pictures_write_preview(const char *directory, const results_input *in, const quantity_look *look,

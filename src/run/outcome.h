@@ -8,8 +8,8 @@
 #ifndef HEXAD_RUN_OUTCOME_H
 #define HEXAD_RUN_OUTCOME_H
 
-#include "base/words.h"
-#include "json/json.h"
+#include "base/core/words.h"
+#include "base/json/json.h"
 #include "measures/measures.h"
 #include "spec/spec.h"
 

@@ -4,8 +4,8 @@
 #ifndef HEXAD_RUN_PATCH_MESHES_H
 #define HEXAD_RUN_PATCH_MESHES_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "mesh/mesh_patches.h"
 #include "voronoi/triangulation.h"
 

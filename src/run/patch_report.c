@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "solver/curves/curve_chains.h"
 
 /* Maximum number of patches at a curve whose labels are listed. */

@@ -3,7 +3,7 @@
 #define HEXAD_RUN_PATCH_REPORT_H
 
 #include "field/patches.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "labels/label_surface.h"
 #include "solver/solver.h"
 

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/worker_contract.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
 #include "formats/chart.h"
 #include "formats/picture_png.h"
 #include "formats/preview_exr.h"

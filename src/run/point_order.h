@@ -3,8 +3,8 @@
 #ifndef HEXAD_RUN_POINT_ORDER_H
 #define HEXAD_RUN_POINT_ORDER_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "formats/points.h"
 #include "labels/label_surface.h"
 #include "run/attributes.h"

@@ -8,9 +8,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/terminal_text.h"
-#include "json/json.h"
+#include "base/core/clock.h"
+#include "base/core/terminal_text.h"
+#include "base/json/json.h"
 
 const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_TEXT, )};
 

@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/words.h"
+#include "base/core/words.h"
 
 #define PROGRESS_LIST(ENTRY, prefix)  \
     ENTRY(prefix, LOAD, "load")       \

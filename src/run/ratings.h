@@ -5,7 +5,7 @@
 #ifndef HEXAD_RUN_RATINGS_H
 #define HEXAD_RUN_RATINGS_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "measures/measures.h"
 
 /* Adds the member `ratings`: the measures of packing, or with blue noise the measures that it bounds, each with its value and its rating. A measure without a value has the rating

@@ -3,9 +3,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/build_part.h"
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/build_part.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 #include "geometry/packing.h"
 #include "run/advice.h"
 #include "run/label_advice.h"

@@ -2,7 +2,7 @@
 #ifndef HEXAD_RUN_REPORT_H
 #define HEXAD_RUN_REPORT_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "measures/measures.h"
 #include "run/progress.h"
 #include "run/results.h"

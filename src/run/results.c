@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "base/precision.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/core/precision.h"
 #include "field/patches.h"
 #include "formats/column.h"
 #include "formats/format.h"

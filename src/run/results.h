@@ -3,12 +3,12 @@
 #ifndef HEXAD_RUN_RESULTS_H
 #define HEXAD_RUN_RESULTS_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "formats/points.h"
 #include "formats/scene.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "labels/label_surface.h"
 #include "triangles/mesh.h"
 #include "voronoi/triangulation.h"

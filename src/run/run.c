@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "run/attach.h"
 #include "run/job.h"
 #include "run/report.h"

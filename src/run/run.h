@@ -10,13 +10,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "run/run_options.h"
 #include "run/outcome.h"
 #include "spec/spec.h"
 
-/* Errors: any code in base/error.h. On failure the directory has no report.json. *report is the report; the caller
+/* Errors: any code in base/core/error.h. On failure the directory has no report.json. *report is the report; the caller
  * frees it with json_free. */
 bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e);
 

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/memory.h"
 
 /* Maximum size of a report, bytes; it has a line for each sweep. */
 static const size_t REPORT_LIMIT = 64u << 20;

@@ -8,10 +8,10 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "formats/ply.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "solver/solver.h"
 #include "sequence/frame_transfer.h"
 

@@ -10,7 +10,7 @@
 
 #include <stdint.h>
 
-#include "base/worker_contract.h"
+#include "base/core/worker_contract.h"
 #include "solver/solver.h"
 #include "source/source.h"
 

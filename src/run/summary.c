@@ -1,6 +1,6 @@
 #include "run/summary.h"
 
-#include "base/terminal_text.h"
+#include "base/core/terminal_text.h"
 
 static double number_of(json_at object, const char *key)
 {

@@ -4,7 +4,7 @@
 
 #include <stdio.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 
 /* Prints one line of measures to `out`, and warnings, failed criteria and advice to `err`. */
 void summary_print(const json *report, FILE *out, FILE *err);

@@ -3,7 +3,7 @@
 #define HEXAD_RUN_SURFACE_MESHES_H
 
 #include "attribute/attachment.h"
-#include "base/error.h"
+#include "base/core/error.h"
 #include "source/source.h"
 #include "spec/spec.h"
 

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "run/cost_model.h"
 #include "source/plan.h"
 

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
 
 /* A job must end within 100 ms of a request; the kernel needs a good part of it to free the memory. */
 static const int64_t GLANCE_MS = 10, PATIENCE_MS = 20;

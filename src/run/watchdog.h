@@ -9,7 +9,7 @@
 
 #include <signal.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "run/progress.h"
 
 typedef struct watchdog watchdog;

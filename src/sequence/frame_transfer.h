@@ -19,9 +19,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/isa.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/isa.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "sequence/registration.h"
 #include "sizing/sizing_field.h"

@@ -3,8 +3,8 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "base/compare.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/memory.h"
 
 /* Number of points that are used, at equal intervals among all: they determine the seven unknowns to a
  * hundredth of their distances. */

@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 
 enum { REGISTRATION_UNKNOWNS = 7 };

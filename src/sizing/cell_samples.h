@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/surface.h"
 
 typedef struct cell_samples {

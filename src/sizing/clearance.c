@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/compare.h"
-#include "base/memory.h"
+#include "base/core/compare.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "voronoi/resolution.h"
 

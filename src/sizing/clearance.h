@@ -8,8 +8,8 @@
 #ifndef HEXAD_SIZING_CLEARANCE_H
 #define HEXAD_SIZING_CLEARANCE_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "sizing/sizing_field.h"
 #include "surface/surface.h"
 

@@ -4,7 +4,7 @@
 #ifndef HEXAD_SIZING_CURVE_DISTANCE_H
 #define HEXAD_SIZING_CURVE_DISTANCE_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/patches.h"
 
 typedef struct curve_distance curve_distance;

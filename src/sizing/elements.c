@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* The axis closest to a normal: 0 to 2 in its positive direction, 3 to 5 in its negative direction. */
 static int direction_of(vec3 n)

@@ -5,7 +5,7 @@
 #ifndef HEXAD_SIZING_ELEMENTS_H
 #define HEXAD_SIZING_ELEMENTS_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "geometry/block_map.h"
 #include "sizing/cell_samples.h"
 #include "surface/surface.h"

@@ -12,8 +12,8 @@
 #ifndef HEXAD_SIZING_SCALED_CURVATURE_H
 #define HEXAD_SIZING_SCALED_CURVATURE_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "sizing/cell_samples.h"
 #include "surface/surface.h"
 

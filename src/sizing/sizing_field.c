@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 #include "geometry/block_map.h"
 #include "geometry/packing.h"
 #include "sizing/spacing_request.h"

@@ -17,9 +17,9 @@
 #ifndef HEXAD_SIZING_SIZING_FIELD_H
 #define HEXAD_SIZING_SIZING_FIELD_H
 
-#include "base/error.h"
-#include "base/rng.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/rng.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "sizing/sizing_field_params.h"
 #include "sizing/spacing_request.h"

@@ -10,8 +10,8 @@
 #include <math.h>
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "sizing/cell_samples.h"
 #include "sizing/sizing_field_params.h"
 #include "surface/surface.h"

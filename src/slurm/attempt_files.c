@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "json/json.h"
+#include "base/core/memory.h"
+#include "base/json/json.h"
 #include "store/file.h"
 
 #define REQUEST "request.json"

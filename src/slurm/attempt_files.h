@@ -29,7 +29,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "executor/engine.h"
 
 #define ATTEMPT_FILES_FARM "farm"

@@ -11,9 +11,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/memory.h"
-#include "base/transfer.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "base/core/transfer.h"
 
 /* Limit of the output. A listing of 100 000 jobs has about 20 MB. */
 #define MOST_BYTES ((size_t)256 << 20)

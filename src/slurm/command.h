@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct command_result {
     int status;               /* exit status; -1: a signal ended the program */

@@ -7,11 +7,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
-#include "base/worker_contract.h"
-#include "json/json.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "base/json/json.h"
 #include "slurm/place.h"
 
 /* Maximum time, in ms, by which a network file system may show an ending later than Slurm reports the end of the

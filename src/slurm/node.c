@@ -9,9 +9,9 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
-#include "base/clock.h"
-#include "base/descriptor_wait.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/descriptor_wait.h"
+#include "base/core/memory.h"
 #include "executor/host.h"
 #include "executor/local.h"
 #include "store/file.h"

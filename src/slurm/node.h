@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "slurm/attempt_files.h"
 
 #define NODE_GRACE_S 10

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/box_tree.h"
 #include "packing/neighbours.h"
 #include "solver/particles/random_streams.h"

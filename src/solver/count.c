@@ -4,7 +4,7 @@
  * energy: the minimum count and a sigma within its bound, or sigma at its bound and the count that follows. */
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/packing.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/point_tree.h"
 #include "packing/point_flags.h"
 #include "voronoi/resolution.h"

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/energy.h"
 #include "geometry/packing.h"
 #include "solver/adaptation.h"

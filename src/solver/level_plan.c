@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/compare.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "geometry/packing.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/refine.h"

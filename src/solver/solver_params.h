@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "packing/energy.h"
 #include "solver/witkin_heckbert.h"
 #include "sizing/scaled_curvature.h"

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/energy.h"
 #include "geometry/packing.h"
 #include "solver/solver_state.h"

@@ -3,8 +3,8 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "geometry/point_tree.h"
 #include "solver/curves/boundary.h"
 #include "field/projection.h"

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/precision.h"
+#include "base/core/precision.h"
 #include "dense/volume_file.h"
 #include "volume/grid_selection.h"
 

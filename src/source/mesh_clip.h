@@ -4,7 +4,7 @@
 #ifndef HEXAD_SOURCE_MESH_CLIP_H
 #define HEXAD_SOURCE_MESH_CLIP_H
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 /* Applies `to_world` to the vertices. If the matrix mirrors, the triangles are reversed, so that their outside

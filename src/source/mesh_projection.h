@@ -3,8 +3,8 @@
 #ifndef HEXAD_SOURCE_MESH_PROJECTION_H
 #define HEXAD_SOURCE_MESH_PROJECTION_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "source/source.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "source/mesh_clip.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_orientation.h"

@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 #include "mesh/mesh_surface.h"
 #include "spec/spec.h"
 #include "volume/volume.h"

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "spec/spec.h"
 
 /* The range of sampling.count, and of counts computed from other targets. */

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "dense/coefficients.h"
 #include "dense/exr_stack.h"
 #include "dense/volume_file.h"

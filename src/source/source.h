@@ -2,8 +2,8 @@
 #ifndef HEXAD_SOURCE_SOURCE_H
 #define HEXAD_SOURCE_SOURCE_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "dense/exr_stack.h"
 #include "field/analytic.h"
 #include "field/bspline.h"

@@ -2,7 +2,7 @@
 #ifndef HEXAD_SOURCE_SOURCE_REPORT_H
 #define HEXAD_SOURCE_SOURCE_REPORT_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "source/source.h"
 
 /* Adds `inputs` to the report, the properties of a volume to `members`, and warnings to `warnings`. */

@@ -5,8 +5,8 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
-#include "json/json.h"
+#include "base/core/error.h"
+#include "base/json/json.h"
 
 /* The end of messages about points without the attribute of their places on the meshes. */
 #define ATTACH_SPEC_SOURCE_ADVICE \

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/group.h"
 #include "spec/reading.h"
 #include "spec/relations.h"

@@ -6,7 +6,7 @@
 #ifndef HEXAD_SPEC_FRAME_CHECK_H
 #define HEXAD_SPEC_FRAME_CHECK_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/frame_values.h"
 #include "spec/spec.h"
 

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 
 /* The spec of each is checked before the job is accepted. */
 enum { MOST_FRAMES = 10000 };

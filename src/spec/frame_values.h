@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 

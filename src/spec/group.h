@@ -5,7 +5,7 @@
 #ifndef HEXAD_SPEC_GROUP_H
 #define HEXAD_SPEC_GROUP_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 

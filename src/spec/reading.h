@@ -13,7 +13,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/frames.h"
+#include "base/core/frames.h"
 #include "spec/frame_values.h"
 #include "spec/group.h"
 #include "spec/rules.h"

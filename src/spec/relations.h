@@ -8,7 +8,7 @@
 #ifndef HEXAD_SPEC_RELATIONS_H
 #define HEXAD_SPEC_RELATIONS_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/reading.h"
 
 /* Sets the absent members of r->absent to their defaults, in the spec and in the normalised document. */

@@ -6,10 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/frames.h"
-#include "base/memory.h"
-#include "base/nearest_name.h"
+#include "base/core/compare.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
+#include "base/core/nearest_name.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "spec/spec_table.h"

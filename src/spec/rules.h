@@ -3,7 +3,7 @@
 #ifndef HEXAD_SPEC_RULES_H
 #define HEXAD_SPEC_RULES_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/reading.h"
 
 /* Notes unknown members of the object, and too many or too few of those that exclude each other. Returns the choices of which

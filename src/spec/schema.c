@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/spec_table.h"
 
 static const char analytic[] = "/surface/analytic", surface[] = "/surface";

@@ -7,7 +7,7 @@
 #ifndef HEXAD_SPEC_SCHEMA_H
 #define HEXAD_SPEC_SCHEMA_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 
 typedef enum schema_use {
     SCHEMA_ALONE, /* a document of its own */

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 #include "spec/frame_check.h"
 #include "spec/frame_values.h"
 #include "spec/group.h"

@@ -12,9 +12,9 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "geometry/vec3.h"
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/spec_words.h"
 
 typedef struct spec_vdb {

@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/precision.h"
-#include "base/worker_contract.h"
+#include "base/core/precision.h"
+#include "base/core/worker_contract.h"
 
 /* Coordinates and lengths stay where their cubes are far from the limits of a double. */
 #define WORLD_MAX 1e12

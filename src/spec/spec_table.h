@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/build_part.h"
+#include "base/core/build_part.h"
 #include "spec/spec.h"
 
 typedef enum spec_type {

@@ -1,9 +1,9 @@
-/* spec_words: the words of a spec and their enumerators, one list for each member (see base/words.h). */
+/* spec_words: the words of a spec and their enumerators, one list for each member (see base/core/words.h). */
 #ifndef HEXAD_SPEC_SPEC_WORDS_H
 #define HEXAD_SPEC_SPEC_WORDS_H
 
-#include "base/isa.h"
-#include "base/words.h"
+#include "base/core/isa.h"
+#include "base/core/words.h"
 
 /* kinds of surface: the members of /surface */
 #define SPEC_SURFACE_LIST(ENTRY, prefix)        \

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 
 bool surface_parse_slices(spec_exr *x, int *from, int *step)
 {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/frame_values.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");

@@ -2,7 +2,7 @@
 #ifndef HEXAD_SPEC_VALUES_H
 #define HEXAD_SPEC_VALUES_H
 
-#include "json/json.h"
+#include "base/json/json.h"
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 

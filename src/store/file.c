@@ -12,8 +12,8 @@
 
 #include <nettle/sha2.h>
 
-#include "base/denial.h"
-#include "base/memory.h"
+#include "base/core/denial.h"
+#include "base/core/memory.h"
 
 /* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a disk of
  * 350 MB/s; a whole file of 235 MB delays them by 120 ms. */

@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct store_file {
     FILE *stream; /* stream to write to; owned by the store_file */

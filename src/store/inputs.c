@@ -11,7 +11,7 @@
 
 #include <nettle/sha2.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 #define SENDER_PREFIX "sender:"

@@ -14,7 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define STORE_INPUT_PREFIX "sha256:"
 #define STORE_INPUT_HEX 64

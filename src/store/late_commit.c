@@ -2,8 +2,8 @@
 
 #include <stdlib.h>
 
-#include "base/background.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/memory.h"
 #include "store/late_hash.h"
 
 struct late_commit {

@@ -5,8 +5,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/background.h"
-#include "base/memory.h"
+#include "base/core/background.h"
+#include "base/core/memory.h"
 
 /* In bytes. Hashing 2 MiB takes about 1 ms; smaller files are not worth a thread. */
 static const off_t SMALL = 2 << 20;

@@ -9,9 +9,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/denial.h"
-#include "base/memory.h"
-#include "base/transfer.h"
+#include "base/core/denial.h"
+#include "base/core/memory.h"
+#include "base/core/transfer.h"
 #include "store/file.h"
 
 #define DIRECTORY (O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)

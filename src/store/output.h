@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <sys/types.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct store_outputs {
     const char *const *roots; /* absolute */

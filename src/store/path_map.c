@@ -5,7 +5,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 typedef struct mapping {
     char *from, *to; /* as make_plain returns them */

@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct path_map path_map;
 

@@ -18,9 +18,9 @@
 #include <linux/openat2.h>
 #endif
 
-#include "base/denial.h"
-#include "base/frames.h"
-#include "base/memory.h"
+#include "base/core/denial.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
 #include "store/inputs.h"
 
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */

@@ -20,7 +20,7 @@
 #include <stddef.h>
 #include <sys/stat.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct store_roots store_roots;
 

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 struct store_turns {
     pthread_mutex_t mutex;

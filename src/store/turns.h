@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <sys/types.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct store_turns store_turns;
 

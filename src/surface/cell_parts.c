@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-#include "base/isa.h"
-#include "base/lanes.h"
+#include "base/core/isa.h"
+#include "base/core/lanes.h"
 
 enum {
     NODES = CELL_PARTS + 1,

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/kuhn.h"
 
 enum { GROUP_EDGES = ROOT_GROUP_CELLS * CELL_EDGES, SLOT_BITS = 10, SLOTS = 1 << SLOT_BITS };

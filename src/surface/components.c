@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "field/patches.h"
 #include "geometry/affine.h"
 #include "geometry/block_map.h"

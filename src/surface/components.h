@@ -8,8 +8,8 @@
 
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 
 typedef struct components {

@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/flat_cell.h"
 #include "field/projection.h"
 #include "surface/bent_areas.h"

@@ -8,9 +8,9 @@
 #ifndef HEXAD_SURFACE_SURFACE_H
 #define HEXAD_SURFACE_SURFACE_H
 
-#include "base/error.h"
-#include "base/rng.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/rng.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "surface/components.h"
 

@@ -11,7 +11,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 /* State of a triangle. */

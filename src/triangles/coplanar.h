@@ -15,7 +15,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 #include "triangles/mesh_edges.h"
 #include "triangles/rounding.h"

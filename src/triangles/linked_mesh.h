@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "triangles/mesh.h"
 
 #define LINKED_MESH_NONE UINT32_MAX

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "triangles/contacts.h"
 #include "triangles/mesh_edges.h"
 

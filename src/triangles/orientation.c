@@ -2,8 +2,8 @@
 
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 
 bool orientation_init(orientation *out, size_t triangles, error *e)
 {

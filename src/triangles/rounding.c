@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdatomic.h>
 
-#include "base/precision.h"
+#include "base/core/precision.h"
 
 /* Unit roundoffs of floats and doubles. */
 static const double of_float = 0x1p-24, of_double = 0x1p-53;

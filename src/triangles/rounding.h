@@ -4,7 +4,7 @@
 #ifndef HEXAD_TRIANGLES_ROUNDING_H
 #define HEXAD_TRIANGLES_ROUNDING_H
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 /* The error of a coordinate x is at most absolute + relative |x|. */

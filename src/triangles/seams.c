@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Every edge may be held against every vertex: with more than this the mesh is open for other reasons. */
 static const size_t most_edges = 30000;

@@ -8,8 +8,8 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "base/memory.h"
-#include "base/module.h"
+#include "base/core/memory.h"
+#include "base/core/module.h"
 
 enum {
     MAGIC = 0x56444220,

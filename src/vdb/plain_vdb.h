@@ -11,7 +11,7 @@
 #ifndef HEXAD_VDB_PLAIN_VDB_H
 #define HEXAD_VDB_PLAIN_VDB_H
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "vdb/vdb.h"
 
 #ifdef __cplusplus

@@ -19,7 +19,7 @@
 extern "C" {
 #endif
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define VDB_NAME_SIZE 256 /* a file with a longer name is refused as damaged */
 #define VDB_TYPE_SIZE 64

@@ -1,7 +1,7 @@
 /* vdb.h for a program that loads the shim when a file is first opened. */
 #include "vdb/exports.h"
 
-#include "base/module.h"
+#include "base/core/module.h"
 
 static const vdb_exports *load(error *e)
 {

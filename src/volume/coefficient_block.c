@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 enum { BLOCKS = 64 }; /* per chunk of work */
 /* Number of coefficient blocks after which memory of samples is freed; it costs as much as a batch. */

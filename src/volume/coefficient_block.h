@@ -17,7 +17,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "voxels/samples.h"
 
 #define COEFFICIENT_BLOCK_SIDE 11

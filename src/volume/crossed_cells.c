@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 
 enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* per chunk of work */ };
 

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 #define EXAMPLE_GRID "trefoil"
 #define EXAMPLE_TUBE_RADIUS 0.15

@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "vdb/vdb.h"
 
 /* The unique name of a grid: "name[1]" if several have the same name. */

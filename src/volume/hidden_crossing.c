@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/lanes.h"
-#include "base/memory.h"
+#include "base/core/lanes.h"
+#include "base/core/memory.h"
 #include "field/field.h"
 #include "geometry/flood.h"
 #include "volume/coefficient_block.h"

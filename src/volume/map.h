@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "geometry/vec3.h"
 
 typedef struct map map;

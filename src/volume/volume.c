@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
 #include "vdb/plain_vdb.h"

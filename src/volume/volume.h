@@ -13,9 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/isa.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/isa.h"
+#include "base/core/threads.h"
 #include "dense/slices.h"
 #include "field/field.h"
 #include "mesh/fidelity.h"

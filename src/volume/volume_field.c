@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "geometry/affine.h"
 
 /* Distance from a crossed cell, in voxels, within which the spline determines the side of a point. */

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/bbox.h"
 
 /* Maximum number of own points of a partition, and maximum number of partitions. */

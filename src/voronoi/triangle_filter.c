@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "base/lanes.h"
+#include "base/core/lanes.h"
 
 /* The direction of a triangle with the sine s at the point has an error of 1e-6 / s. Triangles with a squared sine below THIN2 are not
  * discarded. Bounds of a line beyond the square root of FAR2, times s, are ignored. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/point_flags.h"
 #include "voronoi/partitions.h"
 #include "voronoi/voronoi.h"

@@ -3,8 +3,8 @@
 #include <assert.h>
 #include <string.h>
 
-#include "base/compare.h"
-#include "base/lanes.h"
+#include "base/core/compare.h"
+#include "base/core/lanes.h"
 #include "packing/point_flags.h"
 #include "packing/pair.h"
 #include "voronoi/triangle_filter.h"

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "base/lanes.h"
+#include "base/core/lanes.h"
 #include "voxels/grid_view.h"
 
 _Static_assert(LANES == GRID_VIEW_SIDE, "a row of a block is what one instruction works on");

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/isa.h"
-#include "base/memory.h"
+#include "base/core/isa.h"
+#include "base/core/memory.h"
 
 /* Half floats carry 11 bits: a stored clamp may differ from the background by this part of it. */
 static const float half_step = 1.0f / 1024;

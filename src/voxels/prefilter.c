@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/lanes.h"
-#include "base/memory.h"
+#include "base/core/lanes.h"
+#include "base/core/memory.h"
 #include "voxels/block_lines.h"
 
 #define SIDE GRID_VIEW_SIDE

@@ -9,8 +9,8 @@
 
 #include <stdbool.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/block_map.h"
 #include "voxels/crossings.h"
 

@@ -16,12 +16,12 @@
 
 #include "config.h"
 
-#include "base/background.h"
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/denial.h"
-#include "base/memory.h"
-#include "json/json.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/denial.h"
+#include "base/core/memory.h"
+#include "base/json/json.h"
 #include "store/file.h"
 
 /* Wait, in ms, after an error of the database, such as a full disk. */

@@ -14,7 +14,7 @@
 
 #include <stdatomic.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "queue/queue.h"
 #include "webhook/hosts.h"
 

@@ -7,7 +7,7 @@
 
 #include <curl/curl.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 typedef struct host {
     char *name, *port; /* port NULL: the default port of the scheme */

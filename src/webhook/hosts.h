@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 typedef struct webhook_hosts webhook_hosts;
 

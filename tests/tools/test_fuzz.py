@@ -13,7 +13,7 @@ import pytest
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
 # targets that are fuzzed here, with the modules that clang instruments; the build's libraries provide the rest
-SMOKE = {"spec": ["src/json/*.c", "src/spec/*.c"],
+SMOKE = {"spec": ["src/base/json/*.c", "src/spec/*.c"],
          "ply": ["src/formats/ply.c", "src/formats/column.c"],
          "mesh": ["src/meshfile/plain_*.c", "src/meshfile/ply_*.c", "src/meshfile/content_end.c", "src/meshfile/polygon.c",
                   "src/meshfile/xml_tags.c", "src/meshfile/zip_entry.c"]}

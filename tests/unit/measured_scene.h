@@ -6,7 +6,7 @@
 #ifndef HEXAD_TESTS_MEASURED_SCENE_H
 #define HEXAD_TESTS_MEASURED_SCENE_H
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "measures/measures.h"
 
 #define SCENE_ON 1e-9

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 #include "triangles/mesh.h"
 
 /* A pool of two workers that exists until the program ends. */

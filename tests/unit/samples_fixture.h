@@ -8,8 +8,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "voxels/samples.h"
 
 /* A cube of `side` blocks per axis, beginning at `low`. With `gaps`, the fourth of each seven blocks is missing. */

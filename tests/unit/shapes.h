@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "field/analytic.h"
 
 #define SHAPE_COUNT 6

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/spec.h"
 
 /* `members` begins with a comma, or is empty. Result and errors: spec_parse. */

@@ -4,8 +4,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "base/background.h"
-#include "base/clock.h"
+#include "base/core/background.h"
+#include "base/core/clock.h"
 
 typedef struct place {
     pthread_mutex_t mutex;

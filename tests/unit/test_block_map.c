@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "geometry/block_map.h"
 #include "shapes.h"
 

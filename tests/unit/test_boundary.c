@@ -10,7 +10,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "close.h"
 #include "field/region.h"
 #include "solver/solver.h"

@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/build_part.h"
-#include "base/memory.h"
+#include "base/core/build_part.h"
+#include "base/core/memory.h"
 #include "config/config.h"
 #include "spec/spec.h"
 #include "spec_text.h"

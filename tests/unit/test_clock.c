@@ -1,4 +1,4 @@
-/* Unit tests of base/clock: times as texts. */
+/* Unit tests of base/core/clock: times as texts. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 
 static void test_a_printed_time_is_parsed_to_the_same_time(void **state)
 {

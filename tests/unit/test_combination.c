@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "field/analytic.h"
 #include "field/combination.h"
 #include "field/placement.h"

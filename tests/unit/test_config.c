@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "config/config.h"
 #include "config/config_table.h"
 #include "store/file.h"

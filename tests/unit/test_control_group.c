@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/control_group.h"
+#include "base/core/control_group.h"
 
 typedef struct place {
     char base[64];

@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "mesh_fixture.h"
 #include "triangles/coplanar.h"
 #include "triangles/flat_triangles.h"

@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "run/cost_model.h"
 
 /* Seconds of a run: a constant part and a power of the count, with noise. */

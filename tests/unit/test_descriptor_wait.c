@@ -11,7 +11,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "base/descriptor_wait.h"
+#include "base/core/descriptor_wait.h"
 
 static void an_event_is_taken_once(void **state)
 {

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 static void names_are_stable(void **state)
 {

@@ -18,9 +18,9 @@
 
 #include "set_clock.h"
 
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "executor/executor.h"
 #include "executor/host.h"
 #include "executor/local.h"

@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 #include "store/late_commit.h"
 #include "store/late_hash.h"

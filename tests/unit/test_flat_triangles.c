@@ -11,8 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"
 #include "triangles/flat_triangles.h"

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "close.h"
 #include "geometry/packing.h"

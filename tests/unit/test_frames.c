@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/frames.h"
+#include "base/core/frames.h"
 
 static void expect(const char *text, const int *numbers, size_t expected)
 {

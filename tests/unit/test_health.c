@@ -15,7 +15,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "database/backup.h"
 #include "database/backup_directory.h"
 #include "database/checker.h"

@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "base/histogram.h"
+#include "base/core/histogram.h"
 
 static void test_a_value_is_counted_under_its_bound(void **state)
 {

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 #include "store/inputs.h"
 

@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "executor/local.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "api/job_json.h"
 #include "api/jobs.h"
 #include "store/file.h"

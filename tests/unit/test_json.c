@@ -13,9 +13,9 @@
 
 #include <cmocka.h>
 
-#include "base/memory.h"
-#include "json/json.h"
-#include "json/json_copy.h"
+#include "base/core/memory.h"
+#include "base/json/json.h"
+#include "base/json/json_copy.h"
 
 static void refuse(const char *text, size_t length, const char *words)
 {

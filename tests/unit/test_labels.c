@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/patches.h"
 #include "labels/label_majority.h"
 #include "labels/label_thinness.h"

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "mesh_fixture.h"
 #include "mesh/levelset.h"
 #include "mesh/mesh_repair.h"

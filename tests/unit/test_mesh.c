@@ -16,7 +16,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_faces.h"
 #include "geometry/triangle.h"

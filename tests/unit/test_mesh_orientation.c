@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "mesh/mesh_orientation.h"
 #include "mesh_fixture.h"
 

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "mesh/mesh_patches.h"
 #include "mesh_fixture.h"
 

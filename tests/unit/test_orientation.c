@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "close.h"
 #include "formats/orientation.h"
 #include "shapes.h"

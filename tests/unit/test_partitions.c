@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "voronoi/partitions.h"
 #include "shapes.h"
 

@@ -11,8 +11,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "database/place.h"
 #include "store/file.h"
 

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "meshfile/plain_mesh.h"
 
 static bool read_text(const char *ending, const char *text, plain_mesh *m)

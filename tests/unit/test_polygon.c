@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "meshfile/polygon.h"
 
 enum { SEED = 20261127, MOST = 4096 };

@@ -9,7 +9,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "measures/progressive_order.h"
 #include "packing/point_flags.h"
 #include "shapes.h"

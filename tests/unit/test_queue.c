@@ -8,8 +8,8 @@
 
 #include "queue_place.h"
 
-#include "base/clock.h"
-#include "base/rng.h"
+#include "base/core/clock.h"
+#include "base/core/rng.h"
 
 static void test_a_job_survives_a_reopening(void **state)
 {

@@ -1,4 +1,4 @@
-/* Unit tests of base/reader: no process remains after a failed start; findings of sanitizers in the process of the
+/* Unit tests of base/core/reader: no process remains after a failed start; findings of sanitizers in the process of the
  * reader.
  */
 #include <setjmp.h>
@@ -15,7 +15,7 @@
 #include <string.h>
 #include <sys/wait.h>
 
-#include "base/reader.h"
+#include "base/core/reader.h"
 
 static bool fdopen_fails;
 

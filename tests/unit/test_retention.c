@@ -15,9 +15,9 @@
 
 #include "set_clock.h"
 
-#include "base/clock.h"
-#include "base/log.h"
-#include "base/memory.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
 #include "results/result.h"
 #include "results/retention.h"
 #include "store/file.h"

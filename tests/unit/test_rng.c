@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "close.h"
 
 /* The first outputs of xoshiro256++ from the state 1, 2, 3, 4, by hand from its definition: rotl(s0 + s3, 23) + s0. */

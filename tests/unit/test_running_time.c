@@ -1,4 +1,4 @@
-/* Unit tests of base/running_time, and of the watch of the wall clock in base/clock. */
+/* Unit tests of base/core/running_time, and of the watch of the wall clock in base/core/clock. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -8,8 +8,8 @@
 
 #include "set_clock.h"
 
-#include "base/clock.h"
-#include "base/running_time.h"
+#include "base/core/clock.h"
+#include "base/core/running_time.h"
 
 #define HOUR INT64_C(3600000)
 #define DAY (24 * HOUR)

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
-#include "base/sets.h"
-#include "base/threads.h"
+#include "base/core/rng.h"
+#include "base/core/sets.h"
+#include "base/core/threads.h"
 #include "shapes.h"
 
 enum { COUNT = 100000, WORKERS = 4, RUNS = 20 };

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/analytic.h"
 #include "mesh/mesh_faces.h"
 #include "mesh/mesh_surface.h"

@@ -12,7 +12,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "close.h"
 #include "geometry/triangle.h"
 #include "mesh_fixture.h"

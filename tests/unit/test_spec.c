@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 

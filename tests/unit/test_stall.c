@@ -6,8 +6,8 @@
 
 #include <string.h>
 
-#include "base/log.h"
-#include "base/stall.h"
+#include "base/core/log.h"
+#include "base/core/stall.h"
 
 static int records;
 static char newest[256]; /* message of the newest record */

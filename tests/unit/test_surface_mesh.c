@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "mesh_fixture.h"
 #include "voronoi/triangulation.h"
 #include "remesh/left_out.h"

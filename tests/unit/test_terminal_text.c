@@ -9,9 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/terminal_text.h"
-#include "json/json.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
+#include "base/json/json.h"
 
 enum { BYTES_MOST = 64 };
 

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "base/clock.h"
+#include "base/core/clock.h"
 #include "http/thread_pool.h"
 
 /* Longer than any test takes. */

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "base/threads.h"
+#include "base/core/threads.h"
 
 enum { ITEMS = 1000 };
 

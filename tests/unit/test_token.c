@@ -16,7 +16,7 @@
 #include "auth/access.h"
 #include "auth/session.h"
 #include "auth/token.h"
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "store/file.h"
 
 static char path[] = "/tmp/hexad-token-XXXXXX";

@@ -8,7 +8,7 @@
 
 #include <math.h>
 
-#include "base/rng.h"
+#include "base/core/rng.h"
 #include "geometry/triangle.h"
 #include "mesh/triangle_groups.h"
 #include "mesh_fixture.h"

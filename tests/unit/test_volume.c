@@ -11,8 +11,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/memory.h"
-#include "base/threads.h"
+#include "base/core/memory.h"
+#include "base/core/threads.h"
 #include "field/region.h"
 #include "solver/particles/coverage.h"
 #include "surface/surface.h"

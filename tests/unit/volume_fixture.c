@@ -13,7 +13,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 const double fixture_uniform[16] = {0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 1};
 const double fixture_nonuniform[16] = {0.1, 0, 0, 0.03, 0, 0.15, 0, -0.02, 0, 0, 0.08, 0.01, 0, 0, 0, 1};

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 
 /* Spacing of boundary particles over h. h counts them as particles with whole Voronoi cells, so that the converged packing is
  * this much wider. Smaller (0.95): a seam of defects along the boundary. */

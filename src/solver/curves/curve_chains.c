@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/point_flags.h"
 
 double curve_chains_length(const field_patches *patches, const field_curve *curve)

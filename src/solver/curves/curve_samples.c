@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "solver/curves/near_curves.h"
 
 /* Integration step of the arc length with a sizing field, in local spacings. Smaller: more accurate, slower. */

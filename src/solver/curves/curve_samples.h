@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "field/patches.h"
 #include "solver/curves/boundary.h"
 

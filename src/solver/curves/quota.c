@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "geometry/cell_list.h"
 #include "geometry/packing.h"
 #include "solver/particles/population.h"

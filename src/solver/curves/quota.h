@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "solver/curves/curve_samples.h"
 #include "solver/particles/particles.h"
 #include "sizing/sizing_field.h"

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/patches.h"
 #include "field/projection.h"
 #include "geometry/cell_list.h"

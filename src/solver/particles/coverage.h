@@ -9,8 +9,8 @@
 
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/surface.h"
 
 /* Number of parts that coverage_measure distinguishes: the patches; 1 without patches. */

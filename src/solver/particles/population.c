@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 
 /* Logarithm of the weight of a particle per standard deviation of its energy from the mean. A choice by rank would take whole

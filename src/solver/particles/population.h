@@ -4,8 +4,8 @@
 #ifndef HEXAD_SOLVER_PARTICLES_POPULATION_H
 #define HEXAD_SOLVER_PARTICLES_POPULATION_H
 
-#include "base/error.h"
-#include "base/rng.h"
+#include "base/core/error.h"
+#include "base/core/rng.h"
 #include "field/field.h"
 #include "solver/particles/particles.h"
 

@@ -14,8 +14,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/vec3.h"
 
 /* Distances in spacings. In an ideal packing, points are at least 0.8 apart, and every place is within 0.58 of a point. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "voronoi/resolution.h"
 #include "solver/particles/coverage.h"

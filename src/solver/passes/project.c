@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "field/projection.h"
 #include "geometry/cell_list.h"
 #include "solver/particles/random_streams.h"

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/rng.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/rng.h"
+#include "base/core/sets.h"
 #include "field/projection.h"
 #include "voronoi/voronoi.h"
 #include "solver/particles/population.h"

@@ -3,8 +3,8 @@
 #ifndef HEXAD_SOLVER_PASSES_REFINE_H
 #define HEXAD_SOLVER_PASSES_REFINE_H
 
-#include "base/error.h"
-#include "base/threads.h"
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "field/field.h"
 #include "solver/curves/quota.h"
 #include "solver/particles/particles.h"

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/independent_sets.h"
 
 /* A particle whose last step was below this is skipped, over h size. */

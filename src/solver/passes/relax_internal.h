@@ -4,7 +4,7 @@
 #ifndef HEXAD_SOLVER_PASSES_RELAX_INTERNAL_H
 #define HEXAD_SOLVER_PASSES_RELAX_INTERNAL_H
 
-#include "base/isa.h"
+#include "base/core/isa.h"
 #include "packing/neighbours.h"
 #include "packing/pair.h"
 #include "solver/passes/relax.h"

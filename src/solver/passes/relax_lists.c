@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/independent_sets.h"
 
 /* Minimum number of particles for guarded steps in SIMD lanes (single precision). */

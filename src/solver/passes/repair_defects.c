@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
+#include "base/core/memory.h"
 #include "packing/neighbours.h"
 #include "geometry/packing.h"
 #include "voronoi/voronoi.h"

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
-#include "base/sets.h"
+#include "base/core/memory.h"
+#include "base/core/sets.h"
 #include "geometry/cell_list.h"
 #include "solver/passes/passes.h"
 #include "voronoi/resolution.h"

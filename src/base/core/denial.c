@@ -1,0 +1,137 @@
+#include "base/core/denial.h"
+
+#include <errno.h>
+#include <grp.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/core/memory.h"
+#include "base/core/user_name.h"
+
+enum { RECORD_BYTES = 16384 };
+
+typedef struct names {
+    char user[USER_NAME_SIZE], group[USER_NAME_SIZE];
+} names;
+
+/* The names of a user and a group; their numbers if they have no names. */
+static names names_of(uid_t uid, gid_t gid)
+{
+    names n;
+    char buffer[RECORD_BYTES];
+    struct group group, *found_group = NULL;
+    user_name_of(uid, n.user);
+    snprintf(n.group, sizeof n.group, "%u", (unsigned)gid);
+    if (getgrgid_r(gid, &group, buffer, sizeof buffer, &found_group) == 0 && found_group)
+        snprintf(n.group, sizeof n.group, "%s", group.gr_name);
+    return n;
+}
+
+/* The first directory above the path that this process may not search, which the caller frees; NULL: there is none. */
+static char *find_closed_directory(const char *path)
+{
+    struct stat info;
+    for (const char *slash = strchr(path, '/'); slash; slash = strchr(slash + 1, '/')) {
+        char *directory = mem_strndup(path, slash > path ? (size_t)(slash - path) : 1);
+        if (slash[1] && stat(directory, &info) == 0 && S_ISDIR(info.st_mode) && access(directory, X_OK) != 0)
+            return directory;
+        free(directory);
+    }
+    return NULL;
+}
+
+/* The path, or if it does not exist the nearest directory above it, which the caller frees. */
+static char *find_existing(const char *path, struct stat *info)
+{
+    char *place = mem_strdup(path);
+    while (stat(place, info) != 0) {
+        char *slash = strrchr(place, '/');
+        if (slash > place) {
+            *slash = '\0';
+            continue;
+        }
+        free(place);
+        place = mem_strdup(slash ? "/" : ".");
+    }
+    return place;
+}
+
+/* The command, which the caller frees. `path`: a directory of the service that does not exist; NULL: the place is what
+ * is needed. */
+static char *command_for(const char *place, const char *path, const struct stat *info, const names *own,
+                         denial_need need)
+{
+    const char *group = own->group, *user = own->user;
+    if (need == DENIAL_READ) return mem_printf("chmod o+r%s %s", S_ISDIR(info->st_mode) ? "x" : "", place);
+    if (need == DENIAL_WRITE) return mem_printf("chgrp %s %s && chmod g+rwx %s", group, place, place);
+    if (need == DENIAL_SECRET) return mem_printf("chown root:%s %s && chmod 640 %s", group, place, place);
+    return path ? mem_printf("install -d -o %s -g %s -m 0700 %s", user, group, path)
+                : mem_printf("chown -R %s:%s %s", user, group, place);
+}
+
+static char *advice_on(const char *place, const char *path, const struct stat *info, bool closed,
+                       const names *own, denial_need need)
+{
+    if ((info->st_mode & 0777) == 0)
+        return mem_strdup(
+            ". ProtectHome= or InaccessiblePaths= in the unit of systemd hides directories with this mode: "
+            "see \"Permit more\" in systemd.md");
+    if (need == DENIAL_SECRET && !closed && info->st_uid == geteuid())
+        return mem_printf(". Run: chmod %s %s", geteuid() == 0 ? "640" : "600", place);
+    char *command = closed ? mem_printf("chmod o+x %s", place) : command_for(place, path, info, own, need);
+    char *text = mem_printf(". Run as root: %s", command);
+    free(command);
+    return text;
+}
+
+char *denial_describe(const char *path, denial_need need)
+{
+    static const char *const demands[] = {
+        [DENIAL_READ] = "the user %s must be able to read it",
+        [DENIAL_WRITE] = "the user %s must be able to write to it",
+        [DENIAL_OWN] = "it must belong to the user %s",
+        [DENIAL_SECRET] = "no user except root and %s may read it",
+    };
+    struct stat info;
+    char *place = find_closed_directory(path);
+    const bool closed = place != NULL;
+    if (place)
+        stat(place, &info);
+    else
+        place = find_existing(path, &info);
+    const bool absent = !closed && strcmp(place, path) != 0;
+    const names owner = names_of(info.st_uid, info.st_gid), own = names_of(geteuid(), getegid());
+    char *demand = mem_printf(closed   ? "the user %s must be able to enter it"
+                              : absent ? demands[DENIAL_WRITE]
+                                       : demands[need],
+                              own.user);
+    char *advice = advice_on(place, absent ? path : NULL, &info, closed, &own, need);
+    char *text = mem_printf("%s has the owner %s, the group %s and the mode %04o, and %s%s", place,
+                            owner.user, owner.group, (unsigned)info.st_mode & 07777, demand, advice);
+    free(advice);
+    free(demand);
+    free(place);
+    return text;
+}
+
+char *denial_describe_directory_of_user(const char *path, const char *user)
+{
+    const names own = names_of(geteuid(), getegid());
+    return mem_printf(
+        "%s does not exist, and the user %s cannot create it. Run as root: install -d -o %s -g %s -m 0770 %s && "
+        "setfacl -m u:%s:rwx,d:u:%s:rwx %s (\"A directory for each user\" in operations.md; the user can delete "
+        "results with the setting output_mode = 0660 only)",
+        path, own.user, own.user, own.group, path, user, user, path);
+}
+
+char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise)
+{
+    if (fault != EACCES && fault != EPERM) return mem_strdup(otherwise);
+    char *why = denial_describe(path, need), *text = mem_printf(": %s", why);
+    free(why);
+    return text;
+}

@@ -1,0 +1,76 @@
+/* The functions of reader.h that run in the process that reads, which may be a module. */
+#include "base/core/reader.h"
+
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "base/core/transfer.h"
+
+static rlim_t mapped_now(void)
+{
+    unsigned long pages = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (file && fscanf(file, "%lu", &pages) != 1) pages = 0;
+    if (file) fclose(file);
+    return (rlim_t)pages * (rlim_t)sysconf(_SC_PAGESIZE);
+}
+
+/* Lowers a limit; a lower existing limit is kept. */
+static void set_limit(int which, rlim_t soft, rlim_t hard)
+{
+    struct rlimit limit;
+    if (getrlimit(which, &limit) != 0) return;
+    if (limit.rlim_max < hard) hard = limit.rlim_max;
+    if (hard < soft) soft = hard;
+    limit = (struct rlimit){soft, hard};
+    setrlimit(which, &limit);
+}
+
+size_t reader_limit(int argc, char **argv, unsigned descriptors)
+{
+    if (argc != 4) return 0;
+    rlim_t memory = (rlim_t)strtoull(argv[2], NULL, 10), seconds = (rlim_t)strtoull(argv[3], NULL, 10);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    set_limit(RLIMIT_CORE, 0, 0);
+    /* the soft limit sends SIGXCPU, which the parent recognises */
+    set_limit(RLIMIT_CPU, seconds, seconds + 1);
+#ifdef __SANITIZE_ADDRESS__
+    (void)mapped_now; /* the sanitizer reserves more address space than any limit */
+#else
+    rlim_t most = memory + mapped_now();
+    set_limit(RLIMIT_AS, most, most);
+#endif
+    set_limit(RLIMIT_FSIZE, 0, 0); /* pipes are not affected */
+    set_limit(RLIMIT_NOFILE, descriptors, descriptors);
+    return (size_t)memory;
+}
+
+bool reader_write(const void *from, size_t count)
+{
+    return transfer_write(STDOUT_FILENO, from, count);
+}
+
+bool reader_receive(void *request, size_t size, int *file)
+{
+    union {
+        char buffer[CMSG_SPACE(sizeof(int))];
+        struct cmsghdr align;
+    } control;
+    struct iovec text = {request, size};
+    struct msghdr message = {.msg_iov = &text,
+                             .msg_iovlen = 1,
+                             .msg_control = control.buffer,
+                             .msg_controllen = sizeof control.buffer};
+    ssize_t got;
+    *file = -1;
+    do got = recvmsg(STDIN_FILENO, &message, MSG_CMSG_CLOEXEC | MSG_WAITALL);
+    while (got < 0 && errno == EINTR);
+    struct cmsghdr *c = got > 0 ? CMSG_FIRSTHDR(&message) : NULL;
+    if (c && c->cmsg_type == SCM_RIGHTS) memcpy(file, CMSG_DATA(c), sizeof *file);
+    return got == (ssize_t)size;
+}
