@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
-#include "geometry/triangle.h"
+#include "geometry/space/affine.h"
+#include "geometry/space/triangle.h"
 #include "mesh/triangle_tree.h"
 #include "meshfile/mesh_file.h"
 

@@ -15,7 +15,7 @@
 
 #include "base/core/error.h"
 #include "formats/points.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "mesh/mesh_patches.h"
 
 /* The properties that determine the indices of polygons, corners and vertices. */

@@ -7,7 +7,7 @@
 
 #include "attribute/lattice.h"
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "meshfile/mesh_file.h"
 #include "mesh/triangle_tree.h"
 

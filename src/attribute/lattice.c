@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 void lattice_place(const attribute_request *request, const double index_to_file[16], lattice *out)
 {

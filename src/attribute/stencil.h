@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 typedef enum stencil_kind {
     STENCIL_LINEAR,

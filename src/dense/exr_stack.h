@@ -7,7 +7,7 @@
 #define HEXAD_DENSE_EXR_STACK_H
 
 #include "dense/slices.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 typedef struct exr_stack_params {
     size_t count;

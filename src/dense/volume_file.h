@@ -6,7 +6,7 @@
 
 #include "dense/exr_stack.h"
 #include "dense/slices.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 typedef struct volume_file {
     int fd; /* open for reading; `fd`, `path` and `files` remain the caller's and must outlive the slices */

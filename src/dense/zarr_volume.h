@@ -9,7 +9,7 @@
 #define HEXAD_DENSE_ZARR_VOLUME_H
 
 #include "dense/slices.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 typedef struct zarr_request_volume {
     const slices_directory *directory; /* owned by the caller; must outlive the slices */

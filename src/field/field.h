@@ -15,9 +15,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "geometry/bbox.h"
-#include "geometry/sym3.h"
-#include "geometry/vec3.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/sym3.h"
+#include "geometry/space/vec3.h"
 
 typedef struct field field;
 struct field_patches; /* field/patches.h */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 /* Tolerance for equal planes: of unit normals, and of offsets in units of the solid's size. */
 static const double SAME_PLANE = 1e-9;

@@ -11,7 +11,7 @@
 #include <stddef.h>
 
 #include "base/core/isa.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* A value with its derivatives along the grid's axes, per cell. */
 typedef struct spline_jet {

@@ -1,7 +1,7 @@
 #include "formats/camera.h"
 
 #include "base/core/compare.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a long focal
  * length the sizes of discs are comparable across the picture. */

@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 typedef struct camera {
     vec3 origin;               /* a place near the set, world: differences from it lose no digits */

@@ -4,7 +4,7 @@
 #ifndef HEXAD_FORMATS_ORIENTATION_H
 #define HEXAD_FORMATS_ORIENTATION_H
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* `normal` is a unit vector, `twist` in radians. w >= 0. For a normal along -z the rotation is about +x. */
 void orientation_of_normal(vec3 normal, double twist, double out[4]);

@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* The kind of an attribute, which determines its name in formats and its transformation. */
 typedef enum point_attribute_kind {

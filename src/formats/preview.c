@@ -12,7 +12,7 @@
 #include "formats/disc.h"
 #include "formats/half.h"
 #include "formats/legend.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* Samples of one band of rows, which a thread draws at a time, within its cache. */
 enum { BAND_SAMPLES = 1 << 16 };

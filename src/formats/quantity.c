@@ -1,6 +1,6 @@
 #include "formats/quantity.h"
 
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* Title, type of scale, and smallest range that is significant. */
 typedef struct shown {

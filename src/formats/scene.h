@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* In points.usda the points are instances of a prototype. */
 typedef struct scene_instancer {

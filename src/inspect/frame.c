@@ -1,6 +1,6 @@
 #include "inspect/frame.h"
 
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "run/report.h"
 
 static void put_index(json *o, const char *key, const int64_t at[3])

@@ -4,7 +4,7 @@
 
 #include "base/core/memory.h"
 #include "field/patches.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "run/advice.h"
 #include "run/job.h"
 #include "source/plan.h"

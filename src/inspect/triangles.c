@@ -5,9 +5,9 @@
 #include "base/core/sets.h"
 #include "inspect/contents.h"
 #include "inspect/suggestion.h"
-#include "triangles/flat_triangles.h"
-#include "triangles/mesh.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/flat_triangles.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "meshfile/mesh_file.h"
 #include "run/report.h"
 

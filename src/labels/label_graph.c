@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh_edges.h"
 
 static const char what[] = "the neighbours of vertices between labels";
 

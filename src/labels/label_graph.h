@@ -7,7 +7,7 @@
 #define HEXAD_LABELS_LABEL_GRAPH_H
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct label_graph {
     /* vertex v has the neighbours neighbour[first[v]] .. neighbour[first[v + 1] - 1], neighbours along lines first */

@@ -6,7 +6,7 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
-#include "geometry/sym3.h"
+#include "geometry/space/sym3.h"
 
 static const char what[] = "the lines between labels";
 

@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
-#include "geometry/block_map.h"
+#include "geometry/space/affine.h"
+#include "geometry/space/block_map.h"
 #include "labels/label_smoothing.h"
 
 static const char what[] = "the interfaces of the labels";

@@ -13,7 +13,7 @@
 
 #include "base/core/threads.h"
 #include "labels/label_volume.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct label_mesh {
     mesh m; /* in world space */

@@ -12,7 +12,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct label_smoothing {
     /* in voxels: the amplitude of waves of this length is multiplied by 1/e; 0: no smoothing */

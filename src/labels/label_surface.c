@@ -9,7 +9,7 @@
 #include "labels/label_mesh.h"
 #include "labels/label_thinness.h"
 #include "mesh/mesh_surface.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 
 struct label_surface {
     label_volume labels; /* its voxels are gone once there are triangles */

@@ -8,8 +8,8 @@
 
 #include "base/core/memory.h"
 #include "base/core/precision.h"
-#include "geometry/affine.h"
-#include "geometry/block_map.h"
+#include "geometry/space/affine.h"
+#include "geometry/space/block_map.h"
 
 static const char what[] = "the labels of the volume";
 

@@ -7,8 +7,8 @@
 #include "base/core/sets.h"
 #include "field/patches.h"
 #include "field/projection.h"
-#include "geometry/morton.h"
-#include "geometry/triangle.h"
+#include "geometry/space/morton.h"
+#include "geometry/space/triangle.h"
 
 /* Items of a leaf; with 4 the nodes take twice the memory, and measuring takes as long. */
 enum { LEAF_ITEMS = 8, DEEPEST = 64 };

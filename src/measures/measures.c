@@ -10,7 +10,7 @@
 #include "measures/restricted_voronoi.h"
 #include "packing/energy.h"
 #include "packing/point_flags.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 
 /* Sides shorter than this, in spacings, are rounding at a corner where four cells meet. */
 static const double LEAST_SIDE = 1e-4;

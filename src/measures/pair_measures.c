@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "packing/energy.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "voronoi/partitions.h"
 #include "voronoi/resolution.h"
 #include "voronoi/voronoi.h"

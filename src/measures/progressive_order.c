@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/bbox.h"
-#include "geometry/point_tree.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/point_tree.h"
 #include "measures/sites.h"
 
 /* Points in a leaf of the tree, at most. With 8 a million points take a tenth longer. */

@@ -18,7 +18,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less
  * even in space. doc/measured/order.md has both. */

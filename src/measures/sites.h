@@ -11,8 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "geometry/cell_list.h"
-#include "geometry/vec3.h"
+#include "geometry/space/cell_list.h"
+#include "geometry/space/vec3.h"
 #include "voronoi/resolution.h"
 
 /* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above

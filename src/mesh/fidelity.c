@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 #include "mesh/triangle_tree.h"
 
 /* Samples of a triangle: one per area_per_point square voxels, at most most_points. */

@@ -15,7 +15,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "field/field.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct fidelity {
     double area;         /* of the mesh, world units squared */

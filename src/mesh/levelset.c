@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/bbox.h"
-#include "geometry/block_map.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/block_map.h"
 #include "mesh/mesh_repair.h"
 #include "mesh/triangle_groups.h"
 #include "mesh/winding_number.h"

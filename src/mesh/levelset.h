@@ -11,8 +11,8 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "vdb/vdb.h"
 
 typedef struct levelset_params {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "triangles/orientation.h"
+#include "geometry/mesh/orientation.h"
 
 static const char what[] = "the orientation of the mesh";
 

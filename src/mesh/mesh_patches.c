@@ -6,10 +6,10 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "triangles/coplanar.h"
-#include "triangles/flat_triangles.h"
-#include "triangles/mesh_edges.h"
-#include "triangles/orientation.h"
+#include "geometry/mesh/coplanar.h"
+#include "geometry/mesh/flat_triangles.h"
+#include "geometry/mesh/mesh_edges.h"
+#include "geometry/mesh/orientation.h"
 
 static const char what[] = "the patches of the mesh";
 

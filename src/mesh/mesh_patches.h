@@ -14,8 +14,8 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "field/patches.h"
-#include "triangles/mesh.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_edges.h"
 
 /* Value for feature_angle: mesh_patches_make decides. It uses MESH_PATCHES_ANGLE if the dihedral angles of the mesh
  * are those of a CAD model: few of them are near MESH_PATCHES_ANGLE, compared with the larger ones. Otherwise, as

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/triangle.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/space/triangle.h"
+#include "geometry/mesh/mesh_edges.h"
 
 static const char what[] = "the refined triangles of the mesh";
 

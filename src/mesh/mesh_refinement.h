@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 /* One round: halves each edge longer than `longest` once, if a vertex normal (unit) of an adjacent triangle differs
  * from the normal of the triangle. Several vertices may have the same position, one for each patch: an edge is

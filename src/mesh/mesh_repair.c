@@ -7,9 +7,9 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "geometry/bbox.h"
-#include "triangles/mesh_edges.h"
-#include "triangles/orientation.h"
+#include "geometry/space/bbox.h"
+#include "geometry/mesh/mesh_edges.h"
+#include "geometry/mesh/orientation.h"
 
 static const char what[] = "the edges of the mesh";
 

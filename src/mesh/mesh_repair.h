@@ -15,8 +15,8 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "mesh/winding_number.h"
 
 typedef struct mesh_solids {
@@ -33,7 +33,7 @@ typedef struct mesh_place {
     threads *pool;                /* or NULL; the result does not depend on it */
 } mesh_place;
 
-/* Splits triangles at open edges (see triangles/seams.h), orients them and sorts them by solid. Before the call,
+/* Splits triangles at open edges (see geometry/mesh/seams.h), orients them and sorts them by solid. Before the call,
  * equal vertices must have been joined (mesh_weld), and the coordinates must be in voxels and in the range of
  * winding_fix. Adds notes on what was repaired. *out is unchanged on failure. Errors: input_unsupported (the mesh is
  * not closed; with the numbers of boundary edges and holes, and the boxes of the largest holes), limit_memory,

@@ -6,11 +6,11 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
-#include "geometry/smooth_triangle.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/space/smooth_triangle.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "mesh/triangle_tree.h"
 #include "mesh/mesh_refinement.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 
 static const char what[] = "the surface of the mesh";
 

@@ -6,8 +6,8 @@
 
 #include "base/core/lanes.h"
 #include "base/core/memory.h"
-#include "geometry/block_map.h"
-#include "geometry/triangle.h"
+#include "geometry/space/block_map.h"
+#include "geometry/space/triangle.h"
 
 #define SIDE TRIANGLE_GROUPS_SIDE
 #define VOXELS TRIANGLE_GROUPS_VOXELS

@@ -13,8 +13,8 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/bbox.h"
-#include "triangles/mesh.h"
+#include "geometry/space/bbox.h"
+#include "geometry/mesh/mesh.h"
 
 #define TRIANGLE_GROUPS_SIDE 8     /* voxels along a side of a block */
 #define TRIANGLE_GROUPS_VOXELS 512 /* voxels of a block */

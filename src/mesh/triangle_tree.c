@@ -7,8 +7,8 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/box_tree.h"
-#include "geometry/triangle.h"
+#include "geometry/space/box_tree.h"
+#include "geometry/space/triangle.h"
 
 /* The box_tree of a mesh. */
 typedef struct lazy_tree {

@@ -1,4 +1,4 @@
-/* triangle_tree: the triangles of a mesh in a box_tree (geometry/box_tree.h, with its complexity), to find the
+/* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to find the
  * closest triangle and the intersections with a line. Immutable after construction. All searches: any thread, also
  * the first search of a lazy tree (it locks). Lengths are those of the mesh.
  */
@@ -6,8 +6,8 @@
 #define HEXAD_MESH_TRIANGLE_TREE_H
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
-#include "geometry/triangle.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/space/triangle.h"
 
 typedef struct triangle_tree triangle_tree;
 

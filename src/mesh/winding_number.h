@@ -18,7 +18,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 #define WINDING_BITS 16          /* fractional bits of the fixed point */
 #define WINDING_MOST_VOXELS 8192 /* along a side: products of two differences fit 64 bits */

@@ -6,7 +6,7 @@
 #include <stdio.h>
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 #include "meshfile/mesh_reader.h"
 
 typedef struct mesh_file {

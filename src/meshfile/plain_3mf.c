@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "meshfile/plain_mesh.h"
 #include "meshfile/xml_tags.h"
 #include "meshfile/zip_entry.h"

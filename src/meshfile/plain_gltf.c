@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "base/json/json.h"
 #include "meshfile/plain_mesh.h"
 

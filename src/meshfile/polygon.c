@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/precision.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 #define NONE UINT32_MAX
 
@@ -107,7 +107,7 @@ static vec3 polygon_normal(const double (*place)[3], const uint32_t *corner, siz
 
 /* ---- spikes */
 
-/* How far a corner may be from the line through two others if all three are rounded places of it (triangles/rounding.h). */
+/* How far a corner may be from the line through two others if all three are rounded places of it (geometry/mesh/rounding.h). */
 static double reach_of(const double (*place)[3], const uint32_t *corner, size_t count)
 {
     static const double of_double = 6 * 0x1p-53, of_float = 0x1p-24;

@@ -10,7 +10,7 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 #include "packing/neighbour_bins.h"
 
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */

@@ -16,7 +16,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* An assertion in inner loops, which would cost one or two per cent of a job: enabled in the sanitized build only. */
 #ifdef __SANITIZE_ADDRESS__

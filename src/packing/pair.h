@@ -14,7 +14,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "packing/energy.h"
 
 #define PAIR_LANES 8

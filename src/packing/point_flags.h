@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* Flags of a point. */
 enum {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/point_tree.h"
+#include "geometry/space/point_tree.h"
 
 static const char what[] = "the pieces of the mesh";
 

@@ -8,7 +8,7 @@
 #define HEXAD_REMESH_FINE_MESH_H
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct fine_mesh {
     mesh m;

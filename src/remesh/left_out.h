@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct left_out_input {
     const mesh *on;

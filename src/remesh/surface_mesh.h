@@ -12,7 +12,7 @@
 #define HEXAD_REMESH_SURFACE_MESH_H
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct surface_mesh_input {
     const mesh *m;

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "source/plan.h"
 
 /* Factor of the spacing that is tried if the required factor is unknown. */

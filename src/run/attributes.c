@@ -11,7 +11,7 @@
 #include "base/core/precision.h"
 #include "formats/column.h"
 #include "formats/property.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "run/instances.h"
 #include "store/inputs.h"
 

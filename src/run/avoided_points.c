@@ -5,8 +5,8 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "geometry/point_tree.h"
-#include "geometry/packing.h"
+#include "geometry/space/point_tree.h"
+#include "geometry/space/packing.h"
 #include "sizing/sizing_field.h"
 #include "solver/particles/random_streams.h"
 #include "source/plan.h"

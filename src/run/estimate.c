@@ -4,7 +4,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/memory.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "measures/measures.h"
 #include "run/advice.h"
 #include "run/cost_model.h"

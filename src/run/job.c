@@ -9,7 +9,7 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/sandbox.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "remesh/left_out.h"
 #include "remesh/surface_mesh.h"
 #include "run/cost_model.h"

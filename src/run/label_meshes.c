@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh_edges.h"
 
 static const char what[] = "the mesh of a label";
 

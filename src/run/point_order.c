@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/morton.h"
+#include "geometry/space/morton.h"
 #include "measures/progressive_order.h"
 
 static const char what[] = "the order of the points";

@@ -6,7 +6,7 @@
 #include "base/core/build_part.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "run/advice.h"
 #include "run/label_advice.h"
 #include "run/patch_report.h"

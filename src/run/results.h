@@ -10,7 +10,7 @@
 #include "formats/scene.h"
 #include "base/json/json.h"
 #include "labels/label_surface.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 #include "voronoi/triangulation.h"
 #include "solver/solver.h"
 #include "spec/spec.h"

@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 void surface_append_transform(const spec_surface *s, double m[3][4])
 {

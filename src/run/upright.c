@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* A base is the part of the surface within the fraction LOW of the height, whose normals point down with a cosine of at
  * least DOWN. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/point_tree.h"
+#include "geometry/space/point_tree.h"
 
 /* Maximum number of samples of a side of a curve. */
 static const double PARTS_MOST = 1e4;

@@ -6,7 +6,7 @@
 #define HEXAD_SIZING_ELEMENTS_H
 
 #include "base/core/error.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "sizing/cell_samples.h"
 #include "surface/surface.h"
 

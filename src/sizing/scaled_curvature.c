@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/sym3.h"
+#include "geometry/space/sym3.h"
 #include "packing/pair.h"
 #include "sizing/elements.h"
 

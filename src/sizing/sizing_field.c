@@ -6,8 +6,8 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
-#include "geometry/block_map.h"
-#include "geometry/packing.h"
+#include "geometry/space/block_map.h"
+#include "geometry/space/packing.h"
 #include "sizing/spacing_request.h"
 
 /* Edge of a cube of nodes: in cell sizes, so that every cube that the surface crosses contains samples; and in mean

@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "field/patches.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "sizing/feature_size.h"
 #include "sizing/scaled_curvature.h"
 

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/box_tree.h"
+#include "geometry/space/box_tree.h"
 #include "packing/neighbours.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 #include "solver/adaptation.h"

@@ -6,7 +6,7 @@
 
 #include "base/core/memory.h"
 #include "packing/energy.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/adaptation.h"
 #include "solver/level.h"
 #include "solver/passes/passes.h"

@@ -1,6 +1,6 @@
 /* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See solver_state.h. */
 #include "packing/energy.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/solver_state.h"
 
 /* (13) and (14), with curvature freed of scale by the surface's extent, and bounded. */

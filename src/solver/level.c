@@ -5,8 +5,8 @@
 
 #include "base/core/memory.h"
 #include "field/projection.h"
-#include "geometry/morton.h"
-#include "geometry/packing.h"
+#include "geometry/space/morton.h"
+#include "geometry/space/packing.h"
 #include "solver/passes/refine.h"
 #include "solver/level.h"
 #include "solver/start.h"

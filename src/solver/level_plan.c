@@ -8,7 +8,7 @@
 #include "base/core/compare.h"
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/refine.h"
 

@@ -30,7 +30,7 @@ typedef struct solver_params {
     /* With SOLVER_START_GIVEN, required: positions on the surface, nearly converged, and their unit normals. The solve has no coarse
      * levels and short steps only. The arrays, and given_patch
      * and given_place, are read by solver_new only.
-     * - Without patches they have `count` entries, in the order of a space-filling curve (geometry/morton). The particles keep this
+     * - Without patches they have `count` entries, in the order of a space-filling curve (geometry/space/morton). The particles keep this
      *   order, so that neighbours are near each other in memory.
      * - With patches they are those of all solver_patch_points of an earlier solve of the same surface, count and spacing: one entry
      *   for each patch of a point on a curve, thus more than `count`. */

@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "packing/energy.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/solver_state.h"
 
 relax *solver_new_relax(const solver *s, size_t capacity, error *e)

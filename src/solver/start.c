@@ -5,10 +5,10 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "geometry/point_tree.h"
+#include "geometry/space/point_tree.h"
 #include "solver/curves/boundary.h"
 #include "field/projection.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/particles/random_streams.h"
 
 /* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and there is no surface.

@@ -1,5 +1,5 @@
 /* support: search for the support for which the particles have the ideal energy (section 6.1, adaptation.h). */
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/adaptation.h"
 
 /* Minimum support within one set of lists over the current support. */

@@ -20,7 +20,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 typedef struct witkin_heckbert_params {
     double alpha; /* amplitude of the Gaussians: E_ij = alpha exp(-r^2 / (2 sigma_i^2)) */

@@ -7,7 +7,7 @@
 #include "base/core/memory.h"
 #include "field/projection.h"
 #include "packing/neighbours.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"
 #include "solver/solver_state.h"

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 /* Corners of a triangle that six planes have cut. */
 enum { MOST_CORNERS = 9 };

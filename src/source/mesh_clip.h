@@ -5,7 +5,7 @@
 #define HEXAD_SOURCE_MESH_CLIP_H
 
 #include "base/core/error.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 /* Applies `to_world` to the vertices. If the matrix mirrors, the triangles are reversed, so that their outside
  * remains the outside. */

@@ -10,10 +10,10 @@
 #include "mesh/fidelity.h"
 #include "mesh/mesh_orientation.h"
 #include "volume/resolution.h"
-#include "triangles/flat_triangles.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/flat_triangles.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "meshfile/mesh_file.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 
 /* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350 while the
  * result is measured; lists of over-dense particles are longer. */

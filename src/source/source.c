@@ -10,7 +10,7 @@
 #include "dense/coefficients.h"
 #include "dense/exr_stack.h"
 #include "dense/volume_file.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "source/creased_source.h"
 #include "source/label_source.h"
 #include "source/mesh_source.h"

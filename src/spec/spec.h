@@ -13,7 +13,7 @@
 #include <stdio.h>
 
 #include "base/core/error.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "base/json/json.h"
 #include "spec/spec_words.h"
 

@@ -8,9 +8,9 @@
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "field/patches.h"
-#include "geometry/affine.h"
-#include "geometry/block_map.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/affine.h"
+#include "geometry/space/block_map.h"
+#include "geometry/space/cell_list.h"
 
 static const char what[] = "the surface's parts"; /* that memory is for */
 

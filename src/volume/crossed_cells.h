@@ -14,7 +14,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "voxels/crossings.h"
 #include "voxels/samples.h"
 

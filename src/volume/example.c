@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "vdb/vdb.h"
 
 /* Half-width of the narrow band, voxels: the default of OpenVDB's tools. */

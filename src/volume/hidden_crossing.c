@@ -9,7 +9,7 @@
 #include "base/core/lanes.h"
 #include "base/core/memory.h"
 #include "field/field.h"
-#include "geometry/flood.h"
+#include "geometry/space/flood.h"
 #include "volume/coefficient_block.h"
 #include "voxels/grid_view.h"
 

@@ -15,7 +15,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "volume/crossed_cells.h"
 
 struct coefficient_blocks; /* volume/coefficient_block.h */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "vdb/vdb.h"
 #include "volume/grid_selection.h"
 #include "voxels/grid_view.h"

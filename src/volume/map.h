@@ -10,7 +10,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 typedef struct map map;
 

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#include "geometry/bbox.h"
-#include "geometry/packing.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/packing.h"
 
 /* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of the level
  * set. */

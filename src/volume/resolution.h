@@ -10,7 +10,7 @@
 
 #include <stddef.h>
 
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 typedef struct resolution_request {
     double voxel_size;   /* world units; 0: from the resolution */

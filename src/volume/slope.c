@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 #define SIDE VDB_LEAF_SIDE
 

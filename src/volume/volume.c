@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "mesh/levelset.h"
 #include "vdb/plain_vdb.h"
 #include "vdb/vdb.h"

@@ -19,8 +19,8 @@
 #include "dense/slices.h"
 #include "field/field.h"
 #include "mesh/fidelity.h"
-#include "triangles/mesh.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_edges.h"
 #include "mesh/mesh_faces.h"
 #include "volume/resolution.h"
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/isa.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 
 /* Distance from a crossed cell, in voxels, within which the spline determines the side of a point. */
 #define NEAR (VOLUME_FIELD_MARGIN - 1)

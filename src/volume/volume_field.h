@@ -5,7 +5,7 @@
 #define HEXAD_VOLUME_VOLUME_FIELD_H
 
 #include "field/spline.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "volume/coefficient_block.h"
 #include "volume/crossed_cells.h"
 #include "volume/hidden_crossing.h"

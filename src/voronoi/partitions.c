@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/bbox.h"
+#include "geometry/space/bbox.h"
 
 /* Maximum number of own points of a partition, and maximum number of partitions. */
 static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;

@@ -14,7 +14,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "packing/neighbours.h"
 
 /* The points. Arrays are owned by the caller and outlive the partitions. */

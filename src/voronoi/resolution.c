@@ -4,7 +4,7 @@
 #include <stdatomic.h>
 
 #include "packing/point_flags.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "voronoi/partitions.h"
 #include "voronoi/voronoi.h"
 

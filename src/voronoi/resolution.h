@@ -19,8 +19,8 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/bbox.h"
-#include "geometry/vec3.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/vec3.h"
 
 /* Limits of an unresolved pair, see above: the cosine of the normals, the distance and the distance from a tangent plane in spacings. */
 #define RESOLUTION_OPPOSITE -0.4

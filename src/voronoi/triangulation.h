@@ -19,8 +19,8 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/bbox.h"
-#include "geometry/vec3.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/vec3.h"
 
 /* All arrays are owned by the caller. */
 typedef struct triangulation_input {

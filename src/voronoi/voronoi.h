@@ -13,7 +13,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 #include "packing/neighbours.h"
 
 /* The points; arrays are owned by the caller. */

@@ -16,7 +16,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "vdb/vdb.h"
 
 #define GRID_VIEW_SIDE 8

@@ -11,7 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "voxels/crossings.h"
 
 enum { REACH_MOST = 15 };

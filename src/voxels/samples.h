@@ -13,7 +13,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "voxels/crossings.h"
 #include "voxels/grid_view.h"
 

@@ -8,7 +8,7 @@
 
 #include "measured_scene.h"
 
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "packing/point_flags.h"
 
 enum { MOST_NORMALS = 16 };

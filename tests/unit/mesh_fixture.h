@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "base/core/threads.h"
-#include "triangles/mesh.h"
+#include "geometry/mesh/mesh.h"
 
 /* A pool of two workers that exists until the program ends. */
 threads *mesh_fixture_pool(void);

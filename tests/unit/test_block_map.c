@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "base/core/rng.h"
-#include "geometry/block_map.h"
+#include "geometry/space/block_map.h"
 #include "shapes.h"
 
 enum { COUNT = 20000, LOOKS = 100000 };

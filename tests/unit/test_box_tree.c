@@ -8,7 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "geometry/box_tree.h"
+#include "geometry/space/box_tree.h"
 #include "shapes.h"
 
 enum { COUNT = 4000, PLACES = 500 };

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 
 static void the_nearest_is_found(void **state)
 {

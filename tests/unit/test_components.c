@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "geometry/affine.h"
+#include "geometry/space/affine.h"
 #include "solver/solver.h"
 #include "surface/components.h"
 

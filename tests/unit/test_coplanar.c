@@ -11,8 +11,8 @@
 #include "base/core/memory.h"
 #include "base/core/rng.h"
 #include "mesh_fixture.h"
-#include "triangles/coplanar.h"
-#include "triangles/flat_triangles.h"
+#include "geometry/mesh/coplanar.h"
+#include "geometry/mesh/flat_triangles.h"
 
 enum { SEED = 20261127 };
 

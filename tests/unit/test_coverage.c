@@ -9,7 +9,7 @@
 
 #include "base/core/rng.h"
 #include "close.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "shapes.h"
 #include "solver/particles/coverage.h"
 

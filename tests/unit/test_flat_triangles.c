@@ -13,10 +13,10 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
-#include "triangles/flat_triangles.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/flat_triangles.h"
+#include "geometry/mesh/mesh_edges.h"
 
 enum { SEED = 20261127 };
 

@@ -11,7 +11,7 @@
 #include "base/core/memory.h"
 #include "field/projection.h"
 #include "close.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/level_plan.h"
 #include "solver/solver.h"
 #include "sequence/frame_transfer.h"

@@ -15,7 +15,7 @@
 #include "mesh/levelset.h"
 #include "mesh/mesh_repair.h"
 #include "volume/resolution.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh/winding_number.h"
 #include "volume_fixture.h"
 

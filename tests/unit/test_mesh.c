@@ -19,11 +19,11 @@
 #include "base/core/memory.h"
 #include "mesh/fidelity.h"
 #include "mesh/mesh_faces.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_file.h"
 #include "meshfile/mesh_reader.h"
-#include "triangles/flat_triangles.h"
+#include "geometry/mesh/flat_triangles.h"
 #include "volume_fixture.h"
 
 enum { SEED = 20260721, FAKES = 14 };

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "mesh_fixture.h"
-#include "triangles/mesh_edges.h"
+#include "geometry/mesh/mesh_edges.h"
 
 static vec3 flat(double u, double v)
 {

@@ -11,7 +11,7 @@
 
 #include "mesh/mesh_refinement.h"
 #include "mesh/mesh_surface.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "sizing/elements.h"
 #include "sizing/feature_size.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "geometry/morton.h"
+#include "geometry/space/morton.h"
 #include "shapes.h"
 
 enum { SIDE = 16, COUNT = SIDE * SIDE * SIDE };

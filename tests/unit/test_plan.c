@@ -9,7 +9,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "source/plan.h"
 
 static const double AREA = 12.5;

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "geometry/point_tree.h"
+#include "geometry/space/point_tree.h"
 
 static void the_nearest_is_found(void **state)
 {

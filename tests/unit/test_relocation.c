@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "shapes.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 #include "solver/particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };

@@ -12,7 +12,7 @@
 
 #include "close.h"
 #include "packing/energy.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "shapes.h"
 #include "solve_fixture.h"
 

@@ -14,7 +14,7 @@
 
 #include "base/core/memory.h"
 #include "close.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "meshfile/mesh_reader.h"
 #include "source/mesh_projection.h"

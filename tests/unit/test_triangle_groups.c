@@ -9,7 +9,7 @@
 #include <math.h>
 
 #include "base/core/rng.h"
-#include "geometry/triangle.h"
+#include "geometry/space/triangle.h"
 #include "mesh/triangle_groups.h"
 #include "mesh_fixture.h"
 #include "shapes.h"

@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "geometry/box_tree.h"
+#include "geometry/space/box_tree.h"
 #include "voronoi/resolution.h"
 
 /* The object that messages about memory name. */

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "geometry/cell_list.h"
-#include "geometry/packing.h"
+#include "geometry/space/cell_list.h"
+#include "geometry/space/packing.h"
 #include "solver/particles/population.h"
 
 /* Fixed-point iterations for the spacing: curve samples cover area, so that h grows and the samples become fewer. */

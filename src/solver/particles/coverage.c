@@ -6,7 +6,7 @@
 #include "base/core/memory.h"
 #include "field/patches.h"
 #include "field/projection.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 
 /* "Cell" in this file: a grid cell of the surface. */
 

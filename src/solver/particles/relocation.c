@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 
 /* The object that messages about memory name. */
 static const char *const WHAT = "the relocation of points";

@@ -16,7 +16,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "geometry/vec3.h"
+#include "geometry/space/vec3.h"
 
 /* Distances in spacings. In an ideal packing, points are at least 0.8 apart, and every place is within 0.58 of a point. */
 #define RELOCATION_DENSE 0.72

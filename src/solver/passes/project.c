@@ -4,7 +4,7 @@
 
 #include "base/core/memory.h"
 #include "field/projection.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"
 

@@ -4,7 +4,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "solver/passes/relax_internal.h"
 
 /* Minimum number of neighbours within the support for a meaningful Newton step. With fewer the Hessian is nearly singular. */

@@ -14,7 +14,7 @@
 
 #include "base/core/memory.h"
 #include "packing/neighbours.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "voronoi/voronoi.h"
 #include "solver/passes/repair_region.h"
 

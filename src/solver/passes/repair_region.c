@@ -6,7 +6,7 @@
 #include "field/projection.h"
 #include "packing/energy.h"
 #include "packing/neighbours.h"
-#include "geometry/packing.h"
+#include "geometry/space/packing.h"
 #include "voronoi/voronoi.h"
 
 /* Maximum number of sweeps of a trial; it ends earlier if all members have converged. */

@@ -8,7 +8,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "geometry/cell_list.h"
+#include "geometry/space/cell_list.h"
 #include "solver/passes/passes.h"
 #include "voronoi/resolution.h"
 

@@ -1,0 +1,697 @@
+#include "geometry/mesh/coplanar.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "base/core/sets.h"
+#include "geometry/mesh/contacts.h"
+#include "geometry/mesh/linked_mesh.h"
+
+static const char what[] = "the coplanar faces of the mesh";
+
+/* An oblique direction: parts of different planes seldom have the same distance from the origin and the same slope along it. */
+static const vec3 oblique = {0.5377, 0.3183, 0.7809};
+
+/* Triangles of one plane that are connected by sides, and the range of a number that is one for all parts of the plane. */
+typedef struct part {
+    double low, high, height; /* height: of its highest triangle */
+    bbox box;
+    uint32_t first, count; /* in the list of triangles by part */
+} part;
+
+typedef struct cutting {
+    linked_mesh l;
+    const mesh *m;
+    const rounding *r;
+    uint32_t *part_of; /* of each triangle: the root of its set, which is the part's number */
+    part *parts;
+    size_t part_count;
+    uint32_t *by_part;
+    uint32_t (*pairs)[2]; /* of triangles that may overlap; a stack */
+    size_t pair_count, pair_room;
+    uint32_t (*children)
+        [2]; /* of each triangle that was cut: the first of what came of it, and how many; 0: it was not cut */
+    size_t children_room, children_count;
+    size_t part_room;
+    vec3 *normal; /* of each part, by its number */
+    bool *
+        turned; /* of each triangle: it looks against that, or came of one that does. Thin ones may be turned over by rounding */
+    size_t turned_room;
+    uint32_t (*meetings)[2]; /* pairs of triangles, each in the part of the other */
+    size_t meeting_count, meeting_room;
+    bool unfinished;
+} cutting;
+
+/* ---- planes */
+
+typedef struct plane {
+    vec3 at, normal; /* unit */
+    double height;   /* of the triangle over its longest side */
+} plane;
+
+static void corners_of(const mesh *m, uint32_t t, vec3 corner[3])
+{
+    for (int k = 0; k < 3; k++) corner[k] = m->vertex[m->triangle[t][k]];
+}
+
+static plane plane_of(const vec3 corner[3])
+{
+    double longest2 = 0;
+    for (int k = 0; k < 3; k++)
+        longest2 = fmax(longest2, vec3_norm2(vec3_sub(corner[(k + 1) % 3], corner[k])));
+    const vec3 across = vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
+    return (plane){corner[0], vec3_unit(across), longest2 > 0 ? vec3_norm(across) / sqrt(longest2) : 0};
+}
+
+static double reach_of(const cutting *c, const vec3 a[3], const vec3 b[3])
+{
+    return fmax(rounding_reach(c->r, a), rounding_reach(c->r, b));
+}
+
+/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding error at
+ * the corners of a; it increases beyond them. */
+static bool lies_in(const plane *a, const vec3 b[3], double reach)
+{
+    for (int k = 0; k < 3; k++) {
+        const vec3 off = vec3_sub(b[k], a->at);
+        if (!(fabs(vec3_dot(off, a->normal)) <= reach * (1 + vec3_norm(off) / a->height))) return false;
+    }
+    return true;
+}
+
+static bool is_one_plane(const cutting *c, const vec3 a[3], const vec3 b[3])
+{
+    const plane of_a = plane_of(a), of_b = plane_of(b);
+    const double reach = reach_of(c, a, b);
+    const bool first = of_a.height >= of_b.height;
+    return (first ? of_a : of_b).height > reach && lies_in(first ? &of_a : &of_b, first ? b : a, reach);
+}
+
+/* ---- parts of planes */
+
+/* Whether the triangles beyond both sides of an edge from v lie on one side of it. */
+static bool is_folded(const cutting *c, uint32_t v, const mesh_side *s)
+{
+    const vec3 at = c->m->vertex[v], way = vec3_sub(c->m->vertex[s->other], at);
+    vec3 off[2];
+    for (int k = 0; k < 2; k++) {
+        const uint32_t *t = c->m->triangle[s[k].triangle];
+        const uint32_t beyond = t[0] + t[1] + t[2] - v - s->other;
+        off[k] = vec3_sub(c->m->vertex[beyond], at);
+        off[k] = vec3_axpy(-vec3_dot(off[k], way) / vec3_norm2(way), way, off[k]);
+    }
+    return vec3_dot(off[0], off[1]) > 0;
+}
+
+static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
+{
+    c->part_of = mem_array(c->m->triangle_count, sizeof *c->part_of, what, e);
+    if (!c->part_of) return false;
+    sets_reset(c->part_of, c->m->triangle_count);
+    for (uint32_t v = 0; v < edges->vertex_count; v++)
+        for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
+            const mesh_side *s = edges->sides + k;
+            vec3 a[3], b[3];
+            n = mesh_edges_width(edges, v, k);
+            if (n != 2) continue;
+            corners_of(c->m, s[0].triangle, a);
+            corners_of(c->m, s[1].triangle, b);
+            if (is_one_plane(c, a, b) && !is_folded(c, v, s))
+                sets_join(c->part_of, s[0].triangle, s[1].triangle);
+        }
+    for (uint32_t t = 0; t < c->m->triangle_count; t++) c->part_of[t] = sets_root(c->part_of, t);
+    return true;
+}
+
+/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope along the
+ * oblique direction. It is uncertain by the rounding over the triangle's height. */
+static void widen(const cutting *c, double scale, uint32_t t, part *p)
+{
+    vec3 corner[3];
+    corners_of(c->m, t, corner);
+    const double reach = rounding_reach(c->r, corner);
+    for (int k = 0; k < 3; k++) p->box = bbox_unite(p->box, bbox_grow((bbox){corner[k], corner[k]}, reach));
+    const plane f = plane_of(corner);
+    if (!(f.height > p->height)) return;
+    const double slope = vec3_dot(f.normal, oblique), number = fabs(vec3_dot(f.at, f.normal) / scale + slope),
+                 error_of = 8 * reach / f.height;
+    p->height = f.height;
+    c->normal[c->part_of[t]] = f.normal;
+    p->low = number - error_of;
+    p->high = number + error_of;
+}
+
+static int by_low(const void *left, const void *right)
+{
+    const part *a = left, *b = right;
+    if (a->low != b->low) return a->low < b->low ? -1 : 1;
+    return (a->first > b->first) - (a->first < b->first);
+}
+
+static bool list_parts(cutting *c, error *e)
+{
+    const size_t all = c->m->triangle_count;
+    uint32_t *number = mem_array(all, sizeof *number, what, e);
+    const bbox box = mesh_box(c->m, NULL);
+    const double scale = bbox_longest(bbox_include(box, (vec3){0, 0, 0}));
+    c->parts = mem_array(all, sizeof *c->parts, what, e);
+    c->normal = mem_array(all, sizeof *c->normal, what, e);
+    c->by_part = mem_array(all, sizeof *c->by_part, what, e);
+    const bool ok = number && c->parts && c->by_part && c->normal;
+    if (ok) {
+        for (uint32_t t = 0; t < all; t++)
+            if (c->part_of[t] == t) number[t] = (uint32_t)c->part_count++;
+        for (size_t k = 0; k < c->part_count; k++) c->parts[k].box = bbox_empty();
+        for (uint32_t t = 0; t < all; t++) c->parts[number[c->part_of[t]]].count++;
+        for (size_t k = 1; k < c->part_count; k++)
+            c->parts[k].first = c->parts[k - 1].first + c->parts[k - 1].count;
+        for (size_t k = 0; k < c->part_count; k++) c->parts[k].count = 0;
+        for (uint32_t t = 0; t < all; t++) {
+            part *p = &c->parts[number[c->part_of[t]]];
+            c->by_part[p->first + p->count++] = t;
+            widen(c, scale, t, p);
+        }
+        qsort(c->parts, c->part_count, sizeof *c->parts, by_low);
+    }
+    free(number);
+    return ok;
+}
+
+/* ---- pairs of triangles */
+
+/* How far triangle b begins beyond a side of a, in the plane; below 0: it is on this side of all. */
+static double gap_beyond(const vec3 a[3], vec3 normal, const vec3 b[3])
+{
+    double most = -INFINITY;
+    const bool turned = vec3_dot(vec3_cross(vec3_sub(a[1], a[0]), vec3_sub(a[2], a[0])), normal) < 0;
+    for (int k = 0; k < 3; k++) {
+        const vec3 side = vec3_sub(a[(k + 1) % 3], a[k]),
+                   out = vec3_scale(vec3_unit(vec3_cross(side, normal)), turned ? -1 : 1);
+        double least = INFINITY;
+        for (int i = 0; i < 3; i++) least = fmin(least, vec3_dot(vec3_sub(b[i], a[k]), out));
+        most = fmax(most, least);
+    }
+    return most;
+}
+
+/* Whether triangles of one plane overlap by more than rounding. */
+static bool overlap(const cutting *c, uint32_t s, uint32_t t)
+{
+    const vec3 normal = c->normal[c->part_of[s]];
+    vec3 a[3], b[3];
+    corners_of(c->l.m, s, a);
+    corners_of(c->l.m, t, b);
+    const double most = -COPLANAR_THIN * reach_of(c, a, b);
+    return gap_beyond(a, normal, b) < most && gap_beyond(b, normal, a) < most;
+}
+
+/* Planes of the input triangles; pieces cut off from them stay in their planes. */
+static bool overlap_in_plane(const cutting *c, uint32_t s, uint32_t t)
+{
+    vec3 a[3], b[3];
+    corners_of(c->m, s, a);
+    corners_of(c->m, t, b);
+    return is_one_plane(c, a, b) && overlap(c, s, t);
+}
+
+static bool push_pair(cutting *c, uint32_t s, uint32_t t, error *e)
+{
+    uint32_t(*pairs)[2] = mem_grow(c->pairs, c->pair_count, &c->pair_room, sizeof *pairs, what, e);
+    if (!pairs) return false;
+    c->pairs = pairs;
+    pairs[c->pair_count][0] = s;
+    pairs[c->pair_count++][1] = t;
+    return true;
+}
+
+static bbox box_of(const cutting *c, uint32_t t)
+{
+    vec3 corner[3];
+    corners_of(c->m, t, corner);
+    const bbox tight =
+        bbox_include(bbox_include(bbox_include(bbox_empty(), corner[0]), corner[1]), corner[2]);
+    return bbox_grow(tight, rounding_reach(c->r, corner));
+}
+
+typedef struct boxed {
+    bbox box;
+    uint32_t triangle;
+} boxed;
+
+static int by_left(const void *left, const void *right)
+{
+    const boxed *a = left, *b = right;
+    if (a->box.min.x != b->box.min.x) return a->box.min.x < b->box.min.x ? -1 : 1;
+    return (a->triangle > b->triangle) - (a->triangle < b->triangle);
+}
+
+/* Those of a part that reach into a box, from left to right. */
+static size_t list_within(const cutting *c, const part *p, bbox box, boxed *out)
+{
+    size_t count = 0;
+    for (uint32_t k = 0; k < p->count; k++) {
+        const uint32_t t = c->by_part[p->first + k];
+        const bbox own = box_of(c, t);
+        if (bbox_overlap(own, box)) out[count++] = (boxed){own, t};
+    }
+    qsort(out, count, sizeof *out, by_left);
+    return count;
+}
+
+static bool pair_parts(cutting *c, const part *a, const part *b, error *e)
+{
+    boxed *of_a = mem_array(a->count, sizeof *of_a, what, e);
+    boxed *of_b = of_a ? mem_array(b->count, sizeof *of_b, what, e) : NULL;
+    bool ok = of_b;
+    if (ok) {
+        const size_t count_a = list_within(c, a, b->box, of_a), count_b = list_within(c, b, a->box, of_b);
+        double widest = 0;
+        for (size_t k = 0; k < count_b; k++) widest = fmax(widest, of_b[k].box.max.x - of_b[k].box.min.x);
+        for (size_t i = 0, first = 0; ok && i < count_a; i++) {
+            while (first < count_b && of_b[first].box.min.x < of_a[i].box.min.x - widest) first++;
+            for (size_t j = first; ok && j < count_b && of_b[j].box.min.x <= of_a[i].box.max.x; j++)
+                if (bbox_overlap(of_a[i].box, of_b[j].box) &&
+                    overlap_in_plane(c, of_a[i].triangle, of_b[j].triangle))
+                    ok = push_pair(c, of_a[i].triangle, of_b[j].triangle, e);
+        }
+    }
+    free(of_a);
+    free(of_b);
+    return ok;
+}
+
+static bool find_pairs(cutting *c, error *e)
+{
+    for (size_t i = 0; i < c->part_count; i++)
+        for (size_t j = i + 1; j < c->part_count && c->parts[j].low <= c->parts[i].high; j++)
+            if (bbox_overlap(c->parts[i].box, c->parts[j].box) &&
+                !pair_parts(c, &c->parts[i], &c->parts[j], e))
+                return false;
+    return true;
+}
+
+/* ---- cutting */
+
+/* Tables of children and of parts, as long as the list of triangles. */
+static bool extend_tables(cutting *c, error *e)
+{
+    for (; c->children_count < c->l.m->triangle_count; c->children_count++) {
+        const size_t n = c->children_count;
+        uint32_t(*children)[2] = mem_grow(c->children, n, &c->children_room, sizeof *children, what, e);
+        if (!children) return false;
+        c->children = children;
+        uint32_t *part_of = mem_grow(c->part_of, n, &c->part_room, sizeof *part_of, what, e);
+        if (!part_of) return false;
+        c->part_of = part_of;
+        bool *turned = mem_grow(c->turned, n, &c->turned_room, sizeof *turned, what, e);
+        if (!turned) return false;
+        c->turned = turned;
+        c->children[n][0] = c->children[n][1] = 0;
+    }
+    return true;
+}
+
+static bool note_children(cutting *c, uint32_t t, uint32_t first, uint32_t count, error *e)
+{
+    if (!extend_tables(c, e)) return false;
+    c->children[t][0] = first;
+    c->children[t][1] = count;
+    for (uint32_t k = 0; k < count; k++) {
+        c->part_of[first + k] = c->part_of[t];
+        c->turned[first + k] = c->turned[t];
+    }
+    return true;
+}
+
+/* All triangles at the side from a to b are cut at v. */
+static bool cut_side(cutting *c, uint32_t a, uint32_t b, uint32_t v, error *e)
+{
+    for (uint32_t k = c->l.head[a], next; k != LINKED_MESH_NONE; k = next) {
+        const uint32_t t = k / 3;
+        uint32_t corner[3], first, second;
+        next = c->l.next[k];
+        memcpy(corner, c->l.m->triangle[t], sizeof corner);
+        const int of_a = linked_mesh_corner(corner, a), of_b = linked_mesh_corner(corner, b);
+        if (of_b < 0) continue;
+        linked_mesh_drop(&c->l, t);
+        if (linked_mesh_corner(corner, v) >= 0) continue; /* no area is left */
+        corner[of_b] = v;
+        if (!linked_mesh_add(&c->l, corner, &first, e)) return false;
+        corner[of_b] = b;
+        corner[of_a] = v;
+        if (!linked_mesh_add(&c->l, corner, &second, e) || !note_children(c, t, first, 2, e)) return false;
+    }
+    return true;
+}
+
+static bool cut_face(cutting *c, uint32_t t, uint32_t v, error *e)
+{
+    uint32_t whole[3], added[3];
+    memcpy(whole, c->l.m->triangle[t], sizeof whole);
+    linked_mesh_drop(&c->l, t);
+    for (int k = 0; k < 3; k++) {
+        const uint32_t corner[3] = {whole[k], whole[(k + 1) % 3], v};
+        if (!linked_mesh_add(&c->l, corner, &added[k], e)) return false;
+    }
+    return note_children(c, t, added[0], 3, e);
+}
+
+/* Vertex `from` becomes vertex `to`, which is at the same place to within rounding. */
+static void join(cutting *c, uint32_t to, uint32_t from)
+{
+    while (c->l.head[from] != LINKED_MESH_NONE) {
+        const uint32_t k = c->l.head[from];
+        if (linked_mesh_corner(c->l.m->triangle[k / 3], to) >= 0)
+            linked_mesh_drop(&c->l, k / 3);
+        else
+            linked_mesh_move(&c->l, k, to);
+    }
+}
+
+static double distance_from_side(vec3 a, vec3 b, vec3 x)
+{
+    const vec3 way = vec3_sub(b, a), off = vec3_sub(x, a);
+    const double at = fmax(0, fmin(1, vec3_dot(off, way) / vec3_norm2(way)));
+    return vec3_norm(vec3_axpy(-at, way, off));
+}
+
+/* Whether a part, by its number, ends at the side from a to b of one of its triangles. */
+static bool is_outline(const cutting *c, uint32_t a, uint32_t b, uint32_t number)
+{
+    int count = 0;
+    for (uint32_t k = c->l.head[a]; k != LINKED_MESH_NONE; k = c->l.next[k])
+        count += c->part_of[k / 3] == number && linked_mesh_corner(c->l.m->triangle[k / 3], b) >= 0;
+    return count == 1;
+}
+
+/* Whether the side of triangle t that begins at corner k is on the outline of its part. */
+static bool ends_at(const cutting *c, uint32_t t, int k)
+{
+    const uint32_t *corner = c->l.m->triangle[t];
+    return is_outline(c, corner[k % 3], corner[(k + 1) % 3], c->part_of[t]);
+}
+
+typedef enum step { STEP_NONE, STEP_DONE, STEP_FAILED } step;
+
+static step outcome(bool ok)
+{
+    return ok ? STEP_DONE : STEP_FAILED;
+}
+
+/* Twice the area of a triangle, seen along the normal. */
+static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
+{
+    return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
+}
+
+/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the
+ * shares of the side. Else x is within rounding of another side, too, and the parts could be cut back into the triangle,
+ * without end. */
+static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
+{
+    const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
+    const double half = 0.5 * turn(normal, a, b, top) / vec3_norm(vec3_sub(b, a));
+    return turn(normal, a, x, top) / half >= vec3_norm(vec3_sub(x, a)) &&
+           turn(normal, x, b, top) / half >= vec3_norm(vec3_sub(b, x));
+}
+
+/* A corner of s on the outline of its part, in t; or any corner of s on the outline of the part of t. */
+static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error *e)
+{
+    for (int k = 0; k < 3; k++) {
+        const uint32_t v = c->l.m->triangle[s][k], *corner = c->l.m->triangle[t];
+        const vec3 x = c->l.m->vertex[v];
+        vec3 place[3];
+        if (linked_mesh_corner(corner, v) >= 0) continue;
+        corners_of(c->l.m, t, place);
+        for (int i = 0; i < 3; i++)
+            if (vec3_norm(vec3_sub(place[i], x)) <= COPLANAR_THIN * reach) {
+                join(c, corner[i], v);
+                return STEP_DONE;
+            }
+        const bool at_end = ends_at(c, s, k) || ends_at(c, s, k + 2);
+        for (int i = 0; i < 3; i++)
+            if (distance_from_side(place[i], place[(i + 1) % 3], x) <= reach &&
+                (at_end || ends_at(c, t, i)) && is_cut_by(c->normal[c->part_of[t]], place, i, x))
+                return outcome(cut_side(c, corner[i], corner[(i + 1) % 3], v, e));
+        const vec3 one[3] = {x, x, x};
+        if (at_end && gap_beyond(place, c->normal[c->part_of[t]], one) < -reach)
+            return outcome(cut_face(c, t, v, e));
+    }
+    return STEP_NONE;
+}
+
+/* A side of s that crosses one of t, where a part ends at one of them. */
+static step cross_sides(cutting *c, uint32_t s, uint32_t t, double reach, error *e)
+{
+    const vec3 normal = c->normal[c->part_of[s]];
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            const uint32_t a = c->l.m->triangle[s][i], b = c->l.m->triangle[s][(i + 1) % 3],
+                           d = c->l.m->triangle[t][k], f = c->l.m->triangle[t][(k + 1) % 3];
+            if (a == d || a == f || b == d || b == f) continue;
+            const vec3 *v = c->l.m->vertex;
+            const double of_a = turn(normal, v[d], v[f], v[a]), of_b = turn(normal, v[d], v[f], v[b]),
+                         of_d = turn(normal, v[a], v[b], v[d]), of_f = turn(normal, v[a], v[b], v[f]);
+            const double near_df = reach * vec3_norm(vec3_sub(v[f], v[d])),
+                         near_ab = reach * vec3_norm(vec3_sub(v[b], v[a]));
+            /* ends that are on the other side have been met as corners */
+            if (!(of_a * of_b < 0 && of_d * of_f < 0) || fmin(fabs(of_a), fabs(of_b)) <= near_df ||
+                fmin(fabs(of_d), fabs(of_f)) <= near_ab || !(ends_at(c, s, i) || ends_at(c, t, k)))
+                continue;
+            uint32_t x;
+            const vec3 place = vec3_axpy(of_a / (of_a - of_b), vec3_sub(v[b], v[a]), v[a]);
+            return outcome(linked_mesh_add_vertex(&c->l, place, &x, e) && cut_side(c, a, b, x, e) &&
+                           cut_side(c, d, f, x, e));
+        }
+    return STEP_NONE;
+}
+
+/* Pushes all pairs of a piece of triangle s and a piece of triangle t. */
+static bool push_children(cutting *c, uint32_t s, uint32_t t, error *e)
+{
+    const uint32_t alone_s[2] = {s, 1}, alone_t[2] = {t, 1}, *of_s = c->l.dead[s] ? c->children[s] : alone_s,
+                   *of_t = c->l.dead[t] ? c->children[t] : alone_t;
+    const uint32_t first_s = of_s[0], end_s = of_s[0] + of_s[1], first_t = of_t[0], end_t = of_t[0] + of_t[1];
+    for (uint32_t i = first_s; i < end_s; i++)
+        for (uint32_t k = first_t; k < end_t; k++)
+            if (!push_pair(c, i, k, e)) return false;
+    return true;
+}
+
+static bool note_meeting(cutting *c, uint32_t s, uint32_t t, error *e)
+{
+    uint32_t(*meetings)[2] =
+        mem_grow(c->meetings, c->meeting_count, &c->meeting_room, sizeof *meetings, what, e);
+    if (!meetings) return false;
+    c->meetings = meetings;
+    meetings[c->meeting_count][0] = s;
+    meetings[c->meeting_count++][1] = t;
+    return true;
+}
+
+/* Makes one cut of a pair and puts the remaining pairs back on the stack. A pair that no outline crosses coincides. */
+static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
+{
+    if (c->l.dead[s] || c->l.dead[t]) return push_children(c, s, t, e);
+    if (!overlap(c, s, t)) return true;
+    vec3 a[3], b[3];
+    corners_of(c->l.m, s, a);
+    corners_of(c->l.m, t, b);
+    const double reach = reach_of(c, a, b);
+    step did = meet_corner(c, s, t, reach, e);
+    if (did == STEP_NONE) did = meet_corner(c, t, s, reach, e);
+    if (did == STEP_NONE) did = cross_sides(c, s, t, reach, e);
+    if (did == STEP_NONE) return note_meeting(c, s, t, e);
+    return did == STEP_DONE && push_pair(c, s, t, e);
+}
+
+/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding causes cycles;
+ * an assembly whose parts touch over many small triangles takes 70 steps per pair. */
+static bool treat_pairs(cutting *c, error *e)
+{
+    size_t most = ((size_t)1 << 16) + 256 * c->pair_count;
+    while (c->pair_count > 0) {
+        while (c->pair_count > 0 && most > 0) {
+            const uint32_t *pair = c->pairs[--c->pair_count];
+            most--;
+            if (!treat_pair(c, pair[0], pair[1], e)) return false;
+        }
+        c->unfinished |= c->pair_count > 0;
+        c->pair_count = 0;
+        const size_t met = c->meeting_count;
+        c->meeting_count = 0;
+        for (size_t k = 0; k < met; k++) {
+            const uint32_t s = c->meetings[k][0], t = c->meetings[k][1];
+            if (c->l.dead[s] || c->l.dead[t]) {
+                if (!push_children(c, s, t, e)) return false;
+            } else {
+                c->meetings[c->meeting_count][0] = s;
+                c->meetings[c->meeting_count++][1] = t;
+            }
+        }
+    }
+    return true;
+}
+
+/* ---- what stays of an overlap */
+
+/* A triangle lies in another part; `turned`: that one looks the other way. */
+typedef struct cover {
+    uint32_t triangle, part;
+    bool turned;
+} cover;
+
+static int by_triangle(const void *left, const void *right)
+{
+    const cover *a = left, *b = right;
+    if (a->triangle != b->triangle) return a->triangle < b->triangle ? -1 : 1;
+    return (a->part > b->part) - (a->part < b->part);
+}
+
+static vec3 across(const mesh *m, uint32_t t)
+{
+    vec3 corner[3];
+    corners_of(m, t, corner);
+    return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
+}
+
+/* The covers of a triangle. All triangles that lie in one place have the same parts. */
+typedef struct place {
+    uint32_t triangle, same, turned; /* the first part that looks the way of the triangle, or the other one */
+    int balance;                     /* how many more parts look the way of the triangle */
+    unsigned char face;              /* contacts.h */
+} place;
+
+static place place_of(const cutting *c, const cover *own, size_t count)
+{
+    place p = {own->triangle, c->part_of[own->triangle], UINT32_MAX, 1, CONTACTS_REMAINS};
+    for (size_t k = 0; k < count; k++) {
+        p.balance += own[k].turned ? -1 : 1;
+        uint32_t *first = own[k].turned ? &p.turned : &p.same;
+        if (own[k].part < *first) *first = own[k].part;
+    }
+    return p;
+}
+
+/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority, or of the
+ * first part if orientations are arbitrary. */
+static bool is_first(const cutting *c, const place *p, bool oriented)
+{
+    const uint32_t own = c->part_of[p->triangle];
+    if (oriented && p->balance != 0) return p->balance > 0 && own == p->same;
+    return own == (p->same < p->turned ? p->same : p->turned);
+}
+
+/* Covers of which each is there once, by triangle. */
+static size_t list_covers(const cutting *c, cover *list)
+{
+    size_t count = 0, kept = 0;
+    for (size_t k = 0; k < c->meeting_count; k++) {
+        const uint32_t s = c->meetings[k][0], t = c->meetings[k][1];
+        const bool against = vec3_dot(c->normal[c->part_of[s]], c->normal[c->part_of[t]]) < 0,
+                   turned = (c->turned[s] != c->turned[t]) != against;
+        list[count++] = (cover){s, c->part_of[t], turned};
+        list[count++] = (cover){t, c->part_of[s], turned};
+    }
+    qsort(list, count, sizeof *list, by_triangle);
+    for (size_t k = 0; k < count; k++)
+        if (k == 0 || by_triangle(&list[k], &list[kept - 1]) != 0) list[kept++] = list[k];
+    return kept;
+}
+
+/* Finds which of these places cancel, and are not contacts. */
+static bool find_contacts(const cutting *c, place *places, size_t count, bool closed, error *e)
+{
+    const size_t all = c->l.m->triangle_count;
+    unsigned char *face = mem_array(all, sizeof *face, what, e);
+    if (!face) return false;
+    for (size_t t = 0; t < all; t++) face[t] = c->l.dead[t] ? CONTACTS_REMOVED : CONTACTS_REMAINS;
+    for (size_t k = 0; k < count; k++)
+        face[places[k].triangle] = closed && places[k].balance == 0  ? CONTACTS_CANCELS
+                                   : is_first(c, &places[k], closed) ? CONTACTS_REMAINS
+                                                                     : CONTACTS_REMOVED;
+    const bool ok = contacts_find_needed(c->l.m, face, e);
+    for (size_t k = 0; k < count; k++) places[k].face = face[places[k].triangle];
+    free(face);
+    return ok;
+}
+
+/* Areas are those of what goes; of a contact both faces do. */
+static void drop_place(cutting *c, const place *p, coplanar_overlap *out)
+{
+    const double area = 0.5 * vec3_norm(across(c->l.m, p->triangle));
+    if (p->face == CONTACTS_REMAINS || (p->face == CONTACTS_NEEDED && is_first(c, p, true))) return;
+    if (p->face == CONTACTS_CANCELS)
+        out->contact += area / 2;
+    else
+        *(p->turned != UINT32_MAX ? &out->opposite : &out->same) += area;
+    linked_mesh_drop(&c->l, p->triangle);
+}
+
+static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *e)
+{
+    cover *list = mem_array(2 * c->meeting_count, sizeof *list, what, e);
+    place *places = list ? mem_array(2 * c->meeting_count, sizeof *places, what, e) : NULL;
+    bool ok = places;
+    if (ok) {
+        const size_t covers = list_covers(c, list);
+        size_t count = 0;
+        for (size_t k = 0, n; k < covers; k += n) {
+            for (n = 1; k + n < covers && list[k + n].triangle == list[k].triangle; n++) {
+            }
+            places[count++] = place_of(c, list + k, n);
+        }
+        ok = find_contacts(c, places, count, closed, e);
+        for (size_t k = 0; ok && k < count; k++) drop_place(c, &places[k], out);
+    }
+    free(list);
+    free(places);
+    return ok;
+}
+
+/* ---- the whole */
+
+static bool cut_all(cutting *c, mesh *m, bool closed, coplanar_overlap *out, error *e)
+{
+    if (!linked_mesh_begin(m, &c->l, e)) return false;
+    m->welded = false;
+    c->part_room = c->turned_room = m->triangle_count;
+    c->turned = mem_array(m->triangle_count, sizeof *c->turned, what, e);
+    for (uint32_t t = 0; c->turned && t < m->triangle_count; t++)
+        c->turned[t] = vec3_dot(across(m, t), c->normal[c->part_of[t]]) < 0;
+    c->children = mem_array(m->triangle_count, sizeof *c->children, what, e);
+    c->children_room = c->children_count = m->triangle_count;
+    return c->turned && c->children && treat_pairs(c, e) &&
+           (c->unfinished || drop_covered(c, closed, out, e));
+}
+
+bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e)
+{
+    const bool closed = edges->open == 0 && edges->odd == 0;
+    cutting c = {.m = m, .r = r};
+    c.l.m = m;
+    *out = (coplanar_overlap){0};
+    mesh before = {0};
+    bool ok = join_parts(&c, edges, e) && list_parts(&c, e) && find_pairs(&c, e);
+    if (ok && c.pair_count > 0) ok = mesh_copy(m, NULL, &before, e) && cut_all(&c, m, closed, out, e);
+    linked_mesh_end(&c.l);
+    if (ok && c.unfinished) {
+        const mesh cut = *m;
+        *m = before;
+        before = cut;
+        *out = (coplanar_overlap){.unfinished = true};
+    }
+    mesh_free(&before);
+    free(c.part_of);
+    free(c.parts);
+    free(c.by_part);
+    free(c.normal);
+    free(c.turned);
+    free(c.pairs);
+    free(c.meetings);
+    free(c.children);
+    return ok;
+}

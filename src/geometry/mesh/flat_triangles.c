@@ -1,0 +1,270 @@
+#include "geometry/mesh/flat_triangles.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "geometry/mesh/linked_mesh.h"
+#include "geometry/mesh/rounding.h"
+
+static const char what[] = "the triangles without area of the mesh";
+
+/* Triangles in a chunk of work. */
+enum { CHUNK = 4096 };
+
+typedef struct looking {
+    const mesh *m;
+    rounding r;
+    atomic_bool found; /* some triangle is flat */
+} looking;
+
+typedef struct entry {
+    double length2; /* of the triangle's longest side */
+    uint32_t triangle;
+} entry;
+
+typedef struct removing {
+    linked_mesh l;
+    rounding r;
+    entry *heap; /* flat triangles, the one of the longest side first */
+    size_t count, room;
+} removing;
+
+static void corners_of(const mesh *m, const uint32_t t[3], vec3 corner[3])
+{
+    for (int k = 0; k < 3; k++) corner[k] = m->vertex[t[k]];
+}
+
+static bool is_same(vec3 a, vec3 b)
+{
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/* Whether three distinct corners lie on a line to within `allowed`. Side k begins at corner k. */
+static bool is_flat(const vec3 corner[3], double allowed, int *longest, double *length2, int *shortest,
+                    double *least2)
+{
+    if (is_same(corner[0], corner[1]) || is_same(corner[1], corner[2]) || is_same(corner[2], corner[0]))
+        return false;
+    *length2 = 0;
+    *least2 = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const double side2 = vec3_norm2(vec3_sub(corner[(k + 1) % 3], corner[k]));
+        if (side2 > *length2) {
+            *length2 = side2;
+            *longest = k;
+        }
+        if (side2 < *least2) {
+            *least2 = side2;
+            *shortest = k;
+        }
+    }
+    const vec3 across = vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
+    return vec3_norm2(across) <= allowed * allowed * *length2;
+}
+
+/* ---- whether there are any */
+
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    looking *l = context;
+    bool found = false;
+    (void)worker;
+    for (size_t n = begin; n < end && !found; n++) {
+        vec3 corner[3];
+        int longest, shortest;
+        double length2, least2;
+        corners_of(l->m, l->m->triangle[n], corner);
+        found = is_flat(corner, rounding_reach(&l->r, corner), &longest, &length2, &shortest, &least2);
+    }
+    if (found) atomic_store_explicit(&l->found, true, memory_order_relaxed);
+}
+
+static bool look(looking *l, threads *pool)
+{
+    atomic_store(&l->found, false);
+    threads_run(pool, l->m->triangle_count, CHUNK, look_chunk, l);
+    return l->found;
+}
+
+static bool find_flat(looking *l, threads *pool)
+{
+    l->r = rounding_at_most(l->m, pool);
+    if (!look(l, pool)) return false; /* as for most meshes */
+    l->r = rounding_of(l->m, pool);
+    return l->r.relative > 0 || look(l, pool);
+}
+
+/* ---- the flat triangles, by their longest sides */
+
+static bool comes_before(entry a, entry b)
+{
+    return a.length2 > b.length2 || (a.length2 == b.length2 && a.triangle < b.triangle);
+}
+
+static bool push(removing *r, entry added, error *e)
+{
+    entry *heap = mem_grow(r->heap, r->count, &r->room, sizeof *heap, what, e);
+    if (!heap) return false;
+    r->heap = heap;
+    size_t k = r->count++;
+    for (; k > 0 && comes_before(added, heap[(k - 1) / 2]); k = (k - 1) / 2) heap[k] = heap[(k - 1) / 2];
+    heap[k] = added;
+    return true;
+}
+
+static entry pop(removing *r)
+{
+    const entry first = r->heap[0], last = r->heap[--r->count];
+    size_t k = 0, child;
+    while ((child = 2 * k + 1) < r->count) {
+        child += child + 1 < r->count && comes_before(r->heap[child + 1], r->heap[child]);
+        if (!comes_before(r->heap[child], last)) break;
+        r->heap[k] = r->heap[child];
+        k = child;
+    }
+    r->heap[k] = last;
+    return first;
+}
+
+/* What a triangle is now. */
+typedef struct shape {
+    bool flat;
+    int longest, shortest;
+    double length2, least2, error;
+} shape;
+
+static shape shape_of(const removing *r, uint32_t t)
+{
+    shape s = {0};
+    vec3 corner[3];
+    corners_of(r->l.m, r->l.m->triangle[t], corner);
+    s.error = rounding_reach(&r->r, corner);
+    s.flat = is_flat(corner, s.error, &s.longest, &s.length2, &s.shortest, &s.least2);
+    return s;
+}
+
+static bool push_if_flat(removing *r, uint32_t t, error *e)
+{
+    const shape s = shape_of(r, t);
+    return !s.flat || push(r, (entry){s.length2, t}, e);
+}
+
+/* ---- removing one */
+
+/* Triangle t, which has the side from a to b, in whichever direction, becomes two that meet at m. */
+static bool split(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
+{
+    const uint32_t *corner = r->l.m->triangle[t];
+    uint32_t second[3], added = 0;
+    memcpy(second, corner, sizeof second);
+    second[linked_mesh_corner(second, a)] = m;
+    linked_mesh_move(&r->l, 3 * t + (uint32_t)linked_mesh_corner(corner, b), m);
+    return linked_mesh_add(&r->l, second, &added, e) && push_if_flat(r, t, e) && push_if_flat(r, added, e);
+}
+
+/* Corner m of triangle t lies on the side from a to b. */
+static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
+{
+    if (r->l.degree[a] > r->l.degree[b]) {
+        const uint32_t swap = a;
+        a = b;
+        b = swap;
+    }
+    linked_mesh_drop(&r->l, t);
+    for (uint32_t c = r->l.head[a], next; c != LINKED_MESH_NONE; c = next) {
+        const uint32_t other = c / 3;
+        const uint32_t *corner = r->l.m->triangle[other];
+        next = r->l.next[c];
+        if (linked_mesh_corner(corner, b) < 0) continue;
+        if (linked_mesh_corner(corner, m) >= 0) /* the same triangle once more */
+            linked_mesh_drop(&r->l, other);
+        else if (!split(r, other, a, b, m, e))
+            return false;
+    }
+    return true;
+}
+
+/* Vertex `from` becomes vertex `to`. */
+static bool collapse(removing *r, uint32_t to, uint32_t from, error *e)
+{
+    while (r->l.head[from] != LINKED_MESH_NONE) {
+        const uint32_t c = r->l.head[from], t = c / 3;
+        if (linked_mesh_corner(r->l.m->triangle[t], to) >= 0) {
+            linked_mesh_drop(&r->l, t);
+            continue;
+        }
+        linked_mesh_move(&r->l, c, to);
+        if (!push_if_flat(r, t, e)) return false;
+    }
+    return true;
+}
+
+static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
+{
+    const uint32_t *corner = r->l.m->triangle[t];
+    if (s->least2 <= s->error * s->error) {
+        const uint32_t a = corner[s->shortest], b = corner[(s->shortest + 1) % 3];
+        return r->l.degree[a] < r->l.degree[b] ? collapse(r, b, a, e) : collapse(r, a, b, e);
+    }
+    return split_neighbours(r, t, corner[s->longest], corner[(s->longest + 1) % 3],
+                            corner[(s->longest + 2) % 3], e);
+}
+
+/* Each removal takes away a longest side, and no longer one comes of it unless a neighbour is as thin. `most` bounds the removals
+ * where rounding leads in circles. */
+static bool remove_all(removing *r, size_t most, error *e)
+{
+    while (r->count > 0 && most-- > 0) {
+        const entry first = pop(r);
+        if (r->l.dead[first.triangle]) continue;
+        const shape s = shape_of(r, first.triangle);
+        if (!s.flat || s.length2 != first.length2) continue; /* it has changed, and has another entry */
+        if (!remove_one(r, first.triangle, &s, e)) return false;
+    }
+    return true;
+}
+
+/* ---- the whole */
+
+static bool begin(removing *r, mesh *m, size_t *flat, error *e)
+{
+    if (!linked_mesh_begin(m, &r->l, e)) return false;
+    for (uint32_t t = 0; t < m->triangle_count; t++)
+        if (linked_mesh_is_proper(m->triangle[t]) && !push_if_flat(r, t, e)) return false;
+    *flat = r->count;
+    return true;
+}
+
+static bool remove_flat(mesh *m, const rounding *rounded, mesh_notes *notes, error *e)
+{
+    enum { ROUNDS = 32, ROUNDS_MORE = 1024 };
+    removing r = {.r = *rounded};
+    const size_t all = m->triangle_count;
+    size_t flat = 0;
+    const bool ok = begin(&r, m, &flat, e) && remove_all(&r, ROUNDS * flat + ROUNDS_MORE, e);
+    linked_mesh_end(&r.l);
+    free(r.heap);
+    if (ok && flat)
+        mesh_note(notes,
+                  "%zu of %zu triangles have no area (corners on a line within rounding): they are "
+                  "removed and their neighbours are joined; repair the mesh to keep its shape.",
+                  flat, all);
+    return ok;
+}
+
+bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e)
+{
+    looking l = {.m = m};
+    const bool found = m->triangle_count > 0 && find_flat(&l, pool);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return !found || (mesh_join(m, pool, e) && remove_flat(m, &l.r, notes, e));
+}
+
+bool flat_triangles_remove_thin(mesh *m, const rounding *r, error *e)
+{
+    mesh_notes unused = {0};
+    return mesh_join(m, NULL, e) && remove_flat(m, r, &unused, e);
+}

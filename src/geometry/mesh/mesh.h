@@ -1,0 +1,78 @@
+/* mesh: an indexed triangle mesh, and notes on its repair.
+ *
+ * Units: those of the file, until levelset_make converts them to voxels. Free a mesh with mesh_free. Functions with
+ * a pool (or NULL) give results that do not depend on the number of threads. No shared state.
+ */
+#ifndef HEXAD_GEOMETRY_MESH_MESH_H
+#define HEXAD_GEOMETRY_MESH_MESH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/core/error.h"
+#include "base/core/threads.h"
+#include "geometry/space/bbox.h"
+#include "geometry/space/vec3.h"
+
+typedef struct mesh {
+    size_t vertex_count, triangle_count;
+    vec3 *vertex;
+    uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
+    /* mesh_weld would not change the mesh; in particular every vertex belongs to a triangle. Code that moves, joins
+     * or removes vertices or triangles sets it to false. */
+    bool welded;
+} mesh;
+
+#define MESH_MAX_NOTES 8
+
+/* Sentences for the warnings of the report; further ones are dropped. */
+typedef struct mesh_notes {
+    size_t count;
+    char text[MESH_MAX_NOTES][256];
+} mesh_notes;
+
+void mesh_note(mesh_notes *notes, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+void mesh_free(mesh *m); /* accepts NULL and a zeroed object */
+
+/* Errors: limit_memory, cancelled. */
+bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e);
+
+/* Bytes of a mesh of this size while it is repaired, edges included; for comparison with a memory limit. */
+size_t mesh_bytes(size_t vertices, size_t triangles);
+
+/* The bounding box of the triangles; vertices without a triangle are ignored. Complete also if the pool was stopped. */
+bbox mesh_box(const mesh *m, threads *pool);
+
+/* The sum of the areas of the triangles, duplicates included. */
+double mesh_area(const mesh *m);
+
+/* Treatment of duplicate triangles that occur equally often in both orientations. */
+typedef enum mesh_cancelled {
+    /* All are dropped, since they bound nothing. One is kept if all triangles of the mesh cancel, or if there would
+     * be a hole (contacts.h). */
+    MESH_DROP_CANCELLED,
+    /* One is kept. */
+    MESH_KEEP_CANCELLED,
+    /* MESH_DROP_CANCELLED if an even number of triangles meets at every edge: they are a contact of two solids.
+     * Otherwise MESH_KEEP_CANCELLED: the orientation of an open surface is arbitrary. */
+    MESH_DROP_IF_CLOSED
+} mesh_cancelled;
+
+/* Joins vertices with equal coordinates. Drops vertices without a triangle, triangles with two equal corners, and
+ * duplicates of triangles; `cancelled` applies to those of opposite orientation. The order is kept. Sets m->welded.
+ * Error: limit_memory. */
+bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
+
+/* mesh_weld if that only joins vertices and drops vertices without a triangle, so that a later mesh_weld of the mesh
+ * or of a copy has nothing to do. Otherwise the mesh is not welded. Errors: limit_memory, cancelled. */
+bool mesh_weld_clean(mesh *m, threads *pool, error *e);
+
+/* Joins vertices with equal coordinates; drops neither triangles nor vertices. Errors: limit_memory, cancelled. */
+bool mesh_join(mesh *m, threads *pool, error *e);
+
+/* Drops triangles with two equal corners. Returns their number. */
+size_t mesh_drop_degenerate(mesh *m);
+
+#endif

@@ -1,0 +1,64 @@
+#include "geometry/mesh/rounding.h"
+
+#include <math.h>
+#include <stdatomic.h>
+
+#include "base/core/precision.h"
+
+/* Unit roundoffs of floats and doubles. */
+static const double of_float = 0x1p-24, of_double = 0x1p-53;
+/* Operations with rounding in an affine map of a coordinate. */
+static const double map_operations = 6;
+/* Triangles in a chunk of work. */
+enum { CHUNK = 4096 };
+
+typedef struct looking {
+    const mesh *m;
+    atomic_bool has_double; /* some coordinate is not a float */
+} looking;
+
+static double largest_coordinate(vec3 v)
+{
+    return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
+}
+
+static bool is_float(double value)
+{
+    return precision_as_float(value) == value;
+}
+
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    looking *l = context;
+    bool floats = true;
+    (void)worker;
+    for (size_t n = begin; n < end && floats; n++)
+        for (int k = 0; k < 3; k++) {
+            const vec3 v = l->m->vertex[l->m->triangle[n][k]];
+            floats &= is_float(v.x) && is_float(v.y) && is_float(v.z);
+        }
+    if (!floats) atomic_store_explicit(&l->has_double, true, memory_order_relaxed);
+}
+
+rounding rounding_at_most(const mesh *m, threads *pool)
+{
+    const bbox box = mesh_box(m, pool);
+    const double largest = fmax(largest_coordinate(box.min), largest_coordinate(box.max));
+    return (rounding){.absolute = map_operations * of_double * largest, .relative = of_float};
+}
+
+rounding rounding_of(const mesh *m, threads *pool)
+{
+    looking l = {.m = m};
+    rounding r = rounding_at_most(m, pool);
+    threads_run(pool, m->triangle_count, CHUNK, look_chunk, &l);
+    if (l.has_double) r.relative = 0;
+    return r;
+}
+
+double rounding_reach(const rounding *r, const vec3 corner[3])
+{
+    const double largest = fmax(largest_coordinate(corner[0]),
+                                fmax(largest_coordinate(corner[1]), largest_coordinate(corner[2])));
+    return 2 * sqrt(3) * (r->absolute + r->relative * largest);
+}

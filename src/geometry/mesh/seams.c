@@ -1,0 +1,183 @@
+#include "geometry/mesh/seams.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+
+/* Every edge may be held against every vertex: with more than this the mesh is open for other reasons. */
+static const size_t most_edges = 30000;
+
+static const char what[] = "the open edges of the mesh";
+
+/* A vertex of open edges. */
+typedef struct end {
+    double x;
+    uint32_t vertex;
+} end;
+
+/* A vertex on an edge. */
+typedef struct cut {
+    uint32_t edge, vertex;
+    double at; /* share of the way along the edge */
+} cut;
+
+typedef struct cutting {
+    mesh *m;
+    const seam_edge *edges;
+    size_t count;
+    double tolerance;
+    end *ends;
+    size_t end_count;
+    cut *cuts;
+    size_t cut_count, cut_room;
+    bool *taken; /* of a triangle: one of its edges is cut */
+} cutting;
+
+static int by_x(const void *left, const void *right)
+{
+    const end *a = left, *b = right;
+    if (a->x != b->x) return a->x < b->x ? -1 : 1;
+    return (a->vertex > b->vertex) - (a->vertex < b->vertex);
+}
+
+static int by_edge(const void *left, const void *right)
+{
+    const cut *a = left, *b = right;
+    if (a->edge != b->edge) return a->edge < b->edge ? -1 : 1;
+    if (a->at != b->at) return a->at < b->at ? -1 : 1;
+    return (a->vertex > b->vertex) - (a->vertex < b->vertex);
+}
+
+static bool list_ends(cutting *c, error *e)
+{
+    c->ends = mem_array(2 * c->count, sizeof *c->ends, what, e);
+    if (!c->ends) return false;
+    for (size_t k = 0; k < 2 * c->count; k++) {
+        uint32_t v = k & 1 ? c->edges[k / 2].to : c->edges[k / 2].from;
+        c->ends[k] = (end){c->m->vertex[v].x, v};
+    }
+    qsort(c->ends, 2 * c->count, sizeof *c->ends, by_x);
+    for (size_t k = 0; k < 2 * c->count; k++)
+        if (k == 0 || c->ends[k].vertex != c->ends[k - 1].vertex) c->ends[c->end_count++] = c->ends[k];
+    return true;
+}
+
+bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *joined, error *e)
+{
+    cutting c = {.m = m, .edges = edges, .count = count, .tolerance = tolerance};
+    if (count == 0) return true;
+    uint32_t *to = mem_array(m->vertex_count, sizeof *to, what, e);
+    bool ok = to && list_ends(&c, e);
+    for (uint32_t v = 0; ok && v < m->vertex_count; v++) to[v] = v;
+    for (size_t k = 0; ok && k < c.end_count; k++) {
+        const end *a = &c.ends[k];
+        for (size_t n = k; n > 0 && a->x - c.ends[n - 1].x <= tolerance; n--) {
+            const uint32_t b = c.ends[n - 1].vertex;
+            if (to[b] != b || vec3_norm(vec3_sub(m->vertex[a->vertex], m->vertex[b])) > tolerance) continue;
+            to[a->vertex] = b;
+            ++*joined;
+            break;
+        }
+    }
+    for (size_t n = 0; ok && n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) m->triangle[n][k] = to[m->triangle[n][k]];
+    if (ok) mesh_drop_degenerate(m);
+    m->welded &= *joined == 0;
+    free(to);
+    free(c.ends);
+    return ok;
+}
+
+static bool add_cut(cutting *c, cut added, error *e)
+{
+    cut *cuts = mem_grow(c->cuts, c->cut_count, &c->cut_room, sizeof *cuts, what, e);
+    if (!cuts) return false;
+    c->cuts = cuts;
+    c->cuts[c->cut_count++] = added;
+    return true;
+}
+
+/* The first end that is not left of x. */
+static size_t first_end(const cutting *c, double x)
+{
+    size_t low = 0, high = c->end_count;
+    while (low < high) {
+        size_t middle = (low + high) / 2;
+        if (c->ends[middle].x < x)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+static bool cut_edge(cutting *c, uint32_t n, error *e)
+{
+    const seam_edge *s = &c->edges[n];
+    const uint32_t *t = c->m->triangle[s->triangle];
+    const vec3 a = c->m->vertex[s->from], way = vec3_sub(c->m->vertex[s->to], a);
+    const double length = vec3_norm(way), right = fmax(a.x, a.x + way.x) + c->tolerance;
+    if (c->taken[s->triangle]) return true;
+    for (size_t k = first_end(c, fmin(a.x, a.x + way.x) - c->tolerance);
+         k < c->end_count && c->ends[k].x <= right; k++) {
+        const uint32_t v = c->ends[k].vertex;
+        if (v == t[0] || v == t[1] || v == t[2]) continue;
+        const vec3 from = vec3_sub(c->m->vertex[v], a);
+        const double at = vec3_dot(from, way) / (length * length);
+        if (!(at * length > c->tolerance && (1 - at) * length > c->tolerance) ||
+            vec3_norm(vec3_axpy(-at, way, from)) > c->tolerance)
+            continue;
+        if (!add_cut(c, (cut){n, v, at}, e)) return false;
+        c->taken[s->triangle] = true;
+    }
+    return true;
+}
+
+/* A triangle with n cuts on an edge becomes n + 1, a fan about the corner across. */
+static bool split_all(cutting *c, size_t *split, error *e)
+{
+    mesh *m = c->m;
+    uint32_t(*larger)[3] = mem_array(m->triangle_count + c->cut_count, sizeof *larger, what, e);
+    if (!larger) return false;
+    memcpy(larger, m->triangle, m->triangle_count * sizeof *larger);
+    free(m->triangle);
+    m->triangle = larger;
+    m->welded = false;
+    for (size_t k = 0; k < c->cut_count; k++) {
+        const seam_edge *s = &c->edges[c->cuts[k].edge];
+        uint32_t *t = larger[s->triangle];
+        const bool first = k == 0 || c->cuts[k - 1].edge != c->cuts[k].edge;
+        while (t[1] != s->to) { /* the edge's end second */
+            const uint32_t corner = t[0];
+            t[0] = t[1];
+            t[1] = t[2];
+            t[2] = corner;
+        }
+        uint32_t *added = larger[m->triangle_count++]; /* the part before the cut */
+        added[0] = t[0];
+        added[1] = c->cuts[k].vertex;
+        added[2] = t[2];
+        t[0] = c->cuts[k].vertex;
+        *split += first;
+    }
+    return true;
+}
+
+bool seams_split(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *split, error *e)
+{
+    cutting c = {.m = m, .edges = edges, .count = count, .tolerance = tolerance};
+    if (count == 0 || count > most_edges || !(tolerance > 0)) return true;
+    c.taken = mem_array(m->triangle_count, sizeof *c.taken, what, e);
+    bool ok = c.taken && list_ends(&c, e);
+    for (uint32_t n = 0; ok && n < count; n++) ok = cut_edge(&c, n, e);
+    if (ok && c.cut_count) {
+        qsort(c.cuts, c.cut_count, sizeof *c.cuts, by_edge);
+        ok = split_all(&c, split, e);
+    }
+    free(c.ends);
+    free(c.cuts);
+    free(c.taken);
+    return ok;
+}

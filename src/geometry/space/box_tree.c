@@ -1,0 +1,75 @@
+#include "geometry/space/box_tree.h"
+
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "geometry/space/point_tree.h"
+
+/* Number of nodes of a tree with `count` items. */
+static size_t nodes_for(size_t count)
+{
+    size_t nodes = 1;
+    for (; count > BOX_TREE_LEAF; count -= count / 2) nodes = 2 * nodes + 1;
+    return nodes;
+}
+
+size_t box_tree_bytes(size_t count)
+{
+    return count * sizeof(uint32_t) + nodes_for(count) * sizeof(bbox);
+}
+
+/* The items of a tree that is built. */
+typedef struct items {
+    const vec3 *centre;
+    box_tree_box *box_of;
+    const void *context;
+} items;
+
+/* Builds a node of the items order[first] .. order[first + count - 1]. */
+static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t count)
+{
+    bbox box = bbox_empty();
+    if (count <= BOX_TREE_LEAF) {
+        for (size_t k = first; k < first + count; k++)
+            box = bbox_unite(box, i->box_of(i->context, t->order[k]));
+    } else {
+        const size_t half = count / 2;
+        point_tree_halve(i->centre, t->order + first, count);
+        box = bbox_unite(build(t, i, 2 * node + 1, first, half),
+                         build(t, i, 2 * node + 2, first + half, count - half));
+    }
+    return t->box[node] = box;
+}
+
+bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
+                   const char *what, box_tree *out, error *e)
+{
+    box_tree t = {count, mem_array(count, sizeof *t.order, what, e),
+                  mem_array(nodes_for(count), sizeof *t.box, what, e)};
+    if (!t.order || !t.box) {
+        box_tree_free(&t);
+        return false;
+    }
+    for (size_t k = 0; k < count; k++) t.order[k] = (uint32_t)k;
+    build(&t, &(items){centre, box_of, context}, 0, 0, count);
+    *out = t;
+    return true;
+}
+
+void box_tree_free(box_tree *t)
+{
+    free(t->order);
+    free(t->box);
+    *t = (box_tree){0};
+}
+
+void box_tree_extend(box_tree *t, size_t at, vec3 x)
+{
+    box_tree_node n = {0, 0, t->count, 0}, left, right;
+    for (;;) {
+        t->box[n.node] = bbox_include(t->box[n.node], x);
+        if (n.count <= BOX_TREE_LEAF) return;
+        box_tree_halves(&n, &left, &right);
+        n = at < right.first ? left : right;
+    }
+}
