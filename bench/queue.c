@@ -11,7 +11,7 @@
 #include "base/core/memory.h"
 #include "durable.h"
 #include "queue/queue.h"
-#include "store/file.h"
+#include "files/file.h"
 
 enum { CLIENTS = 16, FILLERS = 200, WAITING = 100000, USERS = 1000, ROUNDS = 5, LOOKS = 1000 };
 /* of one measurement of a rate; five of each alternate, so that a noisy neighbour hits both */

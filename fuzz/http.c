@@ -24,7 +24,7 @@
 #include "fuzz/target.h"
 #include "http/server.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* An answer that was asked to wait is not waited for. */
 #define PATIENCE_MS 100

@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "http/handler.h"
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct constant_document {
     const char *type; /* the media type, a constant */

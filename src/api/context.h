@@ -14,9 +14,9 @@
 #include "http/wait_list.h"
 #include "queue/queue.h"
 #include "results/output_place.h"
-#include "store/inputs.h"
-#include "store/path_map.h"
-#include "store/root.h"
+#include "files/inputs.h"
+#include "files/path_map.h"
+#include "files/root.h"
 #include "webhook/delivery.h"
 #include "webhook/hosts.h"
 

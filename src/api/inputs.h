@@ -1,4 +1,4 @@
-/* inputs: the handlers of /v1/inputs, the files that clients upload for their jobs (store/inputs.h). */
+/* inputs: the handlers of /v1/inputs, the files that clients upload for their jobs (files/inputs.h). */
 #ifndef HEXAD_API_INPUTS_H
 #define HEXAD_API_INPUTS_H
 

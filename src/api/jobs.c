@@ -24,7 +24,7 @@
 #include "http/parameter.h"
 #include "http/preconditions.h"
 #include "spec/spec.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Jobs of a page without the parameter `limit`; parameters.c documents the same number. */
 #define LIST_DEFAULT 50

@@ -12,7 +12,7 @@
 #include "api/constant_document.h"
 #include "base/core/build_part.h"
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define FILE_BYTES_MOST (1 << 20)
 /* The Content-Security-Policy: scripts and styles come only from this service, and text cannot become markup or

@@ -9,7 +9,7 @@
 
 #include "base/json/json.h"
 #include "spec/spec.h"
-#include "store/path_map.h"
+#include "files/path_map.h"
 
 /* Maps the paths in `document`, from which `s` was parsed. Returns the array, to be freed; NULL: no path was mapped.
  * `mappings` may be NULL. */

@@ -22,10 +22,10 @@
 #include <sys/stat.h>
 #include <sys/types.h>
 
-#include "auth/scope.h"
+#include "files/scope.h"
 #include "auth/session.h"
 #include "base/core/running_time.h"
-#include "auth/token.h"
+#include "files/token.h"
 #include "base/core/error.h"
 
 #define ACCESS_USER_SIZE 65

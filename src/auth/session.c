@@ -14,7 +14,7 @@
 #include <nettle/memops.h>
 
 #include "base/core/denial.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static bool make_key(const char *path, error *e)
 {

@@ -8,7 +8,7 @@
 #ifndef HEXAD_AUTH_SESSION_H
 #define HEXAD_AUTH_SESSION_H
 
-#include "auth/token.h"
+#include "files/token.h"
 #include "base/core/error.h"
 
 #define SESSION_KEY_BYTES 32

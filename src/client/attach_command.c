@@ -7,8 +7,8 @@
 #include "client/command.h"
 #include "client/print.h"
 #include "spec/attach_spec.h"
-#include "store/file.h"
-#include "store/inputs.h"
+#include "files/file.h"
+#include "files/inputs.h"
 
 static const char points_name[] = "points.ply";
 

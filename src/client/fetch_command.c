@@ -13,7 +13,7 @@
 #include "client/command.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Whether a file with this hash is at the path. */
 static bool is_there(const char *path, const char *sha256)

@@ -11,7 +11,7 @@
 #include "client/job_table.h"
 #include "client/list_query.h"
 #include "client/print.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define JOBS_DEFAULT 50
 #define PAGE_MOST 500

@@ -13,8 +13,8 @@
 #include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/print.h"
-#include "store/file.h"
-#include "store/inputs.h"
+#include "files/file.h"
+#include "files/inputs.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
 

@@ -10,8 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "auth/scope.h"
-#include "auth/token.h"
+#include "files/scope.h"
+#include "files/token.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"

@@ -11,7 +11,7 @@
 #include "base/json/json.h"
 #include "results/own_report.h"
 #include "results/result.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 /* Files changed within this time before the attempt are not trusted: time stamps are coarse, and file servers have
  * their own clocks. */

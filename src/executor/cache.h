@@ -13,8 +13,8 @@
 
 #include "base/json/json.h"
 #include "results/result.h"
-#include "store/file.h"
-#include "store/root.h"
+#include "files/file.h"
+#include "files/root.h"
 
 /* The key of a normalised spec for this version of the program: equal keys, equal results. False: the result of such a
  * job is never reused. */

@@ -15,7 +15,7 @@
 #include "executor/local.h"
 #include "executor/settlement.h"
 #include "base/json/json.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Maximum size of a document: estimates are small, descriptions of files may be long. */
 #define LONGEST_BYTES (8u << 20)

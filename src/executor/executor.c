@@ -32,7 +32,7 @@
 #include "results/redelivery.h"
 #include "results/result.h"
 #include "results/retention.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Delay after a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000

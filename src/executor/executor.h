@@ -22,7 +22,7 @@
 #include "queue/queue.h"
 #include "results/fetches.h"
 #include "results/output_place.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 typedef struct executor executor;
 

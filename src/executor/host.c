@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define GROUPS "/sys/fs/cgroup"
 #define MIB (1 << 20)

@@ -22,7 +22,7 @@
 #include "base/core/transfer.h"
 #include "base/core/worker_contract.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define PROGRESS_FD 3
 /* Descriptors for the child are opened above the numbers to which they will be copied. */

@@ -18,7 +18,7 @@
 #include "results/lost_found.h"
 #include "results/own_report.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static void set_end(settlement *s, queue_state state, const error *why)
 {

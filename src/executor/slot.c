@@ -17,7 +17,7 @@
 #include "results/own_report.h"
 #include "results/publication.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Delay before deciding or settling is repeated: long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000

@@ -25,8 +25,8 @@
 #include "executor/settlement.h"
 #include "queue/queue.h"
 #include "results/output_place.h"
-#include "store/inputs.h"
-#include "store/root.h"
+#include "files/inputs.h"
+#include "files/root.h"
 
 typedef enum slot_phase {
     SLOT_FREE,

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#include "auth/scope.h"
+#include "files/scope.h"
 #include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"

@@ -14,7 +14,7 @@
 
 #include <microhttpd.h>
 
-#include "auth/scope.h"
+#include "files/scope.h"
 #include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"

@@ -9,8 +9,8 @@
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
 #include "labels/label_listing.h"
-#include "store/inputs.h"
-#include "store/root.h"
+#include "files/inputs.h"
+#include "files/root.h"
 
 int dense_open_beside(void *context, const char *path, error *e)
 {

@@ -10,7 +10,7 @@
 #include "dense/volume_file.h"
 #include "inspect/contents.h"
 #include "inspect/dense.h"
-#include "store/root.h"
+#include "files/root.h"
 
 /* Slices that a spec may have; and channels of a stack whose values are read. */
 enum { MOST_SLICES = 65536, MOST_CHANNELS = 4 };

@@ -7,7 +7,7 @@
 
 #include "base/core/memory.h"
 #include "inspect/contents.h"
-#include "store/root.h"
+#include "files/root.h"
 
 /* What the first bytes of a file, or its name, say of it. */
 typedef struct kind {

@@ -8,7 +8,7 @@
 #include "dense/zarr_metadata.h"
 #include "inspect/contents.h"
 #include "inspect/dense.h"
-#include "store/tree.h"
+#include "files/tree.h"
 
 /* The finest level of at most this number of voxels is read; and chunks of it at most. */
 static const double most_voxels = 1 << 26;

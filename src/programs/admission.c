@@ -9,11 +9,11 @@
 #include <unistd.h>
 
 #include "auth/access.h"
-#include "auth/token.h"
+#include "files/token.h"
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "config/config_edit.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define UNITS "/etc/systemd/system"
 #define DROP_IN_DIRECTORY "hexad.socket.d"

@@ -7,7 +7,7 @@
 #include "base/core/build_part.h"
 #include "base/core/memory.h"
 #include "executor/local.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #include "config.h"
 #if HEXAD_WITH_SLURM

@@ -35,8 +35,8 @@
 #include "spec/schema.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
-#include "store/file.h"
-#include "store/root.h"
+#include "files/file.h"
+#include "files/root.h"
 #include "volume/example.h"
 
 /* Maximum bytes of a spec; a larger file is not a spec. */

@@ -8,7 +8,7 @@
 
 #include "config.h"
 
-#include "auth/token.h"
+#include "files/token.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
 #include "base/core/terminal_text.h"

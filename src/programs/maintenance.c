@@ -15,7 +15,7 @@
 #include "database/lock.h"
 #include "results/audit.h"
 #include "results/instance.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* The socket of the systemd service. */
 #define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"

@@ -10,7 +10,7 @@
 #include "base/core/worker_contract.h"
 #include "base/json/json.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Jobs that one transaction adds to the queue. */
 #define AT_ONCE 100

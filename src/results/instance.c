@@ -10,7 +10,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "database/header.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define WAYS_OUT "restore a backup of " DATABASE_FILE_NAME ", or start once with --adopt"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 bool kept_result_take(const char *work_dir, const queue_claimed *claimed, const char *directory)
 {

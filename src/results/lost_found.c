@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* The path of an unused name in `directory`, to be freed. No other process creates names there: the daemon holds the
  * lock on the state directory. */

@@ -8,7 +8,7 @@
 #define HEXAD_RESULTS_OUTPUT_CLEANUP_H
 
 #include "queue/queue.h"
-#include "store/output.h"
+#include "files/output.h"
 
 typedef struct output_cleanup output_cleanup;
 

@@ -15,7 +15,7 @@
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "results/result.h"
-#include "store/turns.h"
+#include "files/turns.h"
 
 /* Maximum time, in ms, that a submission waits for the file system. */
 #define LOOK_MS 2000

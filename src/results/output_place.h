@@ -13,7 +13,7 @@
 
 #include "base/core/error.h"
 #include "queue/queue.h"
-#include "store/output.h"
+#include "files/output.h"
 
 typedef struct output_place output_place;
 

@@ -10,7 +10,7 @@
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "base/json/json_copy.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Jobs that one query lists. */
 #define AT_ONCE 100

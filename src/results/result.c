@@ -15,7 +15,7 @@
 #include "base/core/worker_contract.h"
 #include "base/json/json.h"
 #include "base/json/json_copy.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Longest report that is read. A report has a record for each sweep, and a job may request a million sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)

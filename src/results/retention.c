@@ -12,7 +12,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Jobs or notes that are processed before the thread checks whether it must end. */
 #define AT_ONCE 100

@@ -16,7 +16,7 @@
 #include "base/core/error.h"
 #include "queue/queue.h"
 #include "results/fetches.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 typedef struct retention retention;
 

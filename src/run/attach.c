@@ -15,7 +15,7 @@
 #include "run/upright.h"
 #include "source/source_report.h"
 #include "spec/attach_spec.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static const char what[] = "the points of a result";
 

@@ -13,7 +13,7 @@
 #include "formats/property.h"
 #include "geometry/space/affine.h"
 #include "run/instances.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 struct attributes_entry {
     const spec_attribute *spec; /* NULL: a property of points on patches, or given */

@@ -10,7 +10,7 @@
 #include "formats/chart.h"
 #include "formats/picture_png.h"
 #include "formats/preview_exr.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"

@@ -25,8 +25,8 @@
 #include "run/snapshot.h"
 #include "run/outcome.h"
 #include "solver/curves/curve_chains.h"
-#include "store/file.h"
-#include "store/late_commit.h"
+#include "files/file.h"
+#include "files/late_commit.h"
 #include "vdb/vdb.h"
 
 #define LABEL_NAME "mesh_label_%lld.ply"

@@ -14,7 +14,7 @@
 #include "voronoi/triangulation.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct results_facts {
     /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply, without points that are kept. For meshes and labels: the distance from

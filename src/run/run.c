@@ -7,7 +7,7 @@
 #include "run/job.h"
 #include "run/report.h"
 #include "run/time_target.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static bool start(job *j, error *e)
 {

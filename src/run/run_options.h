@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "run/sequence.h"
-#include "store/root.h"
+#include "files/root.h"
 
 typedef struct run_options {
     const char *output;                  /* directory; created if missing */

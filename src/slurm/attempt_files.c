@@ -10,7 +10,7 @@
 
 #include "base/core/memory.h"
 #include "base/json/json.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define REQUEST "request.json"
 #define BATCH "batch"

@@ -14,7 +14,7 @@
 #include "base/core/memory.h"
 #include "executor/host.h"
 #include "executor/local.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Interval, in ms, between two checks for a cancellation, and between two writes of progress, which other hosts read
  * over the network. */

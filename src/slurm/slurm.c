@@ -12,7 +12,7 @@
 #include "base/core/memory.h"
 #include "base/json/json.h"
 #include "slurm/place.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Interval, in ms, between two inspections of the files of the attempts. */
 #define LOOK_MS 500

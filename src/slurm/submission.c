@@ -10,7 +10,7 @@
 #include "base/core/memory.h"
 #include "slurm/command.h"
 #include "slurm/place.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Maximum number of attempts of an array. The script contains their names; Slurm accepts scripts of up to 4 MB. */
 #define MOST_MEMBERS 8000

@@ -15,7 +15,7 @@
 #include "source/label_source.h"
 #include "source/mesh_source.h"
 #include "source/plan.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 /* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal rounding.
  */

@@ -22,7 +22,7 @@
 #include "base/core/denial.h"
 #include "base/core/memory.h"
 #include "base/json/json.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Wait, in ms, after an error of the database, such as a full disk. */
 #define TROUBLE_MS 1000

@@ -16,7 +16,7 @@
 
 #include "base/core/memory.h"
 #include "queue/queue.h"
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct place {
     char base[64];

@@ -12,7 +12,7 @@
 #include "base/core/memory.h"
 #include "config/config.h"
 #include "config/config_table.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define COUNT(a) ((int)(sizeof(a) / sizeof *(a)))
 

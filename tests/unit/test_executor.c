@@ -27,7 +27,7 @@
 #include "executor/settlement.h"
 #include "executor/storage.h"
 #include "results/result.h"
-#include "store/file.h"
+#include "files/file.h"
 
 /* Time limit for a loaded machine; a passing test never waits for it. */
 #define PATIENCE_MS 30000

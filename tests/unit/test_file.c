@@ -13,9 +13,9 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
-#include "store/late_commit.h"
-#include "store/late_hash.h"
+#include "files/file.h"
+#include "files/late_commit.h"
+#include "files/late_hash.h"
 
 static char *make_place(void)
 {

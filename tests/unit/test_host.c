@@ -9,7 +9,7 @@
 
 #include "base/core/memory.h"
 #include "executor/host.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static void put_bound(const char *base, const char *group, const char *text)
 {

@@ -1,4 +1,4 @@
-/* store/inputs: the space that uploads reserve, in total and of each user. */
+/* files/inputs: the space that uploads reserve, in total and of each user. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
-#include "store/inputs.h"
+#include "files/file.h"
+#include "files/inputs.h"
 
 enum { LONGEST = 100, TOTAL = 20, OF_USER = 10, AT_ONCE = 2 };
 

@@ -14,7 +14,7 @@
 #include "base/core/memory.h"
 #include "results/inventory.h"
 #include "results/lost_found.h"
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct place {
     char base[64];

@@ -14,7 +14,7 @@
 #include "base/core/memory.h"
 #include "api/job_json.h"
 #include "api/jobs.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static bool get_fails;
 

@@ -14,8 +14,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
-#include "store/output.h"
+#include "files/file.h"
+#include "files/output.h"
 
 typedef struct place {
     char base[64];

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "store/path_map.h"
+#include "files/path_map.h"
 
 static void expect(const path_map *m, const char *path, const char *here)
 {

@@ -14,7 +14,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "database/place.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static const char *const files[] = {"queue.db", "queue.db-wal", "lock"};
 enum { FILES = 3 };

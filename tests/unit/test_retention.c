@@ -20,7 +20,7 @@
 #include "base/core/memory.h"
 #include "results/result.h"
 #include "results/retention.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define PATIENCE_MS 30000
 /* Retention of uploaded files. In the tests the last use is long ago or in the future. */

@@ -13,8 +13,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
-#include "store/root.h"
+#include "files/file.h"
+#include "files/root.h"
 
 /* base/root (a file, links, a directory, a FIFO), base/outside, base/second */
 typedef struct place {

@@ -29,7 +29,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/sandbox.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
 #define SANITIZED 1

@@ -13,7 +13,7 @@
 
 #include "base/core/memory.h"
 #include "http/server.h"
-#include "store/file.h"
+#include "files/file.h"
 
 enum { PIECES = 3 };
 

@@ -16,7 +16,7 @@
 #include "base/core/memory.h"
 #include "slurm/attempt_files.h"
 #include "slurm/slurm.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define PATIENCE_MS 30000
 #define NAME "01aaaaaaaaaaaaaaaaaaaaaaaa.1"

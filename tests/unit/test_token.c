@@ -15,9 +15,9 @@
 
 #include "auth/access.h"
 #include "auth/session.h"
-#include "auth/token.h"
+#include "files/token.h"
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 static char path[] = "/tmp/hexad-token-XXXXXX";
 

@@ -1,4 +1,4 @@
-/* Unit tests of store/tree: files below a directory, and the hash of the opened files. */
+/* Unit tests of files/tree: files below a directory, and the hash of the opened files. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/tree.h"
+#include "files/tree.h"
 
 static char place[32];
 

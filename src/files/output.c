@@ -1,4 +1,4 @@
-#include "store/output.h"
+#include "files/output.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,7 +12,7 @@
 #include "base/core/denial.h"
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define DIRECTORY (O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)
 

@@ -7,8 +7,8 @@
  *
  * Constant data; any thread.
  */
-#ifndef HEXAD_AUTH_SCOPE_H
-#define HEXAD_AUTH_SCOPE_H
+#ifndef HEXAD_FILES_SCOPE_H
+#define HEXAD_FILES_SCOPE_H
 
 #include <stdbool.h>
 

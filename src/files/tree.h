@@ -3,12 +3,12 @@
  * The hash is the SHA-256 of a list with a line for each file, sorted by path. A line is the SHA-256 of the file,
  * two blanks and the path below the directory, as sha256sum prints it. One thread at a time may call.
  */
-#ifndef HEXAD_STORE_TREE_H
-#define HEXAD_STORE_TREE_H
+#ifndef HEXAD_FILES_TREE_H
+#define HEXAD_FILES_TREE_H
 
 #include <stdbool.h>
 
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct store_tree store_tree;
 

@@ -6,8 +6,8 @@
  * Symbolic links below a root are not followed. Other files in the directory are not changed. The functions keep no
  * state; any thread may call them.
  */
-#ifndef HEXAD_STORE_OUTPUT_H
-#define HEXAD_STORE_OUTPUT_H
+#ifndef HEXAD_FILES_OUTPUT_H
+#define HEXAD_FILES_OUTPUT_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,14 +1,14 @@
 /* inputs: files that clients uploaded, each named by the SHA-256 of its content.
  *
- * The directory holds files named `sha256:HEX`. It can be an input root of jobs (store/root.h). A spec names a file
+ * The directory holds files named `sha256:HEX`. It can be an input root of jobs (files/root.h). A spec names a file
  * as "sha256:HEX", optionally with an extension: "sha256:HEX.obj". A stored file was verified and never changes. A
  * file that is uploaded again is stored once. Its modification time is the time of its last use. For each user that
  * sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's name. It is removed
  * together with the file. Opening the directory removes unfinished uploads that a crash left. One process owns the
  * directory. Any thread may call; an upload belongs to one thread at a time.
  */
-#ifndef HEXAD_STORE_INPUTS_H
-#define HEXAD_STORE_INPUTS_H
+#ifndef HEXAD_FILES_INPUTS_H
+#define HEXAD_FILES_INPUTS_H
 
 #include <stdbool.h>
 #include <stddef.h>

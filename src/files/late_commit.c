@@ -1,10 +1,10 @@
-#include "store/late_commit.h"
+#include "files/late_commit.h"
 
 #include <stdlib.h>
 
 #include "base/core/background.h"
 #include "base/core/memory.h"
-#include "store/late_hash.h"
+#include "files/late_hash.h"
 
 struct late_commit {
     store_file file;

@@ -1,4 +1,4 @@
-#include "store/root.h"
+#include "files/root.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -21,7 +21,7 @@
 #include "base/core/denial.h"
 #include "base/core/frames.h"
 #include "base/core/memory.h"
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */
 #define OPEN_FLAGS (O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK)

@@ -11,8 +11,8 @@
  * are refused (store_file_check_private). A set does not change after it was read, except by token_set_add and
  * token_set_remove. Any thread may read it.
  */
-#ifndef HEXAD_AUTH_TOKEN_H
-#define HEXAD_AUTH_TOKEN_H
+#ifndef HEXAD_FILES_TOKEN_H
+#define HEXAD_FILES_TOKEN_H
 
 #include <limits.h>
 #include <stdbool.h>

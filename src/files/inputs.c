@@ -1,4 +1,4 @@
-#include "store/inputs.h"
+#include "files/inputs.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -12,7 +12,7 @@
 #include <nettle/sha2.h>
 
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define SENDER_PREFIX "sender:"
 

@@ -3,8 +3,8 @@
  * A directory is identified by its device and inode, so different paths to it are equal. Turns exclude threads of
  * one process only. Any thread may call.
  */
-#ifndef HEXAD_STORE_TURNS_H
-#define HEXAD_STORE_TURNS_H
+#ifndef HEXAD_FILES_TURNS_H
+#define HEXAD_FILES_TURNS_H
 
 #include <stdbool.h>
 #include <sys/types.h>

@@ -1,4 +1,4 @@
-#include "store/turns.h"
+#include "files/turns.h"
 
 #include <errno.h>
 #include <pthread.h>

@@ -1,10 +1,10 @@
 /* late_hash: hashes an open file on its own thread, while the caller reads it. One thread calls. The file must not
  * change.
  */
-#ifndef HEXAD_STORE_LATE_HASH_H
-#define HEXAD_STORE_LATE_HASH_H
+#ifndef HEXAD_FILES_LATE_HASH_H
+#define HEXAD_FILES_LATE_HASH_H
 
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct late_hash late_hash;
 

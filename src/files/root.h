@@ -8,13 +8,13 @@
  * therefore give no access.
  *
  * A root that is a file admits this file only, by its last component. In the directory of uploaded files
- * (store/inputs.h) only uploaded files can be opened, and only by the name `sha256:HEX`. An extension after the
+ * (files/inputs.h) only uploaded files can be opened, and only by the name `sha256:HEX`. An extension after the
  * hash, `sha256:HEX.obj`, is ignored.
  *
  * Roots do not change after they were opened. Any thread may use them.
  */
-#ifndef HEXAD_STORE_ROOT_H
-#define HEXAD_STORE_ROOT_H
+#ifndef HEXAD_FILES_ROOT_H
+#define HEXAD_FILES_ROOT_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -5,8 +5,8 @@
  * flushed. Errors have the code storage_full, storage_failed or internal and name the path and the cause. The
  * functions keep no state. Any thread may call them; a store_file belongs to one thread.
  */
-#ifndef HEXAD_STORE_FILE_H
-#define HEXAD_STORE_FILE_H
+#ifndef HEXAD_FILES_FILE_H
+#define HEXAD_FILES_FILE_H
 
 #include <stdbool.h>
 #include <stddef.h>

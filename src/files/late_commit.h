@@ -5,10 +5,10 @@
  * file is written, and the hash can be computed in parallel with the reading back. One thread calls; it flushes the
  * directory. Errors are those of store_file_place and of the two callbacks.
  */
-#ifndef HEXAD_STORE_LATE_COMMIT_H
-#define HEXAD_STORE_LATE_COMMIT_H
+#ifndef HEXAD_FILES_LATE_COMMIT_H
+#define HEXAD_FILES_LATE_COMMIT_H
 
-#include "store/file.h"
+#include "files/file.h"
 
 typedef struct late_commit late_commit;
 

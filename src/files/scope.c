@@ -1,4 +1,4 @@
-#include "auth/scope.h"
+#include "files/scope.h"
 
 #include <stddef.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "auth/token.h"
+#include "files/token.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,11 +12,11 @@
 #include <nettle/memops.h>
 #include <nettle/sha2.h>
 
-#include "auth/scope.h"
+#include "files/scope.h"
 #include "base/core/clock.h"
 #include "base/core/denial.h"
 #include "base/core/memory.h"
-#include "store/file.h"
+#include "files/file.h"
 
 #define SECRET_BYTES 32
 #define LINE_BYTES 512

@@ -1,4 +1,4 @@
-#include "store/path_map.h"
+#include "files/path_map.h"
 
 #include <ctype.h>
 #include <stdlib.h>

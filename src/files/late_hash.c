@@ -1,4 +1,4 @@
-#include "store/late_hash.h"
+#include "files/late_hash.h"
 
 #include <fcntl.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "store/tree.h"
+#include "files/tree.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "store/root.h"
+#include "files/root.h"
 
 /* A file that was opened. */
 typedef struct entry {

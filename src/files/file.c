@@ -1,4 +1,4 @@
-#include "store/file.h"
+#include "files/file.h"
 
 #include <dirent.h>
 #include <errno.h>
