@@ -5,8 +5,8 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 
-#include "dense/header_reader.c"
-#include "dense/raw_volume.h"
+#include "io/volumes/header_reader.c"
+#include "io/volumes/raw_volume.h"
 #include "fuzz/target.h"
 
 /* A slice of more is not read: only memory would be tried. */

@@ -3,7 +3,7 @@
  * That is one program in one file (exr_reader.c), of which the part behind its socket is taken here as it is. */
 #include <sys/mman.h>
 
-#include "dense/exr_reader.c"
+#include "io/volumes/exr_reader.c"
 #include "fuzz/target.h"
 
 /* Far below a job's, so that what a file makes up is seen. */

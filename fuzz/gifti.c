@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "fuzz/target.h"
-#include "meshfile/plain_mesh.h"
+#include "io/meshes/plain_mesh.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -5,11 +5,11 @@
 
 #include "fuzz/target.h"
 #include "mesh/levelset.h"
-#include "meshfile/content_end.h"
-#include "meshfile/mesh_file.h"
-#include "meshfile/plain_mesh.h"
-#include "meshfile/ply_strips.h"
-#include "meshfile/ply_values.h"
+#include "io/meshes/content_end.h"
+#include "io/meshes/mesh_file.h"
+#include "io/meshes/plain_mesh.h"
+#include "io/meshes/ply_strips.h"
+#include "io/meshes/ply_values.h"
 
 static const size_t memory = (size_t)64 << 20;
 

@@ -2,7 +2,7 @@
  * and read as the same again. */
 #include <string.h>
 
-#include "formats/ply.h"
+#include "io/points/ply.h"
 #include "fuzz/target.h"
 
 static bool is_whole(const ply_file *f)

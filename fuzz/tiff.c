@@ -4,7 +4,7 @@
 #include <math.h>
 #include <sys/mman.h>
 
-#include "dense/tiff_reader.c"
+#include "io/volumes/tiff_reader.c"
 #include "fuzz/target.h"
 
 /* Far below a job's, so that what a file makes up is seen. */

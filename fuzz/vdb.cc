@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include "fuzz/target.h"
-#include "vdb/plain_vdb.h"
-#include "vdb/vdb.h"
+#include "io/vdb/plain_vdb.h"
+#include "io/vdb/vdb.h"
 
 /* Far below a job's, so that what a file makes up is seen. */
 static const size_t memory = size_t(64) << 20;

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "fuzz/target.h"
-#include "meshfile/plain_mesh.h"
+#include "io/meshes/plain_mesh.h"
 
 static void read_as(const char *ending, const char *data, size_t size)
 {

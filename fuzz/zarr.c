@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sys/mman.h>
 
-#include "dense/zarr_reader.c"
-#include "dense/zarr_volume.h"
+#include "io/volumes/zarr_reader.c"
+#include "io/volumes/zarr_volume.h"
 #include "fuzz/target.h"
 
 /* A slice of more is not read: only memory would be tried. */

@@ -122,7 +122,7 @@ EXCEPTIONS = [
     ("src/api/openapi_schemas.json", "asked", "a member of answers"),
     ("src/api/paths.c", "asked", "a member of answers"),
     ("doc/meshes.md", "foot", "a unit of 3MF files"),
-    ("src/meshfile/plain_3mf.c", "foot", "a unit of 3MF files"),
+    ("src/io/meshes/plain_3mf.c", "foot", "a unit of 3MF files"),
 ]
 
 BREAK = "\x01"  # code between two texts

@@ -11,7 +11,7 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
-#include "formats/contact_sheet.h"
+#include "io/pictures/contact_sheet.h"
 #include "results/result.h"
 
 /* Tasks that one query reads. */

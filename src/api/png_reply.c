@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "formats/picture_png.h"
+#include "io/pictures/picture_png.h"
 
 bool png_reply_set(reply *r, const canvas *picture, error *e)
 {

@@ -2,7 +2,7 @@
 #ifndef HEXAD_API_PNG_REPLY_H
 #define HEXAD_API_PNG_REPLY_H
 
-#include "formats/canvas.h"
+#include "io/pictures/canvas.h"
 #include "http/reply.h"
 
 /* Encodes the picture in memory and sets a reply of status 200. Error: internal; the reply is then unchanged. */

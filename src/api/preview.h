@@ -1,9 +1,9 @@
-/* preview: the thumbnail of a result's preview, made by another process (formats/thumbnail). Any thread. */
+/* preview: the thumbnail of a result's preview, made by another process (io/pictures/thumbnail). Any thread. */
 #ifndef HEXAD_API_PREVIEW_H
 #define HEXAD_API_PREVIEW_H
 
 #include "api/context.h"
-#include "formats/thumbnail.h"
+#include "io/pictures/thumbnail.h"
 
 /* Reads the preview in the directory of a result. Error limit_time: at `until_ms` (monotonic), after
  * thumbnail_timeout_s, or when the service stops, whichever is first. Other errors: those of result_open_file and of

@@ -10,7 +10,7 @@
 #include "geometry/space/affine.h"
 #include "geometry/space/triangle.h"
 #include "mesh/triangle_tree.h"
-#include "meshfile/mesh_file.h"
+#include "io/meshes/mesh_file.h"
 
 static const char what[] = "the places of points on meshes";
 

@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
-#include "formats/points.h"
+#include "io/points/points.h"
 #include "geometry/space/vec3.h"
 #include "mesh/mesh_patches.h"
 

@@ -9,8 +9,8 @@
 
 #include "attribute/stencil.h"
 #include "base/core/error.h"
-#include "dense/exr_stack.h"
-#include "formats/points.h"
+#include "io/volumes/exr_stack.h"
+#include "io/points/points.h"
 
 /* The last mesh that was read, for consecutive requests: reading takes longer than evaluating. Initially empty;
  * attribute_forget empties it. */

@@ -8,7 +8,7 @@
 #include "attribute/lattice.h"
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
-#include "meshfile/mesh_file.h"
+#include "io/meshes/mesh_file.h"
 #include "mesh/triangle_tree.h"
 
 static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {

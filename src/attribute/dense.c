@@ -5,7 +5,7 @@
 
 #include "attribute/lattice.h"
 #include "base/core/memory.h"
-#include "dense/volume_file.h"
+#include "io/volumes/volume_file.h"
 #include "geometry/space/affine.h"
 
 /* As many as a stencil has along an axis. */

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "attribute/lattice.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 #include "volume/grid_selection.h"
 
 static bool find_entry(const attribute_request *request, size_t *index, vdb_entry *out, error *e)

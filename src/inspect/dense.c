@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "dense/volume_file.h"
+#include "io/volumes/volume_file.h"
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"
 #include "inspect/values.h"

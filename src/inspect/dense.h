@@ -2,7 +2,7 @@
 #ifndef HEXAD_INSPECT_DENSE_H
 #define HEXAD_INSPECT_DENSE_H
 
-#include "dense/slices.h"
+#include "io/volumes/slices.h"
 #include "inspect/contents.h"
 
 /* Opens a file that a header names. `context`: the contents_input. */

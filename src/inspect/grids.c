@@ -8,7 +8,7 @@
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 #include "volume/grid_selection.h"
 
 /* Values of a tile that are counted: one for each leaf that it stands for. */

@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "dense/exr_stack.h"
-#include "dense/volume_file.h"
+#include "io/volumes/exr_stack.h"
+#include "io/volumes/volume_file.h"
 #include "inspect/contents.h"
 #include "inspect/dense.h"
 #include "files/root.h"

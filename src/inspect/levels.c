@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "dense/numbers.h"
-#include "dense/volume_file.h"
-#include "dense/zarr_metadata.h"
+#include "io/volumes/numbers.h"
+#include "io/volumes/volume_file.h"
+#include "io/volumes/zarr_metadata.h"
 #include "inspect/contents.h"
 #include "inspect/dense.h"
 #include "files/tree.h"

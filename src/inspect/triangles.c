@@ -8,7 +8,7 @@
 #include "geometry/mesh/flat_triangles.h"
 #include "geometry/mesh/mesh.h"
 #include "geometry/mesh/mesh_edges.h"
-#include "meshfile/mesh_file.h"
+#include "io/meshes/mesh_file.h"
 #include "run/report.h"
 
 /* Edges at which an odd number of triangles meets; their box. */

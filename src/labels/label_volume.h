@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
-#include "dense/slices.h"
+#include "io/volumes/slices.h"
 #include "spec/spec.h"
 
 enum { LABEL_VOLUME_MOST = 65535 }; /* the maximum number of labels */

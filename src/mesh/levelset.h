@@ -13,7 +13,7 @@
 #include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 #include "geometry/mesh/mesh_edges.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 typedef struct levelset_params {
     /* 8 to 8191 voxels must fit along the longest side of the mesh's bounding box (upper bound: WINDING_MOST_VOXELS) */

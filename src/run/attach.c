@@ -7,8 +7,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "formats/ply.h"
-#include "formats/property.h"
+#include "io/points/ply.h"
+#include "io/points/property.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/surface_meshes.h"

@@ -9,8 +9,8 @@
 
 #include "base/core/memory.h"
 #include "base/core/precision.h"
-#include "formats/column.h"
-#include "formats/property.h"
+#include "io/points/column.h"
+#include "io/points/property.h"
 #include "geometry/space/affine.h"
 #include "run/instances.h"
 #include "files/inputs.h"

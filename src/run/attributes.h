@@ -8,7 +8,7 @@
 #define HEXAD_RUN_ATTRIBUTES_H
 
 #include "attribute/attribute.h"
-#include "formats/points.h"
+#include "io/points/points.h"
 #include "base/json/json.h"
 #include "source/source.h"
 #include "run/surface_meshes.h"

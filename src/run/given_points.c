@@ -7,7 +7,7 @@
 
 #include "base/core/memory.h"
 #include "field/projection.h"
-#include "meshfile/mesh_file.h"
+#include "io/meshes/mesh_file.h"
 #include "source/mesh_projection.h"
 
 /* Maximum distance of a given point from the surface, in spacings: a point of a coarser file, or on the triangles of a level set, is

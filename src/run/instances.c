@@ -6,8 +6,8 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "formats/orientation.h"
-#include "formats/property.h"
+#include "io/points/orientation.h"
+#include "io/points/property.h"
 
 /* NULL: the spec names no attribute, or the points have no such one. */
 static const point_attribute *find(const points *set, const char *name)

@@ -3,8 +3,8 @@
 #define HEXAD_RUN_INSTANCES_H
 
 #include "base/core/error.h"
-#include "formats/points.h"
-#include "formats/scene.h"
+#include "io/points/points.h"
+#include "io/points/scene.h"
 #include "spec/spec.h"
 
 typedef struct instances {

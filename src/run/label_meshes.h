@@ -3,7 +3,7 @@
 #define HEXAD_RUN_LABEL_MESHES_H
 
 #include "base/core/error.h"
-#include "formats/points.h"
+#include "io/points/points.h"
 
 enum { LABEL_MESHES_MOST = 128 };
 

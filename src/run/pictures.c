@@ -7,9 +7,9 @@
 
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
-#include "formats/chart.h"
-#include "formats/picture_png.h"
-#include "formats/preview_exr.h"
+#include "io/pictures/chart.h"
+#include "io/pictures/picture_png.h"
+#include "io/pictures/preview_exr.h"
 #include "files/file.h"
 
 /* Frames of a turntable are numbered from 1. */

@@ -4,7 +4,7 @@
 #ifndef HEXAD_RUN_PICTURES_H
 #define HEXAD_RUN_PICTURES_H
 
-#include "formats/quantity.h"
+#include "io/points/quantity.h"
 #include "run/results.h"
 
 /* Writes the pictures of output.preview, with this look or with the values of output.preview.attribute. Errors: those

@@ -5,7 +5,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "formats/points.h"
+#include "io/points/points.h"
 #include "labels/label_surface.h"
 #include "run/attributes.h"
 #include "run/avoided_points.h"

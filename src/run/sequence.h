@@ -10,7 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "formats/ply.h"
+#include "io/points/ply.h"
 #include "base/json/json.h"
 #include "solver/solver.h"
 #include "sequence/frame_transfer.h"

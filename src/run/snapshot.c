@@ -7,7 +7,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/memory.h"
-#include "formats/ply.h"
+#include "io/points/ply.h"
 #include "run/upright.h"
 
 /* Time before the first snapshot and between two. Writing one takes about 4 ms of CPU time, 0.2 % of this. */

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "formats/points.h"
+#include "io/points/points.h"
 #include "spec/spec.h"
 
 /* Whether y points up, not z, as the spec or the kind of file determines. For kinds of file with no convention

@@ -7,7 +7,7 @@
 #include <strings.h>
 
 #include "base/core/precision.h"
-#include "dense/volume_file.h"
+#include "io/volumes/volume_file.h"
 #include "volume/grid_selection.h"
 
 /* A grid as slices: the box of its active voxels, with a layer of the background around it. */

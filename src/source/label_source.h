@@ -4,7 +4,7 @@
 #ifndef HEXAD_SOURCE_LABEL_SOURCE_H
 #define HEXAD_SOURCE_LABEL_SOURCE_H
 
-#include "dense/exr_stack.h"
+#include "io/volumes/exr_stack.h"
 #include "labels/label_surface.h"
 
 typedef struct label_source_request {

@@ -12,7 +12,7 @@
 #include "volume/resolution.h"
 #include "geometry/mesh/flat_triangles.h"
 #include "geometry/mesh/mesh_edges.h"
-#include "meshfile/mesh_file.h"
+#include "io/meshes/mesh_file.h"
 #include "geometry/space/packing.h"
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */

@@ -7,9 +7,9 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "dense/coefficients.h"
-#include "dense/exr_stack.h"
-#include "dense/volume_file.h"
+#include "io/volumes/coefficients.h"
+#include "io/volumes/exr_stack.h"
+#include "io/volumes/volume_file.h"
 #include "geometry/space/affine.h"
 #include "source/creased_source.h"
 #include "source/label_source.h"

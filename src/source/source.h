@@ -4,7 +4,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "dense/exr_stack.h"
+#include "io/volumes/exr_stack.h"
 #include "field/analytic.h"
 #include "field/bspline.h"
 #include "field/combination.h"

@@ -8,8 +8,8 @@
 #ifndef HEXAD_VOLUME_DENSE_GRID_H
 #define HEXAD_VOLUME_DENSE_GRID_H
 
-#include "dense/slices.h"
-#include "vdb/vdb.h"
+#include "io/volumes/slices.h"
+#include "io/vdb/vdb.h"
 
 typedef struct dense_grid_facts {
     double lowest, highest; /* range of the finite values */

@@ -7,7 +7,7 @@
 
 #include "base/core/memory.h"
 #include "geometry/space/vec3.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 /* Half-width of the narrow band, voxels: the default of OpenVDB's tools. */
 #define BAND_VOX 3

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "vdb/plain_vdb.h"
+#include "io/vdb/plain_vdb.h"
 
 /* Maximum length of the list in a message. */
 #define LIST_SIZE 600

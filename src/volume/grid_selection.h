@@ -11,7 +11,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 /* The unique name of a grid: "name[1]" if several have the same name. */
 void grid_selection_name(const vdb_listing *listing, size_t index, char out[VDB_NAME_SIZE]);

@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 #include "volume/grid_selection.h"
 #include "voxels/grid_view.h"
 

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 typedef struct slope {
     size_t count;             /* voxels used; 0: other members are not set */

@@ -1,7 +1,7 @@
 /* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the
  * isosurface.
  *
- * A volume is read completely by one call, through src/vdb. An open volume keeps no file and no library object, only
+ * A volume is read completely by one call, through src/io/vdb. An open volume keeps no file and no library object, only
  * coefficient blocks (8^3 cells and the coefficients around them that their splines need) around the surface, with a
  * margin within which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few
  * places will be sampled, coefficient blocks are made on first access.
@@ -16,7 +16,7 @@
 #include "base/core/error.h"
 #include "base/core/isa.h"
 #include "base/core/threads.h"
-#include "dense/slices.h"
+#include "io/volumes/slices.h"
 #include "field/field.h"
 #include "mesh/fidelity.h"
 #include "geometry/mesh/mesh.h"

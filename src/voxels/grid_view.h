@@ -17,7 +17,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "geometry/space/block_map.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 #define GRID_VIEW_SIDE 8
 #define GRID_VIEW_VOXELS 512

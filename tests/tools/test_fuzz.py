@@ -14,9 +14,9 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
 # targets that are fuzzed here, with the modules that clang instruments; the build's libraries provide the rest
 SMOKE = {"spec": ["src/base/json/*.c", "src/spec/*.c"],
-         "ply": ["src/formats/ply.c", "src/formats/column.c"],
-         "mesh": ["src/meshfile/plain_*.c", "src/meshfile/ply_*.c", "src/meshfile/content_end.c", "src/meshfile/polygon.c",
-                  "src/meshfile/xml_tags.c", "src/meshfile/zip_entry.c"]}
+         "ply": ["src/io/points/ply.c", "src/io/points/column.c"],
+         "mesh": ["src/io/meshes/plain_*.c", "src/io/meshes/ply_*.c", "src/io/meshes/content_end.c", "src/io/meshes/polygon.c",
+                  "src/io/meshes/xml_tags.c", "src/io/meshes/zip_entry.c"]}
 SMOKE_S = 2  # of each target
 # what a target reads of the shared data
 SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"],

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "formats/points.h"
+#include "io/points/points.h"
 
 typedef struct point_set {
     points points;

@@ -13,7 +13,7 @@
 #include <cmocka.h>
 
 #include "attribute/attribute.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 enum { SIDE = 4, VOXELS = SIDE * SIDE * SIDE, PLACES = 27 };
 

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "formats/chart.h"
+#include "io/pictures/chart.h"
 
 enum { WIDTH = 400, HEIGHT = 300 };
 

@@ -6,7 +6,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "formats/half.h"
+#include "io/points/half.h"
 
 /* By the definition: sign, five bits of exponent, ten bits of fraction. */
 static double value_of(uint16_t h)

@@ -17,7 +17,7 @@
 #include "labels/label_majority.h"
 #include "labels/label_thinness.h"
 #include "source/label_source.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 enum { SIDE = 8, VOXELS = SIDE * SIDE * SIDE };
 

@@ -21,8 +21,8 @@
 #include "mesh/mesh_faces.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
-#include "meshfile/mesh_file.h"
-#include "meshfile/mesh_reader.h"
+#include "io/meshes/mesh_file.h"
+#include "io/meshes/mesh_reader.h"
 #include "geometry/mesh/flat_triangles.h"
 #include "volume_fixture.h"
 

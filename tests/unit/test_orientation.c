@@ -9,7 +9,7 @@
 
 #include "base/core/rng.h"
 #include "close.h"
-#include "formats/orientation.h"
+#include "io/points/orientation.h"
 #include "shapes.h"
 
 static const double EXACT = 1e-14;

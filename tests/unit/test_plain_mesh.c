@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "base/core/rng.h"
-#include "meshfile/plain_mesh.h"
+#include "io/meshes/plain_mesh.h"
 
 static bool read_text(const char *ending, const char *text, plain_mesh *m)
 {

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "shapes.h"
-#include "vdb/plain_vdb.h"
+#include "io/vdb/plain_vdb.h"
 #include "volume_fixture.h"
 
 static double ball(vec3 p)

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "formats/ply.h"
+#include "io/points/ply.h"
 #include "point_set.h"
 
 typedef struct bytes {

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/core/rng.h"
-#include "meshfile/polygon.h"
+#include "io/meshes/polygon.h"
 
 enum { SEED = 20261127, MOST = 4096 };
 

@@ -11,12 +11,12 @@
 
 #include <cmocka.h>
 
-#include "formats/half.h"
-#include "formats/legend.h"
-#include "formats/preview.h"
-#include "formats/preview_exr.h"
-#include "formats/quantity.h"
-#include "formats/picture_png.h"
+#include "io/points/half.h"
+#include "io/pictures/legend.h"
+#include "io/pictures/preview.h"
+#include "io/pictures/preview_exr.h"
+#include "io/points/quantity.h"
+#include "io/pictures/picture_png.h"
 #include "point_set.h"
 
 /* The contents at the centre of a pixel. */

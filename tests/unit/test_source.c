@@ -16,7 +16,7 @@
 #include "close.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
-#include "meshfile/mesh_reader.h"
+#include "io/meshes/mesh_reader.h"
 #include "source/mesh_projection.h"
 #include "source/source.h"
 #include "volume_fixture.h"

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "point_set.h"
-#include "vdb/vdb.h"
+#include "io/vdb/vdb.h"
 
 enum { MOST_BYTES = 1 << 22 };
 

@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "dense/exr_stack.h"
+#include "io/volumes/exr_stack.h"
 #include "volume_fixture.h"
 
 #define SEED 777u

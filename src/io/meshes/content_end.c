@@ -1,0 +1,147 @@
+#include "io/meshes/content_end.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "io/meshes/ply_header.h"
+
+/* Bytes of a binary STL file: before its number of triangles, before the triangles, and of each triangle. */
+enum { STL_COUNT_AT = 80, STL_HEAD = 84, STL_TRIANGLE = 50 };
+
+static bool is_blank(char c)
+{
+    return c == ' ' || (c >= '\t' && c <= '\r');
+}
+
+static const char *skip_blanks(const char *at, const char *end)
+{
+    while (at < end && is_blank(*at)) at++;
+    return at;
+}
+
+static const char *next_line(const char *at, const char *end)
+{
+    const char *line = memchr(at, '\n', (size_t)(end - at));
+    return line ? line + 1 : end;
+}
+
+static bool begins_with(const char *at, const char *end, const char *word)
+{
+    return (size_t)(end - at) >= strlen(word) && strncasecmp(at, word, strlen(word)) == 0;
+}
+
+/* Behind the last solid's "endsolid"; NULL: there is none. */
+static const char *end_of_solids(const char *at, const char *end)
+{
+    const char *found = NULL;
+    bool within = false;
+    while ((at = skip_blanks(at, end)) < end) {
+        if (begins_with(at, end, "endsolid")) {
+            within = false;
+            found = next_line(at, end);
+        } else if (!within) {
+            if (!begins_with(at, end, "solid")) break;
+            within = true;
+        }
+        at = next_line(at, end);
+    }
+    return within ? NULL : found;
+}
+
+static const char *end_of_stl(const char *data, size_t size)
+{
+    uint64_t whole = UINT64_MAX;
+    if (size >= STL_HEAD) {
+        const unsigned char *n = (const unsigned char *)data + STL_COUNT_AT;
+        whole = STL_HEAD +
+                STL_TRIANGLE * (n[0] | (uint64_t)n[1] << 8 | (uint64_t)n[2] << 16 | (uint64_t)n[3] << 24);
+    }
+    if (whole == size) return NULL;
+    const char *end = data + size, *first = skip_blanks(data, end);
+    if (begins_with(first, end, "solid")) return end_of_solids(first, end);
+    return whole < size ? data + whole : NULL;
+}
+
+/* The line at `at`, or the first after it, that holds something but a comment. */
+static const char *line_with_content(const char *at, const char *end)
+{
+    while ((at = skip_blanks(at, end)) < end && *at == '#') at = next_line(at, end);
+    return at;
+}
+
+/* The end of a text with one line for each vertex and face. */
+static const char *end_of_off(const char *data, size_t size)
+{
+    const char *end = data + size, *at = line_with_content(data, end);
+    char line[128];
+    for (int k = 0; k < 2; k++) { /* the counts follow the word, or are on the next line */
+        const char *stop = next_line(at, end);
+        size_t length = (size_t)(stop - at) < sizeof line ? (size_t)(stop - at) : sizeof line - 1;
+        memcpy(line, at, length);
+        line[length] = 0;
+        char *numbers = k == 0 ? strstr(line, "OFF") : line, *rest;
+        if (!numbers || strstr(line, "BINARY") || (k == 0 && strstr(line, "nOFF"))) return NULL;
+        if (k == 0) numbers += strlen("OFF");
+        unsigned long long vertices = strtoull(numbers, &rest, 10), faces = strtoull(rest, NULL, 10);
+        at = line_with_content(stop, end);
+        if (rest == numbers) continue;
+        if (vertices > size || faces > size) return NULL;
+        for (unsigned long long n = vertices + faces; n > 0 && at < end; n--)
+            at = line_with_content(next_line(at, end), end);
+        return at;
+    }
+    return NULL;
+}
+
+/* Behind a binary row of an element. */
+static const char *skip_row(const ply_header *h, const ply_element *e, const char *at, const char *end)
+{
+    for (const ply_property *p = e->property; p < e->property + e->properties; p++) {
+        double count = 1;
+        if (p->length) {
+            if (end - at < p->length->size) return NULL;
+            count = ply_number(at, p->length, h->layout);
+            at += p->length->size;
+        }
+        if (!(count >= 0 && count * p->type->size <= (double)(end - at))) return NULL;
+        at += (size_t)count * (size_t)p->type->size;
+    }
+    return at;
+}
+
+/* The end of the elements of a PLY file. In a text file each row is a line. */
+static const char *end_of_ply(const char *data, size_t size)
+{
+    ply_header *h = malloc(sizeof *h);
+    const char *end = data + size, *at = h && ply_header_read(data, size, h) ? data + h->body : NULL;
+    for (const ply_element *e = at ? h->element : NULL; at && e < h->element + h->elements; e++) {
+        if (h->layout != PLY_TEXT && !e->has_list &&
+            (e->row == 0 || e->count <= (size_t)(end - at) / e->row)) {
+            at += e->count * e->row;
+            continue;
+        }
+        for (uint64_t n = 0; at && n < e->count; n++) {
+            at = h->layout == PLY_TEXT ? skip_blanks(at, end) : skip_row(h, e, at, end);
+            if (h->layout == PLY_TEXT) at = at < end ? next_line(at, end) : NULL;
+        }
+    }
+    free(h);
+    return at;
+}
+
+size_t content_end(const char *ending, const char *data, size_t size)
+{
+    const char *end = strcmp(ending, "stl") == 0   ? end_of_stl(data, size)
+                      : strcmp(ending, "off") == 0 ? end_of_off(data, size)
+                      : strcmp(ending, "ply") == 0 ? end_of_ply(data, size)
+                                                   : NULL;
+    return end ? (size_t)(end - data) : size;
+}
+
+bool content_follows(const char *data, size_t size, size_t end)
+{
+    while (end < size && (is_blank(data[end]) || !data[end])) end++;
+    return end < size;
+}

@@ -1,0 +1,17 @@
+/* content_end: finds the end of the content that a mesh file declares, for formats whose readers ignore the bytes
+ * after it. Runs in the process that reads.
+ */
+#ifndef HEXAD_IO_MESHES_CONTENT_END_H
+#define HEXAD_IO_MESHES_CONTENT_END_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* `ending`: that of the file's name, in lower case. Returns the number of bytes up to the end of the solids (STL),
+ * elements (PLY) or faces (OFF); `size` if the end is not known, and for other formats. */
+size_t content_end(const char *ending, const char *data, size_t size);
+
+/* Whether the bytes from `end` on contain anything but white space and zeros. */
+bool content_follows(const char *data, size_t size, size_t end);
+
+#endif

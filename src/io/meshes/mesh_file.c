@@ -1,0 +1,388 @@
+#include "io/meshes/mesh_file.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "base/core/reader.h"
+#include "io/meshes/mesh_reader.h"
+
+/* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is
+ * granted. */
+static const unsigned seconds_at_least = 60;
+static const off_t bytes_per_second = 1 << 20;
+
+/* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
+static const double largest_coordinate = 1e30;
+
+/* The ending of the file's name in lower case, if it looks like one. */
+static void ending_of(const char *path, char out[16])
+{
+    const char *dot = strrchr(path, '.');
+    size_t n = 0;
+    if (dot && !strchr(dot, '/'))
+        for (const char *p = dot + 1; *p && n < 15; p++) {
+            char c = *p >= 'A' && *p <= 'Z' ? (char)(*p + 'a' - 'A') : *p;
+            if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'))) break;
+            out[n++] = c;
+        }
+    out[n] = '\0';
+}
+
+/* Starts the process with the file as its input. */
+static bool start(const mesh_file *file, const char *command, off_t size, reader *out, error *e)
+{
+    char ending[16];
+    ending_of(file->path, ending);
+    const reader_params params = {file->program,
+                                  command,
+                                  ending,
+                                  file->fd,
+                                  file->memory_limit,
+                                  seconds_at_least + (unsigned)(size / bytes_per_second)};
+    return reader_start(&params, out, e);
+}
+
+static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
+{
+    if (fread(to, size, count, stream) == count) return true;
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file ended while it was read: check the disk and copy it again");
+}
+
+static bool invalid(error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file made its reader return an invalid answer: save it in another format");
+}
+
+/* Whether the answer ends here. */
+static bool check_end(FILE *stream, error *e)
+{
+    return fgetc(stream) == EOF ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the file made its reader return more data than announced: save it in another format");
+}
+
+/* `text` receives the warnings, one a line. */
+static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READER_TEXT_MAX + 1], error *e)
+{
+    text[0] = 0;
+    if (!read_all(stream, h, sizeof *h, 1, e)) return false;
+    if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
+        return invalid(e);
+    if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
+    text[h->text_length] = 0;
+    for (char *p = text; *p; p++) /* it may quote the file */
+        if ((*p < ' ' || *p > '~') && !(*p == '\n' && h->code == ERROR_NONE)) *p = '?';
+    if (h->code != ERROR_NONE && !*text)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the reader refused the file without a reason: save it in another format");
+    return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
+}
+
+static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
+{
+    if (h->triangles == 0)
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "the mesh has no triangles (%llu vertices, %llu points or lines): save it with faces",
+            (unsigned long long)h->vertices, (unsigned long long)h->others);
+    if (h->vertices >= UINT32_MAX || h->triangles >= UINT32_MAX / 3)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the mesh has %llu vertices and %llu triangles, more than 32-bit indices allow: "
+                         "split or simplify it",
+                         (unsigned long long)h->vertices, (unsigned long long)h->triangles);
+    size_t needed = mesh_bytes(h->vertices, h->triangles);
+    if (needed <= limit) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "its %llu triangles require %zu MiB, and %zu MiB of the limit are left: raise "
+                     "limits.memory_mb by at least %zu",
+                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20,
+                     ((needed - limit) >> 20) + 1);
+}
+
+static bool is_usable(vec3 v)
+{
+    return fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
+           fabs(v.z) <= largest_coordinate;
+}
+
+/* Refuses vertices of triangles that are not finite. Those of no triangle take the place of one that is; *unused: how many. */
+static bool check_vertices(mesh *m, size_t *unused, error *e)
+{
+    *unused = 0;
+    for (size_t n = 0; n < m->vertex_count; n++) *unused += !is_usable(m->vertex[n]);
+    if (*unused == 0) return true;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            if (!is_usable(m->vertex[m->triangle[n][k]]))
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "triangle %zu: its vertex %" PRIu32
+                                 " has a coordinate that is not finite or exceeds %g: repair the mesh",
+                                 n, m->triangle[n][k], largest_coordinate);
+    for (size_t n = 0; n < m->vertex_count; n++)
+        if (!is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
+    return true;
+}
+
+static bool read_triangles(FILE *stream, mesh *m, error *e)
+{
+    if (!read_all(stream, m->triangle, sizeof m->triangle[0], m->triangle_count, e)) return false;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            if (m->triangle[n][k] >= m->vertex_count)
+                return error_set(
+                    e, ERROR_INPUT_DAMAGED,
+                    "triangle %zu: a corner is not among the %zu vertices of the mesh: repair the mesh", n,
+                    m->vertex_count);
+    return true;
+}
+
+static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, float **value, error *e)
+{
+    if (!read_all(stream, head, sizeof *head, 1, e)) return false;
+    if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
+        head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
+        return invalid(e);
+    for (char *p = head->name; *p; p++) /* it is the file's */
+        if (*p < ' ' || *p > '~') *p = '?';
+    *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
+    return *value && read_all(stream, *value, head->components * sizeof **value, m->vertex_count, e);
+}
+
+static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *out, error *e)
+{
+    uint32_t count;
+    if (!read_all(stream, &count, sizeof count, 1, e)) return false;
+    if (count > MESH_VALUES_MOST) return invalid(e);
+    if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the values of its %zu vertices require more memory than is left: raise limits.memory_mb",
+            m->vertex_count);
+    out->head = mem_alloc(count * sizeof *out->head);
+    out->value = mem_alloc(count * sizeof *out->value);
+    for (; out->count < count; out->count++)
+        if (!read_array(stream, m, &out->head[out->count], &out->value[out->count], e)) {
+            free(out->value[out->count]);
+            return false;
+        }
+    return true;
+}
+
+/* Checks that the polygons have the triangles and the vertices of the mesh. */
+static bool check_polygons(const mesh *m, mesh_polygons *p, error *e)
+{
+    size_t triangles = 0;
+    p->first[0] = 0;
+    for (size_t k = 0; k < p->count; k++) {
+        if (p->size[k] > p->corners - p->first[k]) return invalid(e);
+        p->first[k + 1] = p->first[k] + p->size[k];
+        triangles += p->size[k] > 2 ? p->size[k] - 2 : 0;
+    }
+    for (size_t k = 0; k < p->corners; k++)
+        if (p->corner[k] >= m->vertex_count) return invalid(e);
+    return (p->first[p->count] == p->corners && triangles == m->triangle_count) || invalid(e);
+}
+
+static bool read_polygons(FILE *stream, const mesh *m, size_t limit, mesh_polygons *out, error *e)
+{
+    static const char what[] = "the polygons of the mesh";
+    uint64_t counts[2];
+    if (!read_all(stream, counts, sizeof counts, 1, e)) return false;
+    if (counts[0] >= UINT32_MAX || counts[1] / 8 >= UINT32_MAX) return invalid(e);
+    if ((counts[0] + 1) * (sizeof *out->size + sizeof *out->first) + counts[1] * sizeof *out->corner > limit)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %llu polygons require more memory than is left: raise limits.memory_mb",
+                         (unsigned long long)counts[0]);
+    out->count = counts[0];
+    out->corners = counts[1];
+    return (out->size = mem_array(out->count, sizeof *out->size, what, e)) &&
+           (out->first = mem_array(out->count + 1, sizeof *out->first, what, e)) &&
+           (out->corner = mem_array(out->corners, sizeof *out->corner, what, e)) &&
+           read_all(stream, out->size, sizeof *out->size, out->count, e) &&
+           read_all(stream, out->corner, sizeof *out->corner, out->corners, e) && check_polygons(m, out, e);
+}
+
+void mesh_polygons_free(mesh_polygons *polygons)
+{
+    free(polygons->size);
+    free(polygons->first);
+    free(polygons->corner);
+    *polygons = (mesh_polygons){0};
+}
+
+void mesh_values_free(mesh_values *values)
+{
+    for (size_t k = 0; k < values->count; k++) free(values->value[k]);
+    free(values->value);
+    free(values->head);
+    *values = (mesh_values){0};
+}
+
+static void note_lines(mesh_notes *notes, char *text)
+{
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) mesh_note(notes, "%s", line);
+}
+
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
+                     mesh_notes *notes, mesh_values *values, mesh_polygons *polygons, error *e)
+{
+    mesh m = {0};
+    char text[MESH_READER_TEXT_MAX + 1];
+    size_t unused = 0;
+    bool ok = read_header(stream, header, text, e) && check_counts(header, memory_limit, e);
+    if (ok) {
+        m.vertex_count = header->vertices;
+        m.triangle_count = header->triangles;
+        m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
+        m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
+        ok = m.triangle && read_all(stream, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
+             read_triangles(stream, &m, e) && check_vertices(&m, &unused, e) &&
+             (!values || read_values(stream, &m, memory_limit, values, e)) &&
+             (!polygons || read_polygons(stream, &m, memory_limit, polygons, e));
+    }
+    ok = ok && check_end(stream, e);
+    if (!ok) {
+        mesh_free(&m);
+        return false;
+    }
+    note_lines(notes, text);
+    if (unused > 0) mesh_note(notes, "%zu unused vertices are not finite: they are skipped", unused);
+    *out = m;
+    return true;
+}
+
+/* Triangles of a file of points, and the end of the answer. */
+static bool skip_triangles(FILE *stream, uint64_t triangles, error *e)
+{
+    uint32_t corner[3];
+    for (uint64_t n = 0; n < triangles; n++)
+        if (!read_all(stream, corner, sizeof corner, 1, e)) return false;
+    return check_end(stream, e);
+}
+
+static bool check_points(const vec3 *point, size_t count, error *e)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!is_usable(point[i]))
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "row %zu: a coordinate is not finite or exceeds %g: remove the row", i,
+                             largest_coordinate);
+    return true;
+}
+
+bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_header *header, vec3 **out,
+                            size_t *count, error *e)
+{
+    char text[MESH_READER_TEXT_MAX + 1];
+    if (!read_header(stream, header, text, e)) return false;
+    if (header->vertices == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file has no points: give one with points");
+    if (header->vertices > memory_limit / sizeof **out)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its %llu points require more memory than is left: raise limits.memory_mb",
+                         (unsigned long long)header->vertices);
+    const size_t n = (size_t)header->vertices;
+    vec3 *point = mem_array(n, sizeof *point, "the given points", e);
+    if (point && read_all(stream, point, sizeof *point, n, e) &&
+        skip_triangles(stream, header->triangles, e) && check_points(point, n, e)) {
+        *out = point;
+        *count = n;
+        return true;
+    }
+    free(point);
+    return false;
+}
+
+bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e)
+{
+    mesh_reader_header header = {0};
+    char ending[16];
+    off_t size = 0;
+    reader r;
+    vec3 *point = NULL;
+    size_t n = 0;
+    ending_of(file->path, ending);
+    if (strcmp(ending, "ply") != 0 && strcmp(ending, "npz") != 0)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the name of the file does not end in .ply or .npz: give points in one of these");
+    if (!reader_check_file(file->fd, "points", &size, e) || !start(file, MESH_READER_COMMAND, size, &r, e))
+        return false;
+    bool ok = mesh_file_parse_points(r.stream, file->memory_limit, &header, &point, &n, e);
+    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
+    if (!ok) {
+        free(point);
+        return false;
+    }
+    *out = point;
+    *count = n;
+    return true;
+}
+
+static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
+                      mesh_values *values, mesh_polygons *polygons, error *e)
+{
+    mesh m = {0};
+    off_t size = 0;
+    reader r;
+    const char *command = values     ? MESH_VALUES_COMMAND
+                          : polygons ? MESH_POLYGONS_COMMAND
+                                     : MESH_READER_COMMAND;
+    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, notes, values, polygons, e);
+    ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
+    if (ok)
+        *out = m;
+    else
+        mesh_free(&m);
+    return ok;
+}
+
+bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
+{
+    mesh_reader_header header = {0};
+    if (!read_file(file, &header, out, notes, NULL, NULL, e)) return false;
+    if (header.others)
+        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
+                  (unsigned long long)header.others);
+    if (header.crossed)
+        mesh_note(notes,
+                  "%llu polygons intersect themselves or are not planar: their triangles may overlap. "
+                  "Triangulate them in the file.",
+                  (unsigned long long)header.crossed);
+    if (header.end)
+        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
+                  (unsigned long long)header.end);
+    return true;
+}
+
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_values read = {0};
+    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    if (read_file(file, &header, out, &unused, &read, NULL, e)) {
+        *values = read;
+        return true;
+    }
+    mesh_values_free(&read);
+    return false;
+}
+
+bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_polygons read = {0};
+    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    if (read_file(file, &header, out, &unused, NULL, &read, e)) {
+        *polygons = read;
+        return true;
+    }
+    mesh_polygons_free(&read);
+    return false;
+}

@@ -1,0 +1,591 @@
+#include "io/meshes/mesh_reader.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <assimp/cfileio.h>
+#include <assimp/cimport.h>
+#include <assimp/scene.h>
+
+#include "base/core/error.h"
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
+#include "io/meshes/content_end.h"
+#include "io/meshes/foreign_format.h"
+#include "io/meshes/plain_mesh.h"
+#include "io/meshes/ply_strips.h"
+#include "io/meshes/ply_values.h"
+#include "io/meshes/xml_tags.h"
+
+/* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
+ * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
+ * made up. */
+static const size_t memory_per_byte = 64;
+/* Nodes within nodes; files of meshes have a handful. The walk is recursive. */
+static const int deepest_node = 200;
+
+typedef struct bytes {
+    char name[32]; /* what the file is called towards the library */
+    char *data;
+    size_t size, at;
+} bytes;
+
+/* ---- the library's view of the one file */
+
+static size_t read_some(struct aiFile *file, char *to, size_t size, size_t count)
+{
+    bytes *b = (bytes *)file->UserData;
+    size_t left = size ? (b->size - b->at) / size : 0;
+    if (count > left) count = left;
+    memcpy(to, b->data + b->at, size * count);
+    b->at += size * count;
+    return count;
+}
+
+static size_t write_nothing(struct aiFile *file, const char *from, size_t size, size_t count)
+{
+    (void)file, (void)from, (void)size, (void)count;
+    return 0;
+}
+
+static size_t tell(struct aiFile *file)
+{
+    return ((bytes *)file->UserData)->at;
+}
+static size_t file_size(struct aiFile *file)
+{
+    return ((bytes *)file->UserData)->size;
+}
+static void flush(struct aiFile *file)
+{
+    (void)file;
+}
+
+static enum aiReturn seek(struct aiFile *file, size_t offset, enum aiOrigin origin)
+{
+    bytes *b = (bytes *)file->UserData;
+    size_t base = origin == aiOrigin_SET ? 0 : origin == aiOrigin_CUR ? b->at : b->size, to = base + offset;
+    if (to > b->size) return aiReturn_FAILURE;
+    b->at = to;
+    return aiReturn_SUCCESS;
+}
+
+/* Materials and whatever else a mesh names are refused: only the file that was submitted is read. */
+static struct aiFile *open_file(struct aiFileIO *io, const char *name, const char *mode)
+{
+    bytes *b = (bytes *)io->UserData;
+    if (strcmp(name, b->name) != 0 || mode[0] != 'r') return NULL;
+    struct aiFile *file = malloc(sizeof *file);
+    if (!file) return NULL;
+    *file = (struct aiFile){read_some, write_nothing, tell, file_size, seek, flush, io->UserData};
+    b->at = 0;
+    return file;
+}
+
+static void close_file(struct aiFileIO *io, struct aiFile *file)
+{
+    (void)io;
+    free(file);
+}
+
+/* ---- answering */
+
+static int answer_fault(error_code code, const char *text)
+{
+    mesh_reader_header h = {
+        .magic = MESH_READER_MAGIC, .code = (uint32_t)code, .text_length = (uint32_t)strlen(text)};
+    if (h.text_length > MESH_READER_TEXT_MAX) h.text_length = MESH_READER_TEXT_MAX;
+    return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
+}
+
+/* What a command answers in addition to the triangles. */
+typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
+
+/* The answer is written by walks over the scene's nodes: to count, vertices, triangles; and the sizes and the corners of
+ * the polygons. */
+typedef struct walk {
+    const struct aiScene *scene;
+    enum { COUNT, VERTICES, TRIANGLES, SIZES, CORNERS } pass;
+    mesh_reader_header header;
+    uint64_t polygons, corners; /* corners: of all polygons */
+    size_t first;               /* of the vertices of the mesh at hand */
+    bool failed;
+    unsigned group; /* of the node that is visited, among those that have meshes */
+    plain_mesh one; /* vertices of the mesh at hand, and the triangles of a polygon of it */
+} walk;
+
+static void visit_vertices(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
+{
+    for (unsigned n = 0; !w->failed && n < mesh->mNumVertices; n++) {
+        struct aiVector3D v = mesh->mVertices[n];
+        aiTransformVecByMatrix4(&v, m);
+        const double at[3] = {(double)v.x, (double)v.y, (double)v.z};
+        w->failed = fwrite(at, sizeof at, 1, stdout) != 1;
+    }
+}
+
+static void write_triangles(walk *w, const uint32_t (*triangle)[3], size_t count)
+{
+    for (size_t n = 0; !w->failed && n < count; n++) {
+        uint32_t corner[3];
+        for (int k = 0; k < 3; k++) {
+            const uint64_t c = (uint64_t)w->first + triangle[n][k];
+            corner[k] = triangle[n][k] != UINT32_MAX && c < UINT32_MAX ? (uint32_t)c : UINT32_MAX;
+        }
+        w->failed = fwrite(corner, sizeof corner, 1, stdout) != 1;
+    }
+}
+
+/* Corners that are not vertices become UINT32_MAX, which mesh_file refuses. */
+static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *face)
+{
+    bool exist = true;
+    for (unsigned k = 0; k < face->mNumIndices; k++) exist &= face->mIndices[k] < mesh->mNumVertices;
+    return exist;
+}
+
+/* Writes the number of the corners of a polygon, or its corners. */
+static void write_polygon(walk *w, const struct aiFace *face)
+{
+    const uint32_t size = face->mNumIndices;
+    if (w->pass == SIZES) w->failed = fwrite(&size, sizeof size, 1, stdout) != 1;
+    for (uint32_t k = 0; w->pass == CORNERS && !w->failed && k < size; k++) {
+        const uint32_t corner = (uint32_t)w->first + face->mIndices[k];
+        w->failed = fwrite(&corner, sizeof corner, 1, stdout) != 1;
+    }
+}
+
+static void visit_face(walk *w, const struct aiMesh *mesh, const struct aiFace *face)
+{
+    static const uint32_t none[1][3] = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}};
+    plain_mesh *one = &w->one;
+    const size_t others = one->others;
+    const bool exist = all_corners_exist(mesh, face);
+    if (w->pass > TRIANGLES) {
+        write_polygon(w, face);
+        return;
+    }
+    if (w->pass == COUNT) {
+        w->polygons++;
+        w->corners += face->mNumIndices;
+    }
+    one->triangles = 0;
+    if (exist && !plain_mesh_add_polygon(one, face->mIndices, face->mNumIndices)) {
+        w->failed = true;
+    } else if (w->pass == COUNT) {
+        w->header.triangles += exist ? one->triangles : 1;
+        w->header.others += one->others - others;
+    } else {
+        write_triangles(w, exist ? (const uint32_t(*)[3])one->triangle : none, exist ? one->triangles : 1);
+    }
+}
+
+static void visit_faces(walk *w, const struct aiMesh *mesh)
+{
+    w->one.vertices = 0;
+    for (unsigned n = 0; !w->failed && n < mesh->mNumVertices; n++) {
+        const struct aiVector3D v = mesh->mVertices[n];
+        w->failed = !plain_mesh_add_vertex(&w->one, (const double[]){(double)v.x, (double)v.y, (double)v.z});
+    }
+    for (unsigned n = 0; !w->failed && n < mesh->mNumFaces; n++) visit_face(w, mesh, &mesh->mFaces[n]);
+}
+
+static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
+{
+    if (w->pass == VERTICES)
+        visit_vertices(w, mesh, m);
+    else
+        visit_faces(w, mesh);
+    if (w->pass == COUNT) w->header.vertices += mesh->mNumVertices;
+    w->first += mesh->mNumVertices;
+}
+
+static void visit(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, int depth)
+{
+    if (depth > deepest_node) w->failed = true;
+    if (w->failed) return;
+    aiMultiplyMatrix4(&m, &node->mTransformation);
+    for (unsigned n = 0; n < node->mNumMeshes; n++)
+        if (node->mMeshes[n] < w->scene->mNumMeshes) visit_mesh(w, w->scene->mMeshes[node->mMeshes[n]], &m);
+    for (unsigned n = 0; n < node->mNumChildren; n++) visit(w, node->mChildren[n], m, depth + 1);
+}
+
+/* ---- what vertices have beside their places */
+
+/* An array: what of a mesh it is, and which of several. */
+typedef struct values {
+    enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL, OF_GROUP } what;
+    unsigned slot;
+    mesh_reader_values head;
+} values;
+
+static bool mesh_has(const struct aiMesh *mesh, const values *v)
+{
+    return v->what == OF_COLOR    ? mesh->mColors[v->slot] != NULL
+           : v->what == OF_UV     ? mesh->mTextureCoords[v->slot] != NULL
+           : v->what == OF_NORMAL ? mesh->mNormals != NULL
+                                  : true;
+}
+
+/* The value of a vertex; zeros if this one of several meshes has none. */
+static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v, unsigned n,
+                     float out[MESH_VALUES_COMPONENTS])
+{
+    memset(out, 0, MESH_VALUES_COMPONENTS * sizeof *out);
+    if (!mesh_has(mesh, v)) return;
+    if (v->what == OF_COLOR) {
+        const struct aiColor4D c = mesh->mColors[v->slot][n];
+        memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
+    } else if (v->what == OF_UV) {
+        const struct aiVector3D t = mesh->mTextureCoords[v->slot][n];
+        memcpy(out, (const float[]){t.x, t.y}, 2 * sizeof *out);
+    } else if (v->what == OF_NORMAL) { /* by the cofactors of the node's matrix, which keep it normal */
+        const struct aiVector3D k = mesh->mNormals[n];
+        out[0] = (m->b2 * m->c3 - m->b3 * m->c2) * k.x + (m->b3 * m->c1 - m->b1 * m->c3) * k.y +
+                 (m->b1 * m->c2 - m->b2 * m->c1) * k.z;
+        out[1] = (m->c2 * m->a3 - m->c3 * m->a2) * k.x + (m->c3 * m->a1 - m->c1 * m->a3) * k.y +
+                 (m->c1 * m->a2 - m->c2 * m->a1) * k.z;
+        out[2] = (m->a2 * m->b3 - m->a3 * m->b2) * k.x + (m->a3 * m->b1 - m->a1 * m->b3) * k.y +
+                 (m->a1 * m->b2 - m->a2 * m->b1) * k.z;
+    } else if (v->what == OF_MATERIAL) {
+        out[0] = (float)mesh->mMaterialIndex;
+    }
+}
+
+static void add_values(const struct aiScene *scene, const char *name, values v, values *list, uint32_t *count)
+{
+    bool any = false;
+    for (unsigned k = 0; k < scene->mNumMeshes; k++) any |= mesh_has(scene->mMeshes[k], &v);
+    if (!any || *count == MESH_VALUES_MOST) return;
+    if (v.slot > 0)
+        snprintf(v.head.name, sizeof v.head.name, "%s%u", name, v.slot);
+    else
+        snprintf(v.head.name, sizeof v.head.name, "%s", name);
+    list[(*count)++] = v;
+}
+
+static uint32_t list_values(const struct aiScene *scene, values *list)
+{
+    uint32_t count = 0;
+    for (unsigned k = 0; k < AI_MAX_NUMBER_OF_COLOR_SETS; k++)
+        add_values(scene, "color", (values){OF_COLOR, k, {"", MESH_VALUES_COLOR, 4}}, list, &count);
+    for (unsigned k = 0; k < AI_MAX_NUMBER_OF_TEXTURECOORDS; k++)
+        add_values(scene, "uv", (values){OF_UV, k, {"", MESH_VALUES_UV, 2}}, list, &count);
+    add_values(scene, "normal", (values){OF_NORMAL, 0, {"", MESH_VALUES_NORMAL, 3}}, list, &count);
+    add_values(scene, "material", (values){OF_MATERIAL, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
+    add_values(scene, "group", (values){OF_GROUP, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
+    return count;
+}
+
+static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, const values *v)
+{
+    aiMultiplyMatrix4(&m, &node->mTransformation); /* no deeper than the walks before */
+    for (unsigned n = 0; n < node->mNumMeshes; n++) {
+        if (node->mMeshes[n] >= w->scene->mNumMeshes) continue;
+        const struct aiMesh *mesh = w->scene->mMeshes[node->mMeshes[n]];
+        for (unsigned k = 0; !w->failed && k < mesh->mNumVertices; k++) {
+            float value[MESH_VALUES_COMPONENTS];
+            value_at(mesh, &m, v, k, value);
+            if (v->what == OF_GROUP) value[0] = (float)w->group;
+            w->failed = fwrite(value, sizeof *value, v->head.components, stdout) != v->head.components;
+        }
+    }
+    w->group += node->mNumMeshes > 0; /* the library makes a node of each group or object */
+    for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
+}
+
+/* Also answers the vertex properties of a PLY file that the library does not read. */
+static void answer_values(walk *w, const ply_values *own)
+{
+    values list[MESH_VALUES_MOST];
+    uint32_t count = list_values(w->scene, list), more = 0;
+    struct aiMatrix4x4 identity;
+    aiIdentityMatrix4(&identity);
+    if (own->vertices == w->header.vertices) more = own->count;
+    if (more > MESH_VALUES_MOST - count) more = MESH_VALUES_MOST - count;
+    const uint32_t all = count + more;
+    w->failed |= fwrite(&all, sizeof all, 1, stdout) != 1;
+    for (uint32_t k = 0; k < count && !w->failed; k++) {
+        w->failed = fwrite(&list[k].head, sizeof list[k].head, 1, stdout) != 1;
+        w->group = 0;
+        visit_values(w, w->scene->mRootNode, identity, &list[k]);
+    }
+    for (uint32_t k = 0; k < more && !w->failed; k++) {
+        mesh_reader_values head = {"", MESH_VALUES_NUMBER, 1};
+        memcpy(head.name, own->name[k], sizeof head.name);
+        w->failed = fwrite(&head, sizeof head, 1, stdout) != 1 ||
+                    fwrite(own->value[k], sizeof(float), own->vertices, stdout) != own->vertices;
+    }
+}
+
+/* The unit of an FBX file, in centimetres; 1 of any other. */
+static double unit_of_scene(const struct aiScene *scene)
+{
+    const struct aiMetadata *data = scene->mMetaData;
+    float unit = 1;
+    for (unsigned k = 0; data && k < data->mNumProperties; k++)
+        if (strcmp(data->mKeys[k].data, "UnitScaleFactor") == 0 && data->mValues[k].mType == AI_FLOAT)
+            memcpy(&unit, data->mValues[k].mData, sizeof unit);
+    return (double)unit;
+}
+
+static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
+{
+    const uint64_t counts[2] = {w->polygons, w->corners};
+    w->failed |= fwrite(counts, sizeof counts, 1, stdout) != 1;
+    for (w->pass = SIZES; w->pass <= CORNERS && !w->failed; w->pass++) {
+        w->first = 0;
+        visit(w, w->scene->mRootNode, placed, 0);
+    }
+}
+
+/* `own`: vertex properties of a PLY file that the library does not read, for values. `end`: as in the header.
+ * `known`: unit and warnings of the file, as plain_mesh found them. */
+static int answer_scene(const struct aiScene *scene, addition also, const ply_values *own, size_t end,
+                        plain_mesh *known)
+{
+    const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
+    if (centimetres != 1)
+        plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
+    walk w = {
+        .scene = scene,
+        .header = {.magic = MESH_READER_MAGIC, .text_length = (uint32_t)strlen(known->text), .end = end}};
+    struct aiMatrix4x4 scaled;
+    aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
+    for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
+        w.first = 0;
+        visit(&w, scene->mRootNode, scaled, 0);
+        if (w.pass == COUNT && w.one.refused != ERROR_NONE) return answer_fault(w.one.refused, w.one.text);
+        w.header.crossed = w.one.crossed;
+        if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
+                                fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
+            w.failed = true;
+    }
+    if (also == VALUES && !w.failed) answer_values(&w, own);
+    if (also == POLYGONS && !w.failed) answer_polygons(&w, scaled);
+    return w.failed || fflush(stdout) != 0 ? 1 : 0;
+}
+
+/* The same of a mesh that was read without the library. */
+static int answer_plain(const plain_mesh *m, size_t end)
+{
+    const mesh_reader_header head = {.magic = MESH_READER_MAGIC,
+                                     .vertices = m->vertices,
+                                     .triangles = m->triangles,
+                                     .others = m->others,
+                                     .text_length = (uint32_t)strlen(m->text),
+                                     .crossed = m->crossed,
+                                     .end = end};
+    const uint64_t counts[2] = {m->polygons, m->polygon_corners};
+    bool ok = reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
+              reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
+              reader_write(m->triangle, m->triangles * sizeof *m->triangle);
+    if (m->keeps_polygons)
+        ok = ok && reader_write(counts, sizeof counts) &&
+             reader_write(m->polygon_size, m->polygons * sizeof *m->polygon_size) &&
+             reader_write(m->polygon_corner, m->polygon_corners * sizeof *m->polygon_corner);
+    return ok ? 0 : 1;
+}
+
+/* ---- the program */
+
+static bool read_bytes(bytes *b)
+{
+    struct stat st;
+    if (fstat(STDIN_FILENO, &st) != 0 || !(b->data = malloc((size_t)st.st_size + 1))) return false;
+    const int64_t count = transfer_read_at(STDIN_FILENO, b->data, (size_t)st.st_size, 0);
+    if (count < 0) return false;
+    b->size = (size_t)count;
+    b->data[b->size] = 0;
+    return true;
+}
+
+/* Leaves what the file declares; where that ends, or 0 where nothing but blanks and zeros follows. */
+static size_t cut_end(const char *ending, bytes *b)
+{
+    const size_t end = content_end(ending, b->data, b->size);
+    const bool follows = content_follows(b->data, b->size, end);
+    b->size = end;
+    b->data[end] = 0;
+    return follows ? end : 0;
+}
+
+/* Whether a number begins with its point at `at`, as in "v .5 -.5 0". */
+static bool lacks_zero(const bytes *b, size_t at)
+{
+    if (b->data[at] != '.' || at == 0 || at + 1 == b->size) return false;
+    return strchr(" \t+-", b->data[at - 1]) && b->data[at - 1] && b->data[at + 1] >= '0' &&
+           b->data[at + 1] <= '9';
+}
+
+/* The library's reader of OBJ files does not see numbers that begin with their point. They get a zero. */
+static bool add_zeros(bytes *b)
+{
+    size_t more = 0, to = 0;
+    for (size_t at = 0; at < b->size; at++) more += lacks_zero(b, at);
+    if (more == 0) return true;
+    char *data = malloc(b->size + more + 1);
+    if (!data) return false;
+    for (size_t at = 0; at < b->size; at++) {
+        if (lacks_zero(b, at)) data[to++] = '0';
+        data[to++] = b->data[at];
+    }
+    free(b->data);
+    b->data = data;
+    b->size = to;
+    return true;
+}
+
+static const char file_too_large[] = "the file is larger than the memory limit: raise limits.memory_mb";
+
+/* Converts the strips of a PLY file to triangles, or ends the process. */
+static void expand_strips(const char *ending, bytes *b)
+{
+    if (strcasecmp(ending, "ply") != 0) return;
+    switch (ply_strips_expand(&b->data, &b->size)) {
+    case PLY_STRIPS_NO_MEMORY:
+        _exit(answer_fault(ERROR_LIMIT_MEMORY, file_too_large));
+    case PLY_STRIPS_DAMAGED:
+        _exit(answer_fault(
+            ERROR_INPUT_DAMAGED,
+            "the triangle strips of the file are incomplete or not numbers: save it with faces"));
+    case PLY_STRIPS_READ:
+        break;
+    }
+}
+
+/* What the library says of a file that it did not take. */
+static int answer_refusal(const bytes *b, size_t memory, const char *why)
+{
+    char text[MESH_READER_TEXT_MAX];
+    if (strstr(why, "bad_alloc") || strstr(why, "bad allocation") || strstr(why, "Out of memory")) {
+        if (b->size > memory / memory_per_byte)
+            return answer_fault(ERROR_LIMIT_MEMORY,
+                                "reading it requires more memory than the limit: raise limits.memory_mb");
+        return answer_fault(ERROR_INPUT_DAMAGED,
+                            "the file announces far more data than it has: it is damaged. Save it again.");
+    }
+    if (strstr(why, "No suitable reader")) {
+        return answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "the file is not a mesh in a known format (by its name and first bytes): save it as "
+            "PLY, OBJ, STL or OFF");
+    }
+    const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
+    snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
+    for (char *own; (own = strstr(text + begin, b->name));) { /* the caller does not use this name */
+        static const char file[] = "the file";
+        const size_t length = strlen(b->name), rest = strlen(own + length) + 1;
+        if ((size_t)(own - text) + sizeof file - 1 + rest > sizeof text) break;
+        memmove(own + sizeof file - 1, own + length, rest);
+        memcpy(own, file, sizeof file - 1);
+    }
+    const size_t used = strlen(text);
+    snprintf(text + used, sizeof text - used, ". Repair it, or save it again.");
+    return answer_fault(ERROR_INPUT_DAMAGED, text);
+}
+
+/* Reads the unit of AMF as text, which the library ignores. */
+static void read_amf_unit(const char *data, plain_mesh *out)
+{
+    xml_tag tag;
+    if (!xml_next_tag(&data, &tag) || !xml_is(tag.name, "amf")) return;
+    const xml_word unit = xml_attribute(&tag, "unit");
+    plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
+}
+
+/* Whether only the positions of vertices are read from files of this format. */
+static bool has_places_only(const char *ending)
+{
+    return strcasecmp(ending, "vtk") == 0 || strcasecmp(ending, "vtp") == 0 || strcasecmp(ending, "gii") == 0;
+}
+
+/* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
+static bool is_read_for_values(const char *ending)
+{
+    return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
+           strcasecmp(ending, "3mf") == 0;
+}
+
+static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
+{
+    return also == POLYGONS ? plain_mesh_read_polygons(ending, b->data, b->size, out)
+                            : plain_mesh_read(ending, b->data, b->size, out);
+}
+
+/* Ends the process where the file is read without the library, or refused. Else *plain is what is known of it for the library. */
+static void try_plain(const char *ending, const bytes *b, addition also, plain_mesh *plain)
+{
+    const char *foreign;
+    if (also != VALUES || is_read_for_values(ending)) {
+        const bool is_plain = read_plain(ending, b, also, plain);
+        if (is_plain && also != VALUES) _exit(answer_plain(plain, 0));
+        if (plain->is_quantised)
+            plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
+                              "the values of its vertices are not read, because its positions are quantised "
+                              "(KHR_mesh_quantization). Save it with floats.");
+        free(plain->vertex);
+        free(plain->triangle);
+    }
+    if (strcasecmp(ending, "amf") == 0) read_amf_unit(b->data, plain);
+    if ((foreign = foreign_format(ending, b->data, b->size)))
+        plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
+    if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
+}
+
+/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without
+ * what follows the data that it declares, and with triangle strips as triangles. */
+static int answer_only_reader(const char *ending, addition also, bytes *b)
+{
+    plain_mesh m;
+    size_t end = 0;
+    const char *foreign;
+    const bytes whole = *b;
+    bool read = read_plain(ending, b, also, &m);
+    if (!read) {
+        end = cut_end(ending, b);
+        expand_strips(ending, b);
+        read = (b->size != whole.size || b->data != whole.data) && read_plain(ending, b, also, &m);
+    }
+    if (read) return answer_plain(&m, end);
+    if ((foreign = foreign_format(ending, b->data, b->size)))
+        return answer_fault(ERROR_INPUT_UNSUPPORTED, foreign);
+    return answer_fault(m.refused, m.text);
+}
+
+__attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
+{
+    bytes b = {0};
+    size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
+    if (!memory) return 2;
+    snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
+    plain_mesh plain = {0};
+    ply_values own = {0};
+    const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
+                          : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
+                                                                        : NOTHING;
+    if (also == VALUES && has_places_only(argv[1]))
+        return answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "the values of the vertices of such files are not read: save it as PLY for attributes");
+    if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    if (also != VALUES && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], also, &b));
+    try_plain(argv[1], &b, also, &plain);
+    const size_t whole = b.size, end = cut_end(argv[1], &b); /* readers take no file with more in it */
+    if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
+        _exit(answer_plain(&plain, end));
+    expand_strips(argv[1], &b);
+    if ((strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
+        (strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own)))
+        return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
+    const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
+    int status = scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
+                                           : answer_refusal(&b, memory, aiGetErrorString());
+    _exit(status); /* nothing is left to do but to free what the library built */
+}

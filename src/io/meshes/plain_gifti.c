@@ -1,0 +1,426 @@
+/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. expat finds the arrays; what they hold is
+ * read here. libgiftiio 1.0.9 is not used: it takes data that end early without an error, and crashes on damaged files. */
+#include <ctype.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <expat.h>
+#include <zlib.h>
+
+#include "io/meshes/base64.h"
+#include "io/meshes/vtk_data.h"
+
+enum { SIDES = 6, SPACE_SIZE = 64, MATRIX_SIZE = 1024, NUMBERS_OF_MATRIX = 16 };
+
+/* Arrays of a file. */
+static const int most_arrays = 4096;
+
+/* Bytes that zlib makes of one at most, and how many more of none. */
+static const double most_packed = 1032, most_of_none = 64;
+
+typedef enum encoding {
+    ENCODING_TEXT,
+    ENCODING_BASE64,
+    ENCODING_ZLIB,
+    ENCODING_EXTERNAL,
+    ENCODING_OTHER
+} encoding;
+
+typedef struct array {
+    int number; /* in the file, from 0 */
+    encoding encoding;
+    vtk_type type;
+    bool has_type, is_swapped, by_column;
+    int dimensions;
+    double side[SIDES];
+    size_t begin, end; /* of its text in the file */
+} array;
+
+/* One of the two arrays of a surface, and how many there are. */
+typedef struct wanted {
+    const char *intent;
+    array array;
+    int count;
+} wanted;
+
+typedef struct gifti {
+    const char *data;
+    size_t size;
+    XML_Parser parser;
+    plain_mesh *out;
+    wanted points, triangles;
+    int arrays;
+    bool has_root;
+    wanted *open; /* the array that is open, if it is one of these */
+    char *text;   /* where characters go; NULL: nowhere */
+    size_t text_size;
+    char data_space[SPACE_SIZE], other_space[SPACE_SIZE], matrix[MATRIX_SIZE];
+} gifti;
+
+static bool refuse(gifti *g, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+static bool refuse(gifti *g, error_code code, const char *format, ...)
+{
+    char text[320];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (g->parser) XML_StopParser(g->parser, XML_FALSE);
+    return plain_mesh_refuse(g->out, code, "%s", text);
+}
+
+static bool refuse_memory(gifti *g)
+{
+    return refuse(g, ERROR_LIMIT_MEMORY,
+                  "reading it takes more memory than the limit: raise limits.memory_mb");
+}
+
+/* ---- the elements */
+
+static const char *find(const char **attributes, const char *name)
+{
+    for (; *attributes; attributes += 2)
+        if (strcmp(attributes[0], name) == 0) return attributes[1];
+    return "";
+}
+
+static void read_type(const char *name, array *a)
+{
+    static const char *const names[VTK_TYPES] = {"INT8",   "UINT8", "INT16",  "UINT16",  "INT32",
+                                                 "UINT32", "INT64", "UINT64", "FLOAT32", "FLOAT64"};
+    static const char prefix[] = "NIFTI_TYPE_";
+    if (strncmp(name, prefix, sizeof prefix - 1) != 0) return;
+    for (int k = 0; k < VTK_TYPES; k++)
+        if (strcmp(name + sizeof prefix - 1, names[k]) == 0) {
+            a->type = (vtk_type)k;
+            a->has_type = true;
+        }
+}
+
+static void begin_array(gifti *g, const char **attributes)
+{
+    static const struct {
+        const char *name;
+        encoding encoding;
+    } encodings[] = {{"ASCII", ENCODING_TEXT},
+                     {"Base64Binary", ENCODING_BASE64},
+                     {"GZipBase64Binary", ENCODING_ZLIB},
+                     {"ExternalFileBinary", ENCODING_EXTERNAL}};
+    const char *intent = find(attributes, "Intent"), *packed = find(attributes, "Encoding");
+    g->open = strcmp(intent, g->points.intent) == 0      ? &g->points
+              : strcmp(intent, g->triangles.intent) == 0 ? &g->triangles
+                                                         : NULL;
+    if (++g->arrays > most_arrays) {
+        refuse(g, ERROR_INPUT_UNSUPPORTED,
+               "the GIfTI file has more than %d arrays: save its surface as a file of its own", most_arrays);
+        return;
+    }
+    if (!g->open) return;
+    g->open->count++;
+    array *a = &g->open->array;
+    *a = (array){.number = g->arrays - 1, .encoding = ENCODING_OTHER};
+    for (size_t k = 0; k < sizeof encodings / sizeof *encodings; k++)
+        if (strcmp(packed, encodings[k].name) == 0) a->encoding = encodings[k].encoding;
+    if (a->encoding == ENCODING_OTHER)
+        refuse(
+            g, ERROR_INPUT_UNSUPPORTED,
+            "array %d of the GIfTI file has the Encoding \"%.40s\": ASCII, Base64Binary and GZipBase64Binary are read",
+            a->number, packed);
+    if (a->encoding == ENCODING_EXTERNAL)
+        refuse(g, ERROR_INPUT_UNSUPPORTED,
+               "array %d of the GIfTI file has its data in another file: save it with GZipBase64Binary "
+               "(`gifti_tool -infiles a.gii -write_gifti b.gii -encoding GZIP`)",
+               a->number);
+    read_type(find(attributes, "DataType"), a);
+    a->is_swapped =
+        (strcmp(find(attributes, "Endian"), "BigEndian") == 0) != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
+    a->by_column = strcmp(find(attributes, "ArrayIndexingOrder"), "ColumnMajorOrder") == 0;
+    const double dimensions = strtod(find(attributes, "Dimensionality"), NULL);
+    a->dimensions = dimensions >= 1 && dimensions <= SIDES ? (int)dimensions : 0;
+    for (int k = 0; k < a->dimensions; k++) {
+        char name[16], *end;
+        snprintf(name, sizeof name, "Dim%d", k);
+        const char *text = find(attributes, name);
+        a->side[k] = strtod(text, &end);
+        if (end == text || *end || !(a->side[k] >= 0 && a->side[k] <= UINT32_MAX) ||
+            a->side[k] != (double)(uint32_t)a->side[k]) {
+            refuse(
+                g, ERROR_INPUT_DAMAGED,
+                "array %d of the GIfTI file has the %s \"%.40s\", which is not a number of rows or columns",
+                a->number, name, text);
+            return;
+        }
+    }
+}
+
+/* Where the text of the element goes whose begin is read. */
+static void collect(gifti *g, char *to, size_t size)
+{
+    g->text = to;
+    g->text_size = size;
+    to[0] = 0;
+}
+
+static void XMLCALL begin_element(void *context, const char *name, const char **attributes)
+{
+    gifti *g = context;
+    g->text = NULL;
+    if (!g->has_root && strcmp(name, "GIFTI") != 0) {
+        refuse(g, ERROR_INPUT_DAMAGED, "the file is XML with the element \"%.40s\" and no GIfTI file", name);
+        return;
+    }
+    g->has_root = true;
+    if (strcmp(name, "DataArray") == 0) begin_array(g, attributes);
+    if (g->open && strcmp(name, "Data") == 0)
+        g->open->array.begin =
+            (size_t)XML_GetCurrentByteIndex(g->parser) + (size_t)XML_GetCurrentByteCount(g->parser);
+    if (g->open != &g->points) return;
+    if (strcmp(name, "DataSpace") == 0) collect(g, g->data_space, sizeof g->data_space);
+    if (strcmp(name, "TransformedSpace") == 0) collect(g, g->other_space, sizeof g->other_space);
+    if (strcmp(name, "MatrixData") == 0) collect(g, g->matrix, sizeof g->matrix);
+}
+
+static void XMLCALL end_element(void *context, const char *name)
+{
+    gifti *g = context;
+    g->text = NULL;
+    if (g->open && strcmp(name, "Data") == 0) g->open->array.end = (size_t)XML_GetCurrentByteIndex(g->parser);
+    if (strcmp(name, "DataArray") == 0) g->open = NULL;
+}
+
+static void XMLCALL take_text(void *context, const char *text, int length)
+{
+    gifti *g = context;
+    if (!g->text) return;
+    const size_t used = strlen(g->text);
+    snprintf(g->text + used, g->text_size - used, "%.*s", length, text);
+}
+
+static void XMLCALL check_doctype(void *context, const char *name, const char *system, const char *public,
+                                  int has_subset)
+{
+    (void)name, (void)system, (void)public;
+    if (has_subset)
+        refuse(context, ERROR_INPUT_UNSUPPORTED,
+               "the GIfTI file has declarations in its document type, which are not read: remove them");
+}
+
+static bool parse(gifti *g)
+{
+    enum { CHUNK = 1 << 30 };
+    enum XML_Status status = XML_STATUS_OK;
+    if (!(g->parser = XML_ParserCreate("UTF-8"))) return refuse_memory(g);
+    XML_SetUserData(g->parser, g);
+    XML_SetElementHandler(g->parser, begin_element, end_element);
+    XML_SetCharacterDataHandler(g->parser, take_text);
+    XML_SetStartDoctypeDeclHandler(g->parser, check_doctype);
+    for (size_t at = 0; status == XML_STATUS_OK && at < g->size;) {
+        const size_t some = g->size - at < CHUNK ? g->size - at : CHUNK;
+        status = XML_Parse(g->parser, g->data + at, (int)some, at + some == g->size);
+        at += some;
+    }
+    if (status != XML_STATUS_OK)
+        plain_mesh_refuse(
+            g->out, ERROR_INPUT_DAMAGED, "line %lu of the GIfTI file is not valid XML (%s): save it again",
+            (unsigned long)XML_GetCurrentLineNumber(g->parser), XML_ErrorString(XML_GetErrorCode(g->parser)));
+    XML_ParserFree(g->parser);
+    g->parser = NULL;
+    return g->out->refused == ERROR_NONE;
+}
+
+/* ---- numbers */
+
+/* The only array with this intent is rows of three numbers. */
+static bool check_array(gifti *g, const wanted *w, bool is_whole)
+{
+    const array *a = &w->array;
+    if (w->count == 0)
+        return refuse(
+            g, ERROR_INPUT_UNSUPPORTED,
+            "the GIfTI file has no array with the intent %s, only %d others, such as values or labels of the vertices of a surface in "
+            "another file: give the file of the surface (.surf.gii)",
+            w->intent, g->arrays - g->points.count - g->triangles.count);
+    if (w->count > 1)
+        return refuse(
+            g, ERROR_INPUT_UNSUPPORTED,
+            "the GIfTI file has %d arrays with the intent %s: save each surface as a file of its own",
+            w->count, w->intent);
+    if (a->dimensions != 2 || a->side[1] != 3)
+        return refuse(g, ERROR_INPUT_DAMAGED, "array %d of the GIfTI file (%s) is not rows of three numbers",
+                      a->number, w->intent);
+    if (!a->has_type || (is_whole && !vtk_type_is_whole(a->type)))
+        return refuse(g, ERROR_INPUT_UNSUPPORTED,
+                      "array %d of the GIfTI file (%s) has numbers that are not read: save it with %s",
+                      a->number, w->intent, is_whole ? "NIFTI_TYPE_INT32" : "NIFTI_TYPE_FLOAT32");
+    return true;
+}
+
+static bool damaged(gifti *g, const wanted *w, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+static bool damaged(gifti *g, const wanted *w, const char *format, ...)
+{
+    char text[160];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return refuse(g, ERROR_INPUT_DAMAGED,
+                  "array %d of the GIfTI file (%s) %s: it is damaged or truncated. Save it again.",
+                  w->array.number, w->intent, text);
+}
+
+/* Text as doubles or 64-bit integers. */
+static bool read_text(gifti *g, const wanted *w, size_t count, bool is_whole, unsigned char *to)
+{
+    const char *at = g->data + w->array.begin, *end = g->data + w->array.end;
+    for (size_t k = 0; k < count; k++) {
+        char word[64];
+        const char *in = word;
+        char *behind = word;
+        double real = 0;
+        while (at < end && isspace((unsigned char)*at)) at++;
+        size_t length = 0;
+        while (at + length < end && !isspace((unsigned char)at[length])) length++;
+        snprintf(word, sizeof word, "%.*s", (int)(length < sizeof word ? length : 0), at);
+        const int64_t whole = is_whole ? strtoll(word, &behind, 10) : 0;
+        if (!*word || (is_whole ? *behind != 0 : !plain_mesh_number(&in, &real) || *in))
+            return damaged(g, w, "has %zu numbers, and %zu are expected", k, count);
+        memcpy(to + 8 * k, is_whole ? (const void *)&whole : &real, 8);
+        at += length;
+    }
+    while (at < end && isspace((unsigned char)*at)) at++;
+    return at == end || damaged(g, w, "has more than %zu numbers", count);
+}
+
+static bool read_packed(gifti *g, const wanted *w, size_t bytes, unsigned char *to)
+{
+    const char *at = g->data + w->array.begin, *end = g->data + w->array.end;
+    const size_t there = base64_count(at, end);
+    if (w->array.encoding == ENCODING_BASE64) {
+        if (there != bytes) return damaged(g, w, "has %zu bytes, and %zu are expected", there, bytes);
+        return base64_read(&at, end, to, bytes) || damaged(g, w, "is not base64");
+    }
+    unsigned char *packed = malloc(there > 0 ? there : 1);
+    if (!packed) return refuse_memory(g);
+    uLongf got = (uLongf)bytes;
+    bool ok = base64_read(&at, end, packed, there) || damaged(g, w, "is not base64");
+    if (ok && (uncompress(to, &got, packed, (uLong)there) != Z_OK || got != bytes))
+        ok = damaged(g, w, "cannot be decompressed to %zu bytes", bytes);
+    free(packed);
+    return ok;
+}
+
+/* The numbers, to be freed. Text becomes doubles or 64-bit integers. NULL: the file is refused. */
+static unsigned char *read_array(gifti *g, wanted *w)
+{
+    array *a = &w->array;
+    const bool is_text = a->encoding == ENCODING_TEXT, is_whole = vtk_type_is_whole(a->type);
+    if (is_text) {
+        a->type = is_whole ? VTK_INT64 : VTK_DOUBLE;
+        a->is_swapped = false;
+    }
+    const double count = 3 * a->side[0], bytes = count * (double)vtk_type_bytes(a->type),
+                 length = a->end > a->begin ? (double)(a->end - a->begin) : 0;
+    /* whether the file can have them, before there is room for them */
+    const double possible = is_text                        ? (length + 1) / 2 * 8
+                            : a->encoding == ENCODING_ZLIB ? (length + most_of_none) * most_packed
+                                                           : length;
+    if (bytes > possible) {
+        damaged(g, w, "has %.0f values, and its data have %.0f bytes", count, length);
+        return NULL;
+    }
+    unsigned char *numbers = malloc(bytes > 0 ? (size_t)bytes : 1);
+    if (!numbers) {
+        refuse_memory(g);
+        return NULL;
+    }
+    if (is_text ? read_text(g, w, (size_t)count, is_whole, numbers)
+                : read_packed(g, w, (size_t)bytes, numbers))
+        return numbers;
+    free(numbers);
+    return NULL;
+}
+
+/* Where number `column` of a row is. */
+static const unsigned char *number_at(const wanted *w, const unsigned char *numbers, size_t row,
+                                      size_t column)
+{
+    const array *a = &w->array;
+    return numbers +
+           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * vtk_type_bytes(a->type);
+}
+
+/* ---- the mesh */
+
+static bool add_points(gifti *g)
+{
+    wanted *w = &g->points;
+    unsigned char *numbers = read_array(g, w);
+    const size_t count = (size_t)w->array.side[0];
+    bool ok = numbers && plain_mesh_expect(g->out, count, 0);
+    for (size_t n = 0; ok && n < count; n++) {
+        double at[3];
+        for (size_t k = 0; k < 3; k++)
+            at[k] = vtk_number(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+        ok = plain_mesh_add_vertex(g->out, at);
+    }
+    free(numbers);
+    return ok;
+}
+
+static bool add_triangles(gifti *g)
+{
+    wanted *w = &g->triangles;
+    unsigned char *numbers = read_array(g, w);
+    const size_t count = (size_t)w->array.side[0];
+    bool ok = numbers && plain_mesh_expect(g->out, 0, count);
+    for (size_t n = 0; ok && n < count; n++) {
+        int64_t corner[3];
+        for (size_t k = 0; k < 3; k++)
+            corner[k] = vtk_whole(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+        for (int k = 0; ok && k < 3; k++)
+            if (corner[k] < 0 || corner[k] >= (int64_t)g->out->vertices)
+                ok = refuse(
+                    g, ERROR_INPUT_DAMAGED,
+                    "triangle %zu of the GIfTI file has the point %lld, and there are %zu points: repair the file",
+                    n, (long long)corner[k], g->out->vertices);
+        ok = ok && plain_mesh_add_triangle(g->out, (uint32_t)corner[0], (uint32_t)corner[1],
+                                           (uint32_t)corner[2], false);
+    }
+    free(numbers);
+    return ok;
+}
+
+static void warn_of_transform(gifti *g)
+{
+    const char *at = g->matrix;
+    bool is_other = false;
+    for (int k = 0; k < NUMBERS_OF_MATRIX && *at; k++) {
+        char *end;
+        const double value = strtod(at, &end);
+        if (end == at) break;
+        is_other |= value != (k % 5 == 0);
+        at = end;
+    }
+    if (is_other)
+        plain_mesh_warn(
+            g->out,
+            "the GIfTI file has a transform to \"%s\", which is not applied: points are in its data space, \"%s\"",
+            g->other_space, g->data_space);
+}
+
+bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out)
+{
+    gifti g = {.data = data,
+               .size = size,
+               .out = out,
+               .points = {.intent = "NIFTI_INTENT_POINTSET"},
+               .triangles = {.intent = "NIFTI_INTENT_TRIANGLE"}};
+    const bool ok = parse(&g) && check_array(&g, &g.points, false) && check_array(&g, &g.triangles, true) &&
+                    add_points(&g) && add_triangles(&g);
+    if (ok) warn_of_transform(&g);
+    return ok;
+}

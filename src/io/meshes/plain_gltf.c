@@ -1,0 +1,574 @@
+/* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in doubles.
+ * Extensions that the file requires are known, or the file is refused by the name of one; Draco alone is left to the
+ * library. */
+#include <endian.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geometry/space/affine.h"
+#include "base/json/json.h"
+#include "io/meshes/plain_mesh.h"
+
+enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
+/* Primitives that nodes place: many nodes may name one mesh of many primitives. */
+enum { PRIMITIVES_MOST = 1000000 };
+enum { TRIANGLES = 4, TRIANGLE_STRIP = 5, TRIANGLE_FAN = 6 };
+static const uint32_t CHUNK_JSON = 0x4E4F534Au, CHUNK_BIN = 0x004E4942u;
+
+/* An array of the document. */
+typedef struct list {
+    const json **item;
+    size_t count;
+} list;
+
+typedef struct buffer {
+    const char *data;
+    size_t size;
+    char *decoded; /* of a URI that holds the data; to be freed */
+} buffer;
+
+typedef struct gltf {
+    const char *bin; /* the binary chunk, or NULL */
+    size_t bin_size;
+    json *root;
+    list nodes, meshes, accessors, views, buffers;
+    buffer *loaded;                  /* of each buffer; data NULL: not yet */
+    bool *is_in_scene;               /* of each mesh */
+    size_t visited, primitives;      /* nodes; primitives, once for each node that places them */
+    size_t skins, morphs, instances; /* nodes that have one */
+    bool is_left;                    /* to the library */
+    plain_mesh *out;
+} gltf;
+
+static bool damaged(gltf *g, const char *what, size_t index)
+{
+    return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED, "the glTF file is damaged: %s %zu", what, index);
+}
+
+static bool no_memory(gltf *g)
+{
+    return plain_mesh_refuse(g->out, ERROR_LIMIT_MEMORY,
+                             "reading it requires more memory than the limit: raise limits.memory_mb");
+}
+
+static bool list_items(gltf *g, const char *key, list *out)
+{
+    json_at root = json_root(g->root), array = json_member(&root, key);
+    out->count = json_size(array);
+    out->item = calloc(out->count + 1, sizeof *out->item);
+    if (!out->item) return no_memory(g);
+    out->count = json_elements(array, out->item, out->count);
+    return true;
+}
+
+static json_at member(const json *node, const char *key)
+{
+    static json_at at; /* a place without a way to it */
+    at = json_root(node);
+    return json_member(&at, key);
+}
+
+/* The item that an index names; NULL: there is none. */
+static const json *item_at(const list *l, double index)
+{
+    return index >= 0 && index < (double)l->count && index == floor(index) ? l->item[(size_t)index] : NULL;
+}
+
+/* ---- buffers */
+
+static int base64_digit(char c)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const char *found = c ? strchr(digits, c) : NULL;
+    return found ? (int)(found - digits) : -1;
+}
+
+static bool decode(gltf *g, const char *text, size_t index, buffer *out)
+{
+    const size_t length = strlen(text);
+    uint32_t bits = 0;
+    char *to = out->decoded = malloc(length / 4 * 3 + 4);
+    if (!to) return no_memory(g);
+    for (size_t k = 0; k < length && text[k] != '='; k++) {
+        const int digit = base64_digit(text[k]);
+        if (digit < 0) return damaged(g, "base64 data of buffer", index);
+        bits = bits << 6 | (uint32_t)digit;
+        if (k % 4 == 3)
+            for (int shift = 16; shift >= 0; shift -= 8) *to++ = (char)(bits >> shift & 0xFF);
+        else if (k + 1 == length || text[k + 1] == '=')
+            for (int left = 6 * (int)(k % 4 + 1) - 8; left >= 0; left -= 8)
+                *to++ = (char)(bits >> left & 0xFF);
+        if (k % 4 == 3) bits = 0;
+    }
+    out->data = out->decoded;
+    out->size = (size_t)(to - out->decoded);
+    return true;
+}
+
+static bool load(gltf *g, size_t index, buffer *out)
+{
+    const json *node = g->buffers.item[index];
+    const char *uri = json_string(member(node, "uri"), NULL);
+    const double bytes = json_number(member(node, "byteLength"), -1);
+    if (uri && strncmp(uri, "data:", 5) == 0) {
+        const char *text = strstr(uri, ";base64,");
+        if (!text) return damaged(g, "no base64 data in buffer", index);
+        if (!decode(g, text + strlen(";base64,"), index, out)) return false;
+    } else if (uri) {
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_MISSING,
+            "its buffer \"%.200s\" is a separate file, which is not read. Save the mesh as .glb, "
+            "which contains its data.",
+            uri);
+    } else if (index == 0 && g->bin) {
+        *out = (buffer){g->bin, g->bin_size, NULL};
+    } else {
+        return damaged(g, "no data in buffer", index);
+    }
+    if (!(bytes >= 0 && bytes <= (double)out->size)) return damaged(g, "too few bytes in buffer", index);
+    out->size = (size_t)bytes;
+    return true;
+}
+
+/* ---- accessors */
+
+/* `count` elements of numbers in a buffer. */
+typedef struct elements {
+    const char *at;
+    size_t count, stride, components;
+    int type; /* of a number, as the file names it */
+    bool is_normalised;
+} elements;
+
+static size_t bytes_of(int type)
+{
+    return type == 5120 || type == 5121   ? 1
+           : type == 5122 || type == 5123 ? 2
+           : type == 5125 || type == 5126 ? 4
+                                          : 0;
+}
+
+static double element(const elements *e, size_t index, size_t component)
+{
+    const char *at = e->at + index * e->stride + component * bytes_of(e->type);
+    uint16_t two;
+    uint32_t four;
+    float real;
+    memcpy(&two, at, bytes_of(e->type) == 2 ? sizeof two : 0);
+    memcpy(&four, at, bytes_of(e->type) == 4 ? sizeof four : 0);
+    switch (e->type) {
+    case 5120:
+        return e->is_normalised ? fmax((signed char)*at / 127.0, -1) : (signed char)*at;
+    case 5121:
+        return e->is_normalised ? (unsigned char)*at / 255.0 : (unsigned char)*at;
+    case 5122:
+        return e->is_normalised ? fmax((int16_t)le16toh(two) / 32767.0, -1) : (int16_t)le16toh(two);
+    case 5123:
+        return e->is_normalised ? le16toh(two) / 65535.0 : le16toh(two);
+    case 5125:
+        return le32toh(four);
+    default:
+        four = le32toh(four);
+        memcpy(&real, &four, sizeof real);
+        return (double)real;
+    }
+}
+
+/* The elements of a view from an offset on. e->count, components and type are known. */
+static bool find_elements(gltf *g, double view, double offset, size_t accessor, elements *e)
+{
+    const json *of = item_at(&g->views, view);
+    const double in = of ? json_number(member(of, "buffer"), -1) : -1;
+    if (!of || !item_at(&g->buffers, in) || !bytes_of(e->type))
+        return damaged(g, "no data in accessor", accessor);
+    buffer *b = &g->loaded[(size_t)in];
+    if (!b->data && !load(g, (size_t)in, b)) return false;
+    const double begin = json_number(member(of, "byteOffset"), 0),
+                 length = json_number(member(of, "byteLength"), -1),
+                 tight = (double)(bytes_of(e->type) * e->components),
+                 stride = json_number(member(of, "byteStride"), tight),
+                 end = offset + stride * ((double)e->count - 1) + tight;
+    const bool is_within = begin >= 0 && offset >= 0 && length >= 0 && stride >= tight &&
+                           stride <= 252 + tight && begin + length <= (double)b->size &&
+                           (e->count == 0 || end <= length);
+    if (!is_within) return damaged(g, "too few bytes for accessor", accessor);
+    e->at = b->data + (size_t)begin + (size_t)offset;
+    e->stride = (size_t)stride;
+    return true;
+}
+
+/* Replaces the elements that a sparse accessor lists. */
+static bool put_sparse(gltf *g, const json *sparse, const elements *like, size_t accessor, double *values)
+{
+    json_at at = json_root(sparse), indices = json_member(&at, "indices"),
+            replaced = json_member(&at, "values");
+    const double count = json_number(json_member(&at, "count"), -1);
+    if (!(count >= 0 && count <= (double)like->count))
+        return damaged(g, "wrong sparse values of accessor", accessor);
+    elements to = {.count = (size_t)count,
+                   .components = 1,
+                   .type = (int)json_number(json_member(&indices, "componentType"), 0)},
+             from = *like;
+    from.count = to.count;
+    if (!find_elements(g, json_number(json_member(&indices, "bufferView"), -1),
+                       json_number(json_member(&indices, "byteOffset"), 0), accessor, &to) ||
+        !find_elements(g, json_number(json_member(&replaced, "bufferView"), -1),
+                       json_number(json_member(&replaced, "byteOffset"), 0), accessor, &from))
+        return false;
+    for (size_t k = 0; k < to.count; k++) {
+        const double index = element(&to, k, 0);
+        if (!(index >= 0 && index < (double)like->count))
+            return damaged(g, "wrong sparse values of accessor", accessor);
+        for (size_t c = 0; c < like->components; c++)
+            values[(size_t)index * like->components + c] = element(&from, k, c);
+    }
+    return true;
+}
+
+/* All numbers of an accessor; to be freed. NULL: the file is refused. */
+static double *read_accessor(gltf *g, double index, const char *type, size_t components, size_t *count)
+{
+    const json *node = item_at(&g->accessors, index);
+    const double rows = node ? json_number(member(node, "count"), -1) : -1;
+    const size_t number = node ? (size_t)index : 0;
+    if (!(rows >= 0 && rows < UINT32_MAX) || strcmp(json_string(member(node, "type"), ""), type) != 0) {
+        damaged(g, "wrong type or count of accessor", number);
+        return NULL;
+    }
+    elements e = {.count = (size_t)rows,
+                  .components = components,
+                  .type = (int)json_number(member(node, "componentType"), 0),
+                  .is_normalised = json_bool(member(node, "normalized"), false)};
+    const double view = json_number(member(node, "bufferView"), -1);
+    const json *sparse = member(node, "sparse").node;
+    if (view >= 0 && !find_elements(g, view, json_number(member(node, "byteOffset"), 0), number, &e))
+        return NULL;
+    double *values = calloc(e.count * components + 1, sizeof *values);
+    if (!values) no_memory(g);
+    for (size_t k = 0; values && view >= 0 && k < e.count * components; k++)
+        values[k] = element(&e, k / components, k % components);
+    if (values && sparse && !put_sparse(g, sparse, &e, number, values)) {
+        free(values);
+        return NULL;
+    }
+    if (e.type != 5126 && components == 3) g->out->is_quantised = true;
+    *count = e.count;
+    return values;
+}
+
+/* ---- meshes and nodes */
+
+/* The n-th triangle of a primitive, as places in the list of its corners. A strip's odd triangles run the other way. */
+static void corners_of(int mode, size_t n, size_t out[3])
+{
+    out[0] = mode == TRIANGLES ? 3 * n : mode == TRIANGLE_FAN ? 0 : n;
+    out[1] = mode == TRIANGLES ? 3 * n + 1 : mode == TRIANGLE_FAN || n % 2 == 0 ? n + 1 : n + 2;
+    out[2] = mode == TRIANGLES ? 3 * n + 2 : mode == TRIANGLE_FAN || n % 2 == 0 ? n + 2 : n + 1;
+}
+
+/* index NULL: the corners are the vertices one after the other. */
+static bool add_triangles(gltf *g, int mode, const double *index, size_t corners, size_t first,
+                          bool is_mirrored)
+{
+    const size_t vertices = g->out->vertices - first, count = mode == TRIANGLES ? corners / 3
+                                                              : corners < 3     ? 0
+                                                                                : corners - 2;
+    for (size_t n = 0; n < count; n++) {
+        size_t place[3];
+        uint32_t corner[3];
+        corners_of(mode, n, place);
+        for (int k = 0; k < 3; k++) {
+            const double at = index ? index[place[k]] : (double)place[k];
+            if (!(at < (double)vertices)) return damaged(g, "a corner is not a vertex, in triangle", n);
+            corner[k] = (uint32_t)(first + (size_t)at);
+        }
+        if (!plain_mesh_add_triangle(g->out, corner[0], corner[1], corner[2], is_mirrored))
+            return no_memory(g);
+    }
+    return true;
+}
+
+static bool add_vertices(gltf *g, const double *position, size_t count, const double m[3][4])
+{
+    for (size_t k = 0; k < count; k++) {
+        const vec3 at = affine_apply(m, position[3 * k], position[3 * k + 1], position[3 * k + 2]);
+        if (!plain_mesh_add_vertex(g->out, (const double[3]){at.x, at.y, at.z})) return no_memory(g);
+    }
+    return true;
+}
+
+static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
+{
+    if (g->primitives++ == PRIMITIVES_MOST)
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "its nodes place more than %d primitives. Save it with fewer primitives, or as one mesh.",
+            PRIMITIVES_MOST);
+    const double mode = json_number(member(primitive, "mode"), TRIANGLES),
+                 of = json_number(member(primitive, "indices"), -1);
+    json_at attributes = member(primitive, "attributes"), extensions = member(primitive, "extensions");
+    const double places = json_number(json_member(&attributes, "POSITION"), -1);
+    if (!(mode >= TRIANGLES && mode <= TRIANGLE_FAN)) {
+        g->out->others++;
+        return true;
+    }
+    const json *accessor = item_at(&g->accessors, places);
+    if (json_member(&extensions, "KHR_draco_mesh_compression").node &&
+        (!accessor || !member(accessor, "bufferView").node)) {
+        g->is_left = true;
+        return false;
+    }
+    if (places < 0) return true; /* nothing to draw */
+    size_t vertices = 0, corners = 0;
+    const size_t first = g->out->vertices;
+    double *position = read_accessor(g, places, "VEC3", 3, &vertices),
+           *index = position && of >= 0 ? read_accessor(g, of, "SCALAR", 1, &corners) : NULL;
+    bool ok = position && (index || of < 0);
+    vec3 axis[3];
+    for (int k = 0; k < 3; k++) axis[k] = affine_axis(m, k);
+    ok = ok && add_vertices(g, position, vertices, m) &&
+         add_triangles(g, (int)mode, index, index ? corners : vertices, first,
+                       vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0);
+    free(position);
+    free(index);
+    return ok;
+}
+
+static bool has_weight(const json *node)
+{
+    json_at weights = member(node, "weights");
+    bool found = false;
+    for (json_at weight = json_first(&weights); weight.node; weight = json_next(&weight))
+        found |= json_number(weight, 0) != 0;
+    return found;
+}
+
+static bool add_mesh(gltf *g, const json *node, double index, const double m[3][4])
+{
+    const json *mesh = item_at(&g->meshes, index);
+    json_at extensions = member(node, "extensions");
+    if (!mesh)
+        return damaged(g, "a node refers to a mesh that is missing, number",
+                       index >= 0 && index < 1e9 ? (size_t)index : 0);
+    json_at primitives = member(mesh, "primitives");
+    g->is_in_scene[(size_t)index] = true;
+    g->skins += json_number(member(node, "skin"), -1) >= 0;
+    g->morphs += member(node, "weights").node ? has_weight(node) : has_weight(mesh);
+    g->instances += json_member(&extensions, "EXT_mesh_gpu_instancing").node != NULL;
+    for (json_at primitive = json_first(&primitives); primitive.node; primitive = json_next(&primitive))
+        if (!add_primitive(g, primitive.node, m)) return false;
+    return true;
+}
+
+/* The matrix of a node's rotation and scale, R diag(s), with its translation, row by row. */
+static void compose_trs(const double t[3], const double q[4], const double s[3], double out[16])
+{
+    const double x = q[0], y = q[1], z = q[2], w = q[3], n = x * x + y * y + z * z + w * w,
+                 two = n > 0 ? 2 / n : 0;
+    const double r[3][3] = {{1 - two * (y * y + z * z), two * (x * y - z * w), two * (x * z + y * w)},
+                            {two * (x * y + z * w), 1 - two * (x * x + z * z), two * (y * z - x * w)},
+                            {two * (x * z - y * w), two * (y * z + x * w), 1 - two * (x * x + y * y)}};
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) out[4 * i + k] = r[i][k] * s[k];
+        out[4 * i + 3] = t[i];
+    }
+}
+
+static bool read_numbers(gltf *g, const json *node, const char *key, double *out, size_t count, size_t index)
+{
+    json_at at = member(node, key);
+    if (!at.node) return true;
+    return (json_size(at) == count && json_numbers(at, out, count) == count) ||
+           damaged(g, "wrong transform of node", index);
+}
+
+/* Row by row. */
+static bool read_transform(gltf *g, const json *node, size_t index, double out[16])
+{
+    double columns[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, t[3] = {0, 0, 0},
+           q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
+    if (!read_numbers(g, node, "matrix", columns, 16, index) ||
+        !read_numbers(g, node, "translation", t, 3, index) ||
+        !read_numbers(g, node, "rotation", q, 4, index) || !read_numbers(g, node, "scale", s, 3, index))
+        return false;
+    for (int k = 0; k < 16; k++) out[k] = columns[4 * (k % 4) + k / 4];
+    if (!member(node, "matrix").node) compose_trs(t, q, s, out);
+    return (out[12] == 0 && out[13] == 0 && out[14] == 0 && out[15] == 1) ||
+           damaged(g, "wrong matrix of node", index);
+}
+
+static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
+{
+    const json *node = item_at(&g->nodes, index);
+    double own[16], m[3][4];
+    /* nodes form trees: more visits than nodes mean that a node is its own descendant, or has several parents */
+    if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
+        return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
+    if (!read_transform(g, node, (size_t)index, own)) return false;
+    affine_compose(to_world, own, m);
+    json_at mesh = member(node, "mesh"), children = member(node, "children");
+    if (mesh.node && !add_mesh(g, node, json_number(mesh, -1), (const double(*)[4])m)) return false;
+    const size_t count = json_size(children);
+    const json **child = calloc(count + 1, sizeof *child);
+    if (!child) return no_memory(g);
+    json_elements(children, child, count);
+    bool ok = true;
+    for (size_t k = 0; ok && k < count; k++)
+        ok = visit(g, json_number(json_root(child[k]), -1), (const double(*)[4])m, depth + 1);
+    free(child);
+    return ok;
+}
+
+/* The nodes of the scene; of a document without scenes those that are below no other. */
+static bool visit_scene(gltf *g)
+{
+    static const double identity[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    json_at root = json_root(g->root), scenes = json_member(&root, "scenes");
+    const double index = json_number(json_member(&root, "scene"), 0);
+    if (json_size(scenes) > 0) {
+        json_at scene = json_first(&scenes);
+        while (scene.node && (double)scene.index < index && index < 1e9) scene = json_next(&scene);
+        json_at nodes = json_member(&scene, "nodes");
+        bool ok = true;
+        for (json_at node = json_first(&nodes); node.node && ok; node = json_next(&node))
+            ok = visit(g, json_number(node, -1), identity, 0);
+        return ok;
+    }
+    bool *is_below = calloc(g->nodes.count + 1, sizeof *is_below), ok = is_below != NULL;
+    for (size_t k = 0; ok && k < g->nodes.count; k++) {
+        json_at children = member(g->nodes.item[k], "children");
+        for (json_at child = json_first(&children); child.node; child = json_next(&child)) {
+            const double below = json_number(child, -1);
+            if (item_at(&g->nodes, below)) is_below[(size_t)below] = true;
+        }
+    }
+    if (!is_below) return no_memory(g);
+    for (size_t k = 0; ok && k < g->nodes.count; k++)
+        if (!is_below[k]) ok = visit(g, (double)k, identity, 0);
+    free(is_below);
+    return ok;
+}
+
+/* ---- the document */
+
+/* Those that change no place of the mesh, or are read. */
+static bool is_known(const char *extension)
+{
+    static const char *const known[] = {
+        "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu",
+        "KHR_lights_punctual",   "KHR_xmp_json_ld",       "KHR_draco_mesh_compression",
+        "EXT_texture_webp",      "EXT_texture_avif",      "KHR_animation_pointer"};
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
+        if (strcmp(extension, known[k]) == 0) return true;
+    return strncmp(extension, "KHR_materials_", strlen("KHR_materials_")) == 0;
+}
+
+static bool check_document(gltf *g)
+{
+    json_at root = json_root(g->root), asset = json_member(&root, "asset"),
+            required = json_member(&root, "extensionsRequired");
+    const char *version = json_string(json_member(&asset, "version"), ""),
+               *least = json_string(json_member(&asset, "minVersion"), "2.0");
+    if (version[0] == '1') {
+        g->is_left = true;
+        return false;
+    }
+    if (version[0] != '2' || strcmp(least, "2.0") != 0)
+        return plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
+                                 "it requires glTF %.20s. Save it as glTF 2.0.",
+                                 version[0] != '2' ? version : least);
+    for (json_at extension = json_first(&required); extension.node; extension = json_next(&extension)) {
+        const char *name = json_string(extension, "");
+        if (!is_known(name))
+            return plain_mesh_refuse(
+                g->out, ERROR_INPUT_UNSUPPORTED,
+                "it requires the glTF extension %.80s, which is not supported. Save it without this "
+                "extension.",
+                name);
+    }
+    return true;
+}
+
+static void warn(gltf *g)
+{
+    size_t left = 0;
+    for (size_t k = 0; k < g->meshes.count; k++) left += !g->is_in_scene[k];
+    if (left > 0)
+        plain_mesh_warn(g->out, "%zu of %zu meshes are not in the scene of the file: they are skipped", left,
+                        g->meshes.count);
+    if (g->skins > 0)
+        plain_mesh_warn(g->out,
+                        "%zu meshes have a skin, which is not applied: export the posed mesh to sample it",
+                        g->skins);
+    if (g->morphs > 0)
+        plain_mesh_warn(g->out,
+                        "%zu meshes have weights of morph targets, which are not applied: export the morphed "
+                        "mesh to sample it",
+                        g->morphs);
+    if (g->instances > 0)
+        plain_mesh_warn(g->out, "%zu meshes have instances (EXT_mesh_gpu_instancing): one of each is read",
+                        g->instances);
+}
+
+static bool read_document(gltf *g)
+{
+    bool ok = check_document(g) && list_items(g, "nodes", &g->nodes) && list_items(g, "meshes", &g->meshes) &&
+              list_items(g, "accessors", &g->accessors) && list_items(g, "bufferViews", &g->views) &&
+              list_items(g, "buffers", &g->buffers);
+    if (ok) {
+        g->loaded = calloc(g->buffers.count + 1, sizeof *g->loaded);
+        g->is_in_scene = calloc(g->meshes.count + 1, sizeof *g->is_in_scene);
+        ok = (g->loaded && g->is_in_scene) || no_memory(g);
+    }
+    ok = ok && visit_scene(g);
+    if (ok) warn(g);
+    for (size_t k = 0; g->loaded && k < g->buffers.count; k++) free(g->loaded[k].decoded);
+    free(g->loaded);
+    free(g->is_in_scene);
+    free(g->nodes.item);
+    free(g->meshes.item);
+    free(g->accessors.item);
+    free(g->views.item);
+    free(g->buffers.item);
+    return ok;
+}
+
+static uint32_t word_at(const char *at)
+{
+    uint32_t bits;
+    memcpy(&bits, at, sizeof bits);
+    return le32toh(bits);
+}
+
+/* The parts of a binary file. False: it is none, or damaged. */
+static bool split(const char *data, size_t size, const char **text, size_t *length, gltf *g)
+{
+    if (size < HEAD + CHUNK_HEAD || word_at(data + 4) != 2 || word_at(data + HEAD + 4) != CHUNK_JSON)
+        return false;
+    *text = data + HEAD + CHUNK_HEAD;
+    *length = word_at(data + HEAD);
+    if (*length > size - HEAD - CHUNK_HEAD) return false;
+    const char *bin = *text + *length;
+    const size_t left = size - (size_t)(bin - data);
+    if (left < CHUNK_HEAD || word_at(bin + 4) != CHUNK_BIN) return true;
+    g->bin_size = word_at(bin);
+    g->bin = bin + CHUNK_HEAD;
+    return g->bin_size <= left - CHUNK_HEAD || damaged(g, "it is truncated, at byte", size);
+}
+
+bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out)
+{
+    gltf g = {.out = out};
+    error e = {0};
+    const char *text = data;
+    size_t length = size;
+    const bool is_binary = size >= MAGIC_BYTES && memcmp(data, "glTF", MAGIC_BYTES) == 0;
+    if (is_binary && !split(data, size, &text, &length, &g)) return false;
+    while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == 0)) length--; /* padding */
+    g.root = json_parse(text, length, &e);
+    if (!g.root) return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "its JSON is damaged: %.300s", e.message);
+    const bool ok = read_document(&g);
+    json_free(g.root);
+    return ok && !g.is_left;
+}

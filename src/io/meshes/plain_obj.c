@@ -1,0 +1,174 @@
+/* Wavefront OBJ: the lines v and f. Normals, texture coordinates, groups and materials do not change the shape.
+ * Free-form curves and surfaces, and lines of words that are not known, are left out with a warning. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "io/meshes/plain_mesh.h"
+
+typedef struct obj_facts {
+    const char *text;  /* of the file, in which no lines are joined */
+    size_t free_forms; /* curves and surfaces */
+    size_t weighted;   /* vertices with a w that is not 1 */
+    size_t words;      /* vertices and faces */
+    char unknown[32];  /* the first word that is not known */
+} obj_facts;
+
+/* Whether c ends a line, or its part before a comment. */
+static bool is_end(char c)
+{
+    return c == '\n' || c == '\r' || c == 0 || c == '#';
+}
+
+static const char *skip_blanks(const char *at)
+{
+    while (*at == ' ' || *at == '\t' || *at == '\v' || *at == '\f') at++;
+    return at;
+}
+
+/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that is not a
+ * number, as "-1.#IND" of a colour, the line is passed over. */
+static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
+{
+    const char *line = *at;
+    double number[7];
+    size_t count = 0;
+    for (*at = skip_blanks(*at); !is_end(**at) && count < 7 && plain_mesh_number(at, &number[count]);
+         *at = skip_blanks(*at))
+        count++;
+    const bool has_word = !is_end(**at) && count < 7;
+    if (count < 3 && has_word)
+        return plain_mesh_refuse_line(
+            out, facts->text, facts->text + (line - data),
+            "of the OBJ file has \"%.*s\" in place of a number. Write numbers with a decimal point.",
+            (int)strcspn(*at, " \t\r\n"), *at);
+    if (count < 3 || (count == 5 && !has_word) || (count == 7 && !is_end(**at)))
+        return plain_mesh_refuse_line(
+            out, facts->text, facts->text + (line - data),
+            "of the OBJ file is a vertex of %zu%s numbers. Write three, four with a weight, or six or seven with a colour.",
+            count, count == 7 ? " and more" : "");
+    if (count == 4 && number[3] != 1 && !has_word) {
+        for (int k = 0; k < 3; k++) number[k] /= number[3];
+        facts->weighted++;
+    }
+    return plain_mesh_add_vertex(out, number);
+}
+
+/* The vertex of `7`, `7/1`, `7//3` or `7/1/3`; negative ones count from the last. */
+static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
+{
+    char *end;
+    const long long index = strtoll(*at, &end, 10), count = (long long)m->vertices;
+    const size_t more = strspn(end, "/-0123456789");
+    if (end == *at || (more > 0 && *end != '/')) return false;
+    *at = end + more;
+    *out = (uint32_t)(index < 0 ? count + index : index - 1);
+    return strchr(" \t\r\n#", **at) && index <= count && index != 0 && index >= -count;
+}
+
+static bool read_face(const char *data, const char **at, const obj_facts *facts, plain_mesh *out)
+{
+    size_t count = 0;
+    for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
+        const char *word = *at;
+        if (!plain_mesh_expect_corners(out, count + 1)) return false;
+        if (!read_corner(at, out, &out->corner[count]))
+            return plain_mesh_refuse_line(
+                out, facts->text, facts->text + (word - data),
+                "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. Write vertices before faces.",
+                (int)strcspn(word, " \t\r\n"), word, out->vertices);
+        count++;
+    }
+    return count == 0 || plain_mesh_add_polygon(out, out->corner, count);
+}
+
+static bool is_one_of(const char *word, size_t length, const char *const *words, size_t count)
+{
+    for (size_t k = 0; k < count; k++)
+        if (strlen(words[k]) == length && memcmp(words[k], word, length) == 0) return true;
+    return false;
+}
+
+/* Takes a line that is neither a vertex nor a face. */
+static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
+{
+    static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
+    static const char *const passed[] = {
+        "f",          "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",
+        "usemtl",     "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",
+        "shadow_obj", "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm",
+        "trim",       "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
+    const size_t word = strcspn(line, " \t\r\n#");
+    if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return;
+    if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
+        out->others++;
+    } else if (is_one_of(line, word, forms, sizeof forms / sizeof *forms)) {
+        facts->free_forms++;
+    } else if (!*facts->unknown) {
+        snprintf(facts->unknown, sizeof facts->unknown, "%.*s", (int)word, line);
+    }
+}
+
+static bool is_in_comment(const char *data, const char *at)
+{
+    while (at > data && at[-1] != '\n' && at[-1] != '\r' && *at != '#') at--;
+    return *at == '#';
+}
+
+/* The whole with lines that go on behind a `\` as one line each; NULL: there is none, or no memory. */
+static char *join_lines(const char *data)
+{
+    char *copy = strstr(data, "\\\n") || strstr(data, "\\\r\n") ? strdup(data) : NULL;
+    for (char *at = copy; at && (at = strchr(at, '\\')); at++) {
+        const size_t length = at[1] == '\r' ? 3 : 2;
+        if (at[length - 1] == '\n' && !is_in_comment(copy, at)) memset(at, ' ', length);
+    }
+    return copy;
+}
+
+static bool read_lines(const char *data, obj_facts *facts, plain_mesh *out)
+{
+    for (const char *at = data; *at;) {
+        at = skip_blanks(at);
+        const char kind = *at;
+        const bool blank = kind && (at[1] == ' ' || at[1] == '\t');
+        if (blank && kind == 'v') {
+            at++;
+            facts->words++;
+            if (!read_vertex(data, &at, facts, out)) return false;
+        } else if (blank && kind == 'f') {
+            at++;
+            facts->words++;
+            if (!read_face(data, &at, facts, out)) return false;
+        } else {
+            take_line(at, facts, out);
+        }
+        at += strcspn(at, "\r\n");
+        at += *at != 0;
+    }
+    return facts->words > 0 || !*facts->unknown ||
+           plain_mesh_refuse(
+               out, ERROR_INPUT_DAMAGED,
+               "the file has no line of OBJ, and begins with %s. Check that its ending names its format.",
+               facts->unknown);
+}
+
+bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
+{
+    const char *text = plain_mesh_text(data, size, out);
+    obj_facts facts = {.text = text};
+    char *joined = text ? join_lines(text) : NULL;
+    const bool read = text && read_lines(joined ? joined : text, &facts, out);
+    free(joined);
+    if (!read) return false;
+    if (facts.free_forms > 0)
+        plain_mesh_warn(
+            out, "the file has %zu free-form curves or surfaces, which are skipped: save them as polygons",
+            facts.free_forms);
+    if (facts.weighted > 0)
+        plain_mesh_warn(out, "%zu vertices have a weight w: their coordinates are divided by it",
+                        facts.weighted);
+    if (*facts.unknown)
+        plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
+    return true;
+}

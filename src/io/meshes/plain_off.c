@@ -1,0 +1,142 @@
+/* OFF: text and binary, with the prefixes ST, C, N and 4 of what vertices have beside their places. In text a vertex and a face have a
+ * line each; what follows the numbers that are known, colours mostly, is passed over. */
+#include <endian.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "io/meshes/plain_mesh.h"
+
+typedef struct off {
+    const char *at, *end;
+    bool is_binary, has_w;
+    size_t beside; /* floats of a binary vertex beside its place */
+} off;
+
+/* In text: to the next number, on this line or on one that holds something but a comment. */
+static void skip_to_number(off *o)
+{
+    while ((o->at += strspn(o->at, " \t\r\n"), *o->at == '#')) o->at += strcspn(o->at, "\n");
+}
+
+static bool read_integer(off *o, long long *out)
+{
+    if (o->is_binary) {
+        uint32_t bits;
+        if ((size_t)(o->end - o->at) < sizeof bits) return false;
+        memcpy(&bits, o->at, sizeof bits);
+        o->at += sizeof bits;
+        *out = (int32_t)be32toh(bits);
+        return true;
+    }
+    skip_to_number(o);
+    char *end;
+    *out = strtoll(o->at, &end, 10);
+    if (end == o->at || !(strchr(" \t\r\n#", *end) || !*end)) return false;
+    o->at = end;
+    return true;
+}
+
+static bool read_number(off *o, double *out)
+{
+    if (o->is_binary) {
+        uint32_t bits;
+        float value;
+        if ((size_t)(o->end - o->at) < sizeof bits) return false;
+        memcpy(&bits, o->at, sizeof bits);
+        o->at += sizeof bits;
+        bits = be32toh(bits);
+        memcpy(&value, &bits, sizeof value);
+        *out = (double)value;
+        return true;
+    }
+    skip_to_number(o);
+    return plain_mesh_number(&o->at, out);
+}
+
+static bool skip_bytes(off *o, size_t count)
+{
+    if ((size_t)(o->end - o->at) < count) return false;
+    o->at += count;
+    return true;
+}
+
+static bool end_row(off *o, size_t binary_bytes)
+{
+    if (o->is_binary) return skip_bytes(o, binary_bytes);
+    o->at += strcspn(o->at, "\n");
+    return true;
+}
+
+static bool read_vertex(off *o, plain_mesh *out)
+{
+    double at[4] = {0, 0, 0, 1};
+    for (int k = 0; k < (o->has_w ? 4 : 3); k++)
+        if (!read_number(o, &at[k])) return false;
+    for (int k = 0; k < 3; k++) at[k] /= at[3];
+    return end_row(o, o->beside * sizeof(float)) && plain_mesh_add_vertex(out, at);
+}
+
+static bool read_face(off *o, plain_mesh *out)
+{
+    long long count, index, colors = 0;
+    if (!read_integer(o, &count) || count < 0) return false;
+    for (long long k = 0; k < count; k++) {
+        if (!read_integer(o, &index) || index < 0 || index >= (long long)out->vertices ||
+            !plain_mesh_expect_corners(out, (size_t)k + 1))
+            return false;
+        out->corner[k] = (uint32_t)index;
+    }
+    if (o->is_binary && (!read_integer(o, &colors) || colors < 0 || colors > 4)) return false;
+    return end_row(o, (size_t)colors * sizeof(float)) &&
+           plain_mesh_add_polygon(out, out->corner, (size_t)count);
+}
+
+static bool take(const char **at, const char *word)
+{
+    const size_t length = strlen(word);
+    if (strncmp(*at, word, length) != 0) return false;
+    *at += length;
+    return true;
+}
+
+/* The first word, and the number of dimensions of an nOFF file. */
+static bool read_head(off *o, plain_mesh *out)
+{
+    long long dimensions;
+    skip_to_number(o);
+    if (take(&o->at, "ST")) o->beside += 2;
+    if (take(&o->at, "C")) o->beside += 4;
+    if (take(&o->at, "N")) o->beside += 3;
+    o->has_w = take(&o->at, "4");
+    const bool has_dimensions = take(&o->at, "n");
+    if (!take(&o->at, "OFF")) return false;
+    const char *word = o->at + strspn(o->at, " \t");
+    if (take(&word, "BINARY")) {
+        o->is_binary = true;
+        word += strcspn(word, "\n");
+        if (*word != '\n') return false;
+        o->at = word + 1;
+    }
+    if (!has_dimensions) return true;
+    if (!read_integer(o, &dimensions)) return false;
+    return dimensions == 3 ||
+           plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
+                             "its vertices have %lld coordinates. Save it with three.", dimensions);
+}
+
+bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
+{
+    off o = {.at = data, .end = data + size};
+    long long vertices, faces, edges;
+    if (!read_head(&o, out) || (!o.is_binary && memchr(data, 0, size))) return false;
+    if (!read_integer(&o, &vertices) || !read_integer(&o, &faces) || vertices < 0 || faces < 0) return false;
+    if (o.is_binary && !read_integer(&o, &edges)) return false;
+    if (!o.is_binary) o.at += strcspn(o.at, "\n"); /* the number of edges, which many files do not have */
+    for (long long k = 0; k < vertices; k++)
+        if (!read_vertex(&o, out)) return false;
+    for (long long k = 0; k < faces; k++)
+        if (!read_face(&o, out)) return false;
+    if (!o.is_binary) skip_to_number(&o);
+    return o.at == o.end;
+}

@@ -1,0 +1,106 @@
+/* STL: binary of the size that its count of triangles gives, or text of solids, one after the other. */
+#include <string.h>
+#include <strings.h>
+
+#include "io/meshes/plain_mesh.h"
+
+enum { HEADER = 84, COUNT_AT = 80, TRIANGLE = 50, CORNERS_AT = 12 };
+
+static uint32_t read_little(const unsigned char *at)
+{
+    return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+static bool add_triangle(const double at[3][3], plain_mesh *out)
+{
+    const uint32_t first = (uint32_t)out->vertices, corner[3] = {first, first + 1, first + 2};
+    for (int k = 0; k < 3; k++)
+        if (!plain_mesh_add_vertex(out, at[k])) return false;
+    return plain_mesh_add_polygon(out, corner, 3);
+}
+
+static bool read_binary(const unsigned char *data, size_t count, plain_mesh *out)
+{
+    for (size_t n = 0; n < count; n++) {
+        const unsigned char *from = data + HEADER + n * TRIANGLE + CORNERS_AT;
+        double at[3][3];
+        for (int k = 0; k < 9; k++, from += 4) {
+            const uint32_t bits = read_little(from);
+            float value;
+            memcpy(&value, &bits, sizeof value);
+            at[k / 3][k % 3] = (double)value;
+        }
+        if (!add_triangle(at, out)) return false;
+    }
+    return true;
+}
+
+/* Whether the next word is this one; it is skipped then. */
+static bool take(const char **at, const char *word)
+{
+    const size_t length = strlen(word);
+    *at += strspn(*at, " \t\r\n");
+    if (strncasecmp(*at, word, length) != 0 || !strchr(" \t\r\n", (*at)[length])) return false;
+    *at += length;
+    return true;
+}
+
+static bool take_numbers(const char **at, double out[3])
+{
+    return plain_mesh_number(at, &out[0]) && plain_mesh_number(at, &out[1]) && plain_mesh_number(at, &out[2]);
+}
+
+/* Reads what follows "facet". On failure *expected is the expected word that is not at *at. */
+static bool read_facet(const char **at, plain_mesh *out, const char **expected)
+{
+    double normal[3], corner[3][3];
+    if (!take(at, *expected = "normal") || !(*expected = "a number", take_numbers(at, normal)) ||
+        !take(at, *expected = "outer") || !take(at, *expected = "loop"))
+        return false;
+    for (int k = 0; k < 3; k++)
+        if (!take(at, *expected = "vertex") || !(*expected = "a number", take_numbers(at, corner[k])))
+            return false;
+    return take(at, *expected = "endloop") && take(at, *expected = "endfacet") &&
+           add_triangle((const double(*)[3])corner, out);
+}
+
+static bool read_text(const char *data, plain_mesh *out)
+{
+    const char *at = data, *expected = "solid";
+    while (take(&at, "solid")) {
+        at += strcspn(at, "\r\n"); /* a name */
+        bool good = true;
+        while (good && take(&at, "facet")) good = read_facet(&at, out, &expected);
+        if (!good || !take(&at, expected = "endsolid")) {
+            at += strspn(at, " \t\r\n");
+            if (!*at)
+                return plain_mesh_refuse_line(
+                    out, data, at, "is where the STL file ends, in place of %s. Save it again.", expected);
+            return plain_mesh_refuse_line(out, data, at,
+                                          "of the STL file has \"%.*s\" in place of %s. Save it again.",
+                                          (int)strcspn(at, " \t\r\n"), at, expected);
+        }
+        at += strcspn(at, "\r\n");
+    }
+    return at[strspn(at, " \t\r\n")] == 0 ||
+           plain_mesh_refuse_line(out, data, at, "of the STL file is not of a solid");
+}
+
+bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)
+{
+    const unsigned char *bytes = (const unsigned char *)data;
+    if (size >= HEADER) {
+        const size_t count = read_little(bytes + COUNT_AT);
+        if (size - HEADER == count * TRIANGLE) return read_binary(bytes, count, out);
+    }
+    const char *text = plain_mesh_text(data, size, out);
+    if (text && strncasecmp(text + strspn(text, " \t\r\n"), "solid", strlen("solid")) == 0)
+        return read_text(text, out);
+    out->refused = ERROR_NONE;
+    const unsigned long count = size < HEADER ? 0 : read_little(bytes + COUNT_AT);
+    return plain_mesh_refuse(
+        out, ERROR_INPUT_DAMAGED,
+        "the STL file does not begin with \"solid\", and as a binary file of %lu triangles it "
+        "has %zu of %llu bytes. Save it again.",
+        count, size, (unsigned long long)HEADER + TRIANGLE * (unsigned long long)count);
+}

@@ -1,0 +1,123 @@
+#include "io/meshes/ply_header.h"
+
+#include <endian.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+enum { LINE_MOST = 256 };
+
+static const ply_type types[] = {
+    {"char", 1, PLY_SIGNED},    {"uchar", 1, PLY_UNSIGNED},  {"int8", 1, PLY_SIGNED},
+    {"uint8", 1, PLY_UNSIGNED}, {"short", 2, PLY_SIGNED},    {"ushort", 2, PLY_UNSIGNED},
+    {"int16", 2, PLY_SIGNED},   {"uint16", 2, PLY_UNSIGNED}, {"int", 4, PLY_SIGNED},
+    {"uint", 4, PLY_UNSIGNED},  {"int32", 4, PLY_SIGNED},    {"uint32", 4, PLY_UNSIGNED},
+    {"float", 4, PLY_REAL},     {"float32", 4, PLY_REAL},    {"double", 8, PLY_REAL},
+    {"float64", 8, PLY_REAL},   {"double64", 8, PLY_REAL}};
+
+static const ply_type *find_type(const char *name)
+{
+    for (size_t k = 0; k < sizeof types / sizeof *types; k++)
+        if (strcmp(types[k].name, name) == 0) return &types[k];
+    return NULL;
+}
+
+static bool take_format(ply_header *h, const char *name)
+{
+    static const char *const names[] = {
+        [PLY_TEXT] = "ascii", [PLY_LITTLE] = "binary_little_endian", [PLY_BIG] = "binary_big_endian"};
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+        if (strcmp(name, names[k]) == 0) {
+            h->layout = (ply_layout)k;
+            return true;
+        }
+    return false;
+}
+
+static bool take_element(ply_header *h, const char *name, const char *count, size_t line)
+{
+    if (h->elements == PLY_ELEMENTS_MOST || *count < '0' || *count > '9') return false;
+    ply_element *new = &h->element[h->elements++];
+    *new = (ply_element){
+        .count = strtoull(count, NULL, 10), .line = line, .property = h->property + h->properties};
+    memcpy(new->name, name, sizeof new->name);
+    return true;
+}
+
+static bool take_property(ply_header *h, char word[5][PLY_NAME_SIZE])
+{
+    if (h->elements == 0 || h->properties == PLY_PROPERTIES_MOST) return false;
+    ply_element *of = &h->element[h->elements - 1];
+    ply_property *new = &h->property[h->properties++];
+    const bool list = strcmp(word[1], "list") == 0;
+    *new = (ply_property){.type = find_type(word[list ? 3 : 1]), .length = list ? find_type(word[2]) : NULL};
+    memcpy(new->name, word[list ? 4 : 2], sizeof new->name);
+    of->properties++;
+    of->has_list |= list;
+    if (!list && new->type) of->row += (size_t) new->type->size;
+    return new->type &&*new->name && (!list || (new->length &&new->length->kind != PLY_REAL));
+}
+
+/* Takes a line; false: it is not known. */
+static bool take_line(ply_header *h, const char *line, size_t at, bool *format)
+{
+    char word[5][PLY_NAME_SIZE] = {"", "", "", "", ""};
+    sscanf(line, "%63s %63s %63s %63s %63s", word[0], word[1], word[2], word[3], word[4]);
+    if (strcmp(word[0], "format") == 0) {
+        *format = true;
+        return take_format(h, word[1]);
+    }
+    if (strcmp(word[0], "element") == 0) return take_element(h, word[1], word[2], at);
+    if (strcmp(word[0], "property") == 0) return take_property(h, word);
+    if (at == 0) return strcasecmp(word[0], "ply") == 0;
+    return !*word[0] || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0;
+}
+
+bool ply_header_read(const char *data, size_t size, ply_header *out)
+{
+    bool format = false;
+    memset(out, 0, sizeof *out);
+    for (size_t at = 0; at < size;) {
+        size_t end = at;
+        while (end < size && data[end] != '\n' && data[end] != '\r') end++;
+        const size_t length = end - at;
+        char line[LINE_MOST], word[LINE_MOST] = "";
+        out->fault = at;
+        out->body = end + 1 + (end + 1 < size && data[end] == '\r' && data[end + 1] == '\n');
+        snprintf(line, sizeof line, "%.*s", (int)(length < sizeof line ? length : sizeof line - 1),
+                 data + at);
+        sscanf(line, "%255s", word);
+        if (end == size) return false;
+        if (strcmp(word, "end_header") == 0) return format;
+        if (!take_line(out, line, at, &format)) return false;
+        at = out->body;
+    }
+    return false;
+}
+
+double ply_number(const char *at, const ply_type *type, ply_layout layout)
+{
+    uint64_t bits = 0;
+    if (type->size == 4) { /* as most are */
+        uint32_t four;
+        memcpy(&four, at, sizeof four);
+        bits = layout == PLY_BIG ? be32toh(four) : le32toh(four);
+    } else {
+        for (int k = 0; k < type->size; k++)
+            bits = bits << 8 | (unsigned char)at[layout == PLY_BIG ? k : type->size - 1 - k];
+    }
+    if (type->kind == PLY_REAL && type->size == 8) {
+        double value;
+        memcpy(&value, &bits, sizeof value);
+        return value;
+    }
+    if (type->kind == PLY_REAL) {
+        const uint32_t half = (uint32_t)bits;
+        float value;
+        memcpy(&value, &half, sizeof value);
+        return (double)value;
+    }
+    const uint64_t sign = (uint64_t)1 << (8 * type->size - 1);
+    return type->kind == PLY_SIGNED && bits & sign ? -(double)(2 * sign - bits) : (double)bits;
+}

@@ -1,0 +1,25 @@
+/* ply_values: reads those properties of the vertices of a PLY file that assimp does not return. Only used if
+ * attributes are requested (mesh_file_read_values), since assimp reads the file then. Runs in the process that
+ * reads.
+ */
+#ifndef HEXAD_IO_MESHES_PLY_VALUES_H
+#define HEXAD_IO_MESHES_PLY_VALUES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "io/meshes/mesh_reader.h"
+
+typedef struct ply_values {
+    uint32_t count; /* properties, at most MESH_VALUES_MOST; further ones are skipped */
+    size_t vertices;
+    char name[MESH_VALUES_MOST][MESH_VALUES_NAME_SIZE];
+    float *value[MESH_VALUES_MOST]; /* per property: one number for each vertex */
+} ply_values;
+
+/* Reads a file whose first element is `vertex`, with single numbers as properties. *out is zeroed before the call.
+ * For any other file out->count is 0. False: no memory. */
+bool ply_values_read(const char *data, size_t size, ply_values *out);
+
+#endif

@@ -1,0 +1,19 @@
+/* zip_entry: a file within a ZIP archive in memory. The second user of minizip, beside formats. Threads: none. */
+#ifndef HEXAD_IO_MESHES_ZIP_ENTRY_H
+#define HEXAD_IO_MESHES_ZIP_ENTRY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef enum zip_result {
+    ZIP_ENTRY_READ,
+    ZIP_ENTRY_MISSING,
+    ZIP_ENTRY_DAMAGED,
+    ZIP_ENTRY_NO_MEMORY
+} zip_result;
+
+/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows its *length
+ * bytes. The caller frees *out after ZIP_ENTRY_READ. */
+zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length);
+
+#endif

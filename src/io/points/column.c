@@ -1,0 +1,340 @@
+#include "io/points/column.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+
+/* The columns of the points' own properties, in the order of output. */
+typedef struct own_column {
+    const char *name;
+    column_type type;
+    size_t array; /* offset of the pointer in struct points */
+    size_t component, stride;
+    double scale;
+    enum {
+        ALWAYS,
+        WITH_COLOR,
+        BY_NAME
+    } written; /* in output of all columns: with a color attribute, or never */
+} own_column;
+
+#define AXIS(name, array, axis)                                        \
+    {                                                                  \
+        name, COLUMN_REAL, offsetof(points, array), axis, 3, 1, ALWAYS \
+    }
+#define SINGLE(array)                                                 \
+    {                                                                 \
+#array, COLUMN_REAL, offsetof(points, array), 0, 1, 1, ALWAYS \
+    }
+#define SCALED(name, array, scale)                                       \
+    {                                                                    \
+        name, COLUMN_REAL, offsetof(points, array), 0, 1, scale, BY_NAME \
+    }
+#define TINT(name, axis)                                                      \
+    {                                                                         \
+        name, COLUMN_UCHAR, offsetof(points, color), axis, 3, 255, WITH_COLOR \
+    }
+#define TEXTURE(name, axis)                                         \
+    {                                                               \
+        name, COLUMN_REAL, offsetof(points, uv), axis, 2, 1, ALWAYS \
+    }
+
+#define TURN(name, component)                                                \
+    {                                                                        \
+        name, COLUMN_REAL, offsetof(points, orient), component, 4, 1, ALWAYS \
+    }
+
+static const own_column own[] = {
+    AXIS("x", position, 0),
+    AXIS("y", position, 1),
+    AXIS("z", position, 2),
+    AXIS("nx", normal, 0),
+    AXIS("ny", normal, 1),
+    AXIS("nz", normal, 2),
+    SINGLE(kappa),
+    SINGLE(kappa1),
+    SINGLE(kappa2),
+    SINGLE(alpha),
+    SINGLE(energy),
+    SINGLE(spacing),
+    SINGLE(spacing_local),
+    SINGLE(kappa_scale),
+    TINT("red", 0),
+    TINT("green", 1),
+    TINT("blue", 2),
+    TEXTURE("s", 0),
+    TEXTURE("t", 1),
+    SCALED("radius", spacing_local, 0.5),
+    SCALED("pscale", spacing_local, 0.5),
+    SCALED("quality", kappa, 1),
+    TURN("orient_x", 0),
+    TURN("orient_y", 1),
+    TURN("orient_z", 2),
+    TURN("orient_w", 3),
+    {"id", COLUMN_UINT, offsetof(points, id), 0, 1, 1, ALWAYS},
+    AXIS("velocity_x", velocity, 0),
+    AXIS("velocity_y", velocity, 1),
+    AXIS("velocity_z", velocity, 2),
+};
+enum { OWN = sizeof own / sizeof *own, AXES = 3, IN_SEQUENCES = OWN - 4 };
+
+/* Names that stand for several columns. "attributes": all attributes. Columns that a set lacks are skipped. */
+static const struct application {
+    const char *name;
+    const char *columns[16]; /* terminated by NULL */
+} applications[] = {
+    {"minimal", {"x", "y", "z", "nx", "ny", "nz"}},
+    {"blender", {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "s", "t", "attributes"}},
+    {"houdini", {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "pscale", "id", "attributes"}},
+    {"meshlab", {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "quality", "attributes"}},
+};
+enum { APPLICATIONS = sizeof applications / sizeof *applications };
+
+/* Sets a column of the points' own properties. False: the set does not have it. */
+static bool fill_own(const points *s, const own_column *o, column *out)
+{
+    const void *array;
+    memcpy(&array, (const char *)s + o->array, sizeof array);
+    *out = (column){.type = o->type, .stride = o->stride, .scale = o->scale};
+    snprintf(out->name, sizeof out->name, "%s", o->name);
+    if (o->type == COLUMN_UINT)
+        out->whole = array;
+    else if (array)
+        out->values = (const double *)array + o->component;
+    return array || o->type == COLUMN_UINT; /* without ids, ids are the indices of the points */
+}
+
+/* Whether the column is written in output of all columns. */
+static bool is_written(const points *s, const own_column *o)
+{
+    bool has_color = false;
+    for (size_t k = 0; k < s->attribute_count; k++)
+        has_color |= s->attributes[k].kind == POINT_ATTRIBUTE_COLOR;
+    if (o->type == COLUMN_UINT) return s->id != NULL;
+    return o->written == ALWAYS || (o->written == WITH_COLOR && has_color);
+}
+
+column_type column_type_of_range(double least, double most)
+{
+    if (least >= INT32_MIN && most <= INT32_MAX) return COLUMN_INT;
+    return least >= 0 && most <= UINT32_MAX ? COLUMN_UINT : COLUMN_DOUBLE;
+}
+
+/* COLUMN_INT if there are no values yet. */
+static column_type whole_type(const point_attribute *a, int component, size_t count)
+{
+    double least = 0, most = 0;
+    for (size_t i = 0; a->values && i < count; i++) {
+        const double value = a->values[(size_t)a->components * i + (size_t)component];
+        least = fmin(least, value);
+        most = fmax(most, value);
+    }
+    return column_type_of_range(least, most);
+}
+
+static void attribute_column(const point_attribute *a, int component, size_t count, column *out)
+{
+    const char *suffixes = a->kind == POINT_ATTRIBUTE_COLOR ? "rgba"
+                           : a->kind == POINT_ATTRIBUTE_UV  ? "st"
+                                                            : "xyzw";
+    *out = (column){.type = a->kind == POINT_ATTRIBUTE_INT ? whole_type(a, component, count)
+                            : a->is_double                 ? COLUMN_LONG_REAL
+                                                           : COLUMN_REAL,
+                    .values = a->values + component,
+                    .stride = (size_t)a->components,
+                    .scale = 1};
+    if (a->components == 1)
+        snprintf(out->name, sizeof out->name, "%s", a->name);
+    else
+        snprintf(out->name, sizeof out->name, "%.70s_%c", a->name, suffixes[component]);
+}
+
+/* Adds a column unless the list has it. */
+static bool add(columns *list, const column *c, error *e)
+{
+    for (size_t k = 0; k < list->count; k++)
+        if (strcmp(list->list[k].name, c->name) == 0) return true;
+    if (list->count == COLUMNS_MAX)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "the points have more than %d columns of properties: request fewer attributes",
+                         COLUMNS_MAX);
+    list->list[list->count++] = *c;
+    return true;
+}
+
+/* Adds the columns of the attributes with this name; NULL: of all. Returns their number, or -1: too many. */
+static int add_attributes(const points *s, const char *name, columns *list, error *e)
+{
+    int found = 0;
+    for (size_t k = 0; k < s->attribute_count; k++)
+        for (int c = 0; c < s->attributes[k].components; c++) {
+            column made;
+            attribute_column(&s->attributes[k], c, s->count, &made);
+            if (name && strcmp(name, s->attributes[k].name) != 0 && strcmp(name, made.name) != 0) continue;
+            if (!add(list, &made, e)) return -1;
+            found++;
+        }
+    return found;
+}
+
+/* Adds the columns of a name. Returns their number, 0: the name is unknown, -1: too many. */
+static int add_named(const points *s, const char *name, columns *list, error *e)
+{
+    column made;
+    if (strcmp(name, "attributes") == 0) return add_attributes(s, NULL, list, e) < 0 ? -1 : 1;
+    for (int k = 0; k < OWN; k++)
+        if (strcmp(name, own[k].name) == 0 && fill_own(s, &own[k], &made))
+            return add(list, &made, e) ? 1 : -1;
+    return add_attributes(s, name, list, e);
+}
+
+static bool missing(const points *s, const char *name, error *e)
+{
+    char list[600] = "";
+    column made;
+    for (int k = 0; k < OWN; k++)
+        if (fill_own(s, &own[k], &made))
+            snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", *list ? ", " : "", made.name);
+    for (size_t k = 0; k < s->attribute_count; k++)
+        snprintf(list + strlen(list), sizeof list - strlen(list), ", %s", s->attributes[k].name);
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the points have no property \"%.80s\": choose from %s",
+                     name, list);
+}
+
+static bool add_application(const points *s, const struct application *a, columns *list, error *e)
+{
+    for (const char *const *name = a->columns; *name; name++)
+        if (add_named(s, *name, list, e) < 0) return false;
+    return true;
+}
+
+static bool add_all(const points *s, columns *list, error *e)
+{
+    column made;
+    for (int k = 0; k < IN_SEQUENCES; k++)
+        if (is_written(s, &own[k]) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
+    if (add_attributes(s, NULL, list, e) < 0) return false;
+    for (int k = IN_SEQUENCES; k < OWN; k++)
+        if (is_written(s, &own[k]) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
+    return true;
+}
+
+static const struct application *find_application(const char *name)
+{
+    for (size_t k = 0; k < APPLICATIONS; k++)
+        if (strcmp(applications[k].name, name) == 0) return &applications[k];
+    return NULL;
+}
+
+bool columns_choose(const points *set, const char *const *names, size_t name_count, columns *out, error *e)
+{
+    static const char *const next_frame[] = {"nx", "ny", "nz", "id"};
+    column made;
+    out->count = 0;
+    for (int k = 0; k < AXES; k++)
+        if (fill_own(set, &own[k], &made)) add(out, &made, NULL);
+    if (!names) return add_all(set, out, e);
+    for (size_t k = 0; k < name_count; k++) {
+        const struct application *a = find_application(names[k]);
+        int found = a ? add_application(set, a, out, e) ? 1 : -1 : add_named(set, names[k], out, e);
+        if (found == 0) return missing(set, names[k], e);
+        if (found < 0) return false;
+    }
+    for (size_t k = 0; set->id && k < sizeof next_frame / sizeof *next_frame; k++)
+        if (add_named(set, next_frame[k], out, e) < 0) return false;
+    return true;
+}
+
+bool columns_need_color(const char *const *names, size_t name_count)
+{
+    for (size_t k = 0; k < name_count; k++) {
+        const struct application *a = find_application(names[k]);
+        for (const char *const *name = a ? a->columns : NULL; name && *name; name++)
+            if (strcmp(*name, "red") == 0) return true;
+        for (int c = 0; c < OWN; c++)
+            if (own[c].written == WITH_COLOR && strcmp(names[k], own[c].name) == 0) return true;
+    }
+    return false;
+}
+
+bool columns_is_own(const char *name)
+{
+    /* names of property_list that consist of several columns, names of VDB points, and the word for all attributes */
+    static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
+    for (int k = 0; k < OWN; k++)
+        if (strcmp(name, own[k].name) == 0 && own[k].array != offsetof(points, orient)) return true;
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (strcmp(name, others[k]) == 0) return true;
+    return find_application(name) != NULL;
+}
+
+bool columns_is_of_orient(const char *name)
+{
+    for (int k = 0; k < OWN; k++)
+        if (own[k].array == offsetof(points, orient) && strcmp(name, own[k].name) == 0) return true;
+    return strcmp(name, "orient") == 0;
+}
+
+bool columns_suits(const char *name, column_type type)
+{
+    for (int k = 0; k < OWN; k++)
+        if (strcmp(name, own[k].name) == 0) return own[k].type == type;
+    return true;
+}
+
+double column_value(const column *c, size_t i)
+{
+    if (!c->values) return c->whole ? (double)c->whole[i] : (double)i;
+    double value = c->scale * c->values[c->stride * i];
+    return c->type == COLUMN_REAL || c->type == COLUMN_LONG_REAL ? value
+           : c->type == COLUMN_UCHAR                             ? round(fmin(fmax(value, 0), 255))
+                                                                 : round(value);
+}
+
+/* The column of the first component of an array, and its index in the list. NULL: not all components are in the list. */
+static const own_column *array_of(const columns *list, size_t array)
+{
+    const own_column *first = NULL;
+    size_t found = 0;
+    for (int k = 0; k < OWN; k++) {
+        if (own[k].array != array || own[k].written == BY_NAME) continue;
+        if (!first) first = &own[k];
+        for (size_t c = 0; c < list->count; c++)
+            found += list->list[c].type == own[k].type && strcmp(list->list[c].name, own[k].name) == 0;
+    }
+    return first && found == first->stride ? first : NULL;
+}
+
+bool columns_lay_out(columns *list, points *set, void **storage, error *e)
+{
+    double *next = mem_array(set->count, (list->count + 1) * sizeof *next, "the points of a file", e);
+    *storage = next;
+    for (int k = 0; next && k < OWN; k++) {
+        const own_column *first = array_of(list, own[k].array);
+        if (first == &own[k]) {
+            memcpy((char *)set + own[k].array, &next, sizeof next);
+            next += set->count * own[k].stride;
+        }
+        for (size_t c = 0; first && own[k].written != BY_NAME && c < list->count; c++)
+            if (strcmp(list->list[c].name, own[k].name) == 0) fill_own(set, &own[k], &list->list[c]);
+    }
+    for (size_t c = 0; next && c < list->count; c++) {
+        column *other = &list->list[c];
+        if (columns_is_own(other->name) || columns_is_of_orient(other->name)) continue;
+        other->values = next;
+        other->stride = 1;
+        other->scale = 1;
+        next += set->count;
+    }
+    return next != NULL;
+}
+
+void column_store(const column *c, size_t i, double value)
+{
+    if (c->values)
+        ((double *)c->values)[c->stride * i] = value / c->scale;
+    else if (c->whole)
+        ((uint32_t *)c->whole)[i] = (uint32_t)value;
+}

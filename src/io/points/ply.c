@@ -1,0 +1,809 @@
+#include "io/points/ply.h"
+
+#include <endian.h>
+#include <errno.h>
+#include <float.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "base/core/precision.h"
+
+/* Points per block: with twenty columns a block fits into a second-level cache. */
+enum { BLOCK_POINTS = 4096 };
+
+/* Longest text of a double with %.17g: sign, 17 digits, point, e-308. */
+enum { NUMBER_TEXT_MAX = 26 };
+
+/* Limit of a header line or ASCII line that ply_write writes. */
+enum { LINE_MAX_BYTES = 1024 };
+
+static const char *const format_names[] = {"binary_little_endian", "ascii"};
+static const char *const precision_names[] = {"float", "double"};
+/* Types of integers do not depend on the precision of reals. */
+static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double", "double"};
+static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8, 8};
+static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST, -DBL_MAX},
+                    type_most[COLUMN_TYPES] = {0,         UINT32_MAX,           INT32_MAX,
+                                               UINT8_MAX, PRECISION_WHOLE_MOST, DBL_MAX};
+static const char face_property[] = "property list uchar int vertex_indices";
+static const char *const label_names[2] = {"label_a", "label_b"};
+
+/* Bytes of a binary triangle (its number of corners, and each corner), and minimum lengths of the text of a triangle
+ * and of labels. */
+enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
+
+/* A triangle of a file. */
+typedef struct face {
+    uint32_t corner[3];
+    int64_t label[2];
+} face;
+
+static const char *type_name(column_type type, ply_precision precision)
+{
+    return type == COLUMN_REAL ? precision_names[precision] : type_names[type];
+}
+
+static size_t bytes_of(column_type type, ply_precision precision)
+{
+    return type != COLUMN_REAL ? type_bytes[type] : precision == PLY_FLOAT ? 4 : 8;
+}
+
+/* Bytes of a binary point. */
+static size_t row_bytes(const columns *what, ply_precision precision)
+{
+    size_t bytes = 0;
+    for (size_t c = 0; c < what->count; c++) bytes += bytes_of(what->list[c].type, precision);
+    return bytes;
+}
+
+/* ---- writing ---- */
+
+static void load_row(const columns *what, size_t i, double *row)
+{
+    for (size_t c = 0; c < what->count; c++) row[c] = column_value(&what->list[c], i);
+}
+
+/* Whether the type can represent a number. */
+static bool is_in_range(double value, column_type type, ply_precision precision)
+{
+    if (type != COLUMN_REAL) return value >= type_least[type] && value <= type_most[type];
+    return isfinite(value) && (precision == PLY_DOUBLE || isfinite((float)value));
+}
+
+static bool check_row(const double *row, const columns *what, size_t i, ply_precision precision, error *e)
+{
+    for (size_t c = 0; c < what->count; c++) {
+        const column_type type = what->list[c].type;
+        if (!is_in_range(row[c], type, precision))
+            return error_set(
+                e, ERROR_INTERNAL,
+                "point %zu has %s = %g, outside the range of the type %s: set output.ply.precision "
+                "to double",
+                i, what->list[c].name, row[c], type_name(type, precision));
+    }
+    return true;
+}
+
+static bool is_double(column_type type, ply_precision precision)
+{
+    return type == COLUMN_DOUBLE || type == COLUMN_LONG_REAL ||
+           (type == COLUMN_REAL && precision == PLY_DOUBLE);
+}
+
+/* Packs a number of any type. */
+static void pack(double value, column_type type, ply_precision precision, char *out)
+{
+    const size_t bytes = bytes_of(type, precision);
+    const float single = (float)value;
+    uint64_t bits = 0;
+    uint32_t half = 0;
+    if (is_double(type, precision))
+        memcpy(&bits, &value, sizeof value);
+    else if (type == COLUMN_REAL)
+        memcpy(&half, &single, sizeof single);
+    else
+        half = (uint32_t)(int64_t)value;
+    bits = htole64(bits | half);
+    memcpy(out, &bits, bytes);
+}
+
+static double unpack(const char *in, column_type type, ply_precision precision)
+{
+    uint64_t bits = 0;
+    memcpy(&bits, in, bytes_of(type, precision));
+    bits = le64toh(bits);
+    const uint32_t half = (uint32_t)bits;
+    double value;
+    float single;
+    memcpy(&value, &bits, sizeof value);
+    memcpy(&single, &half, sizeof single);
+    switch (type) {
+    case COLUMN_REAL:
+        return precision == PLY_DOUBLE ? value : (double)single;
+    case COLUMN_DOUBLE:
+    case COLUMN_LONG_REAL:
+        return value;
+    case COLUMN_INT:
+        return (int32_t)half;
+    default:
+        return half;
+    }
+}
+
+/* Packs the column of points `from` to `to` - 1; consecutive numbers are `row` bytes apart. False: a number cannot be
+ * represented. */
+static bool pack_column(const column *c, ply_precision precision, size_t from, size_t to, size_t row,
+                        char *out)
+{
+    bool good = true;
+    if (c->type == COLUMN_REAL && c->values && precision == PLY_FLOAT) { /* the most frequent case */
+        for (size_t i = from; i < to; i++, out += row) {
+            const float single = (float)(c->scale * c->values[c->stride * i]);
+            uint32_t bits;
+            memcpy(&bits, &single, sizeof bits);
+            bits = htole32(bits);
+            memcpy(out, &bits, sizeof bits);
+            good &= isfinite(single) != 0;
+        }
+        return good;
+    }
+    for (size_t i = from; i < to; i++, out += row) {
+        const double value = column_value(c, i);
+        if (!is_in_range(value, c->type, precision)) return false;
+        pack(value, c->type, precision, out);
+    }
+    return good;
+}
+
+/* Number of points whose rows fit into the first-level cache while their columns are filled. */
+enum { PACKED_AT_ONCE = 256 };
+
+/* Packs the rows of points `from` to `to` - 1. False: a number cannot be represented. */
+static bool pack_rows(const columns *what, ply_precision precision, size_t from, size_t to, char *out)
+{
+    const size_t row = row_bytes(what, precision);
+    for (size_t first = from; first < to; first += PACKED_AT_ONCE) {
+        const size_t end = to - first < PACKED_AT_ONCE ? to : first + PACKED_AT_ONCE;
+        char *at = out + (first - from) * row;
+        for (size_t c = 0; c < what->count; c++) {
+            if (!pack_column(&what->list[c], precision, first, end, row, at)) return false;
+            at += bytes_of(what->list[c].type, precision);
+        }
+    }
+    return true;
+}
+
+/* FLT_DIG or DBL_DIG digits may suffice; three more always suffice (IEEE 754). */
+static size_t print_number(double value, ply_precision precision, char *out)
+{
+    int digits = precision == PLY_FLOAT ? 6 : 15, n = 0;
+    for (int more = 0; more <= 3; more++) {
+        n = snprintf(out, NUMBER_TEXT_MAX, "%.*g", digits + more, value);
+        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value) break;
+    }
+    return (size_t)n;
+}
+
+static size_t print_row(const double *row, const columns *what, ply_precision precision, char *out)
+{
+    size_t n = 0;
+    for (size_t c = 0; c < what->count; c++) {
+        if (what->list[c].type == COLUMN_LONG_REAL)
+            n += print_number(row[c], PLY_DOUBLE, out + n);
+        else if (what->list[c].type != COLUMN_REAL)
+            n += (size_t)sprintf(out + n, "%.0f", row[c]);
+        else
+            n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
+        out[n++] = ' ';
+    }
+    out[n - 1] = '\n';
+    return n;
+}
+
+static bool write_failed(error *e)
+{
+    return error_set(e, error_code_of_errno(errno), "cannot write the PLY file: %s", strerror(errno));
+}
+
+/* The type for the labels of a set's triangles. */
+static column_type label_type_of(const points *set)
+{
+    int64_t least = 0, most = 0;
+    for (size_t k = 0; set->triangle_labels && k < set->triangle_count; k++)
+        for (int side = 0; side < 2; side++) {
+            const int64_t label = set->triangle_labels[k][side];
+            least = label < least ? label : least;
+            most = label > most ? label : most;
+        }
+    return column_type_of_range((double)least, (double)most);
+}
+
+static void label_property(column_type type, int side, char line[64])
+{
+    snprintf(line, 64, "property %s %s", type_names[type], label_names[side]);
+}
+
+static bool write_header(FILE *file, const points *set, const columns *what, ply_format format,
+                         ply_precision precision, const char *comments, error *e)
+{
+    bool good = fprintf(file, "ply\nformat %s 1.0\n%selement vertex %zu\n", format_names[format],
+                        comments ? comments : "comment hexad\n", set->count) > 0;
+    for (size_t c = 0; c < what->count; c++)
+        good = good && fprintf(file, "property %s %s\n", type_name(what->list[c].type, precision),
+                               what->list[c].name) > 0;
+    if (set->triangle_count > 0)
+        good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
+    for (int k = 0; k < 2 && set->triangle_count > 0 && set->triangle_labels; k++) {
+        char line[64];
+        label_property(label_type_of(set), k, line);
+        good = good && fprintf(file, "%s\n", line) > 0;
+    }
+    good = good && fputs("end_header\n", file) >= 0;
+    return good || write_failed(e);
+}
+
+/* Number of blocks that are filled in parallel and then written in order. */
+enum { BATCH_BLOCKS = 8 };
+
+typedef struct block {
+    char *text, *read; /* bytes to write, and for verification the bytes of the file */
+    size_t bytes;
+    bool good;
+    error e; /* for the first point that cannot be written */
+} block;
+
+typedef struct batch {
+    const points *set;
+    const columns *what;
+    ply_format format;
+    ply_precision precision;
+    size_t first; /* first point of the first block */
+    block block[BATCH_BLOCKS];
+} batch;
+
+/* The range of points of a block; returns its end. */
+static size_t points_of_block(const batch *job, size_t k, size_t *from)
+{
+    *from = job->first + k * BLOCK_POINTS;
+    return job->set->count - *from < BLOCK_POINTS ? job->set->count : *from + BLOCK_POINTS;
+}
+
+static void fill_blocks(void *context, int worker, size_t begin, size_t end)
+{
+    batch *job = context;
+    const columns *what = job->what;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        block *b = &job->block[k];
+        size_t from, to = points_of_block(job, k, &from);
+        const bool text = job->format == PLY_ASCII;
+        b->bytes = text ? 0 : (to - from) * row_bytes(what, job->precision);
+        b->good = !text && pack_rows(what, job->precision, from, to, b->text);
+        if (b->good) continue;
+        b->good = true;
+        for (size_t i = from; b->good && i < to; i++) {
+            double row[COLUMNS_MAX];
+            load_row(what, i, row);
+            b->good = check_row(row, what, i, job->precision, &b->e);
+            if (b->good && text) b->bytes += print_row(row, what, job->precision, b->text + b->bytes);
+        }
+    }
+}
+
+static bool write_blocks(FILE *file, const batch *job, size_t count, error *e)
+{
+    for (size_t k = 0; k < count; k++) {
+        const block *b = &job->block[k];
+        if (!b->good) {
+            if (e) *e = b->e;
+            return false;
+        }
+        if (fwrite(b->text, 1, b->bytes, file) != b->bytes) return write_failed(e);
+    }
+    return true;
+}
+
+static size_t print_face(const face *f, bool has_labels, char out[LINE_MAX_BYTES])
+{
+    int n = sprintf(out, "3 %" PRIu32 " %" PRIu32 " %" PRIu32, f->corner[0], f->corner[1], f->corner[2]);
+    if (has_labels) n += sprintf(out + n, " %" PRId64 " %" PRId64, f->label[0], f->label[1]);
+    out[n++] = '\n';
+    out[n] = '\0';
+    return (size_t)n;
+}
+
+static size_t pack_face(const face *f, bool has_labels, column_type label, char out[LINE_MAX_BYTES])
+{
+    out[0] = 3;
+    for (int c = 0; c < 3; c++) pack(f->corner[c], COLUMN_UINT, PLY_FLOAT, out + 1 + 4 * c);
+    for (int c = 0; has_labels && c < 2; c++)
+        pack((double)f->label[c], label, PLY_FLOAT, out + FACE_BYTES + type_bytes[label] * (size_t)c);
+    return has_labels ? FACE_BYTES + 2 * type_bytes[label] : FACE_BYTES;
+}
+
+static face face_of(const points *set, size_t k)
+{
+    face f = {0};
+    memcpy(f.corner, set->triangle[k], sizeof f.corner);
+    if (set->triangle_labels) memcpy(f.label, set->triangle_labels[k], sizeof f.label);
+    return f;
+}
+
+static bool write_triangles(FILE *file, const points *set, ply_format format, error *e)
+{
+    bool good = true;
+    const column_type label = label_type_of(set);
+    for (size_t k = 0; good && k < set->triangle_count; k++) {
+        char text[LINE_MAX_BYTES];
+        const face f = face_of(set, k);
+        const size_t bytes = format == PLY_ASCII ? print_face(&f, set->triangle_labels, text)
+                                                 : pack_face(&f, set->triangle_labels, label, text);
+        good = fwrite_unlocked(text, 1, bytes, file) == bytes;
+    }
+    return good || write_failed(e);
+}
+
+/* The number of blocks of a batch that have points. */
+static size_t blocks_of(const batch *job)
+{
+    const size_t left = (job->set->count - job->first + BLOCK_POINTS - 1) / BLOCK_POINTS;
+    return left < BATCH_BLOCKS ? left : BATCH_BLOCKS;
+}
+
+static void free_blocks(batch *job)
+{
+    for (int k = 0; k < BATCH_BLOCKS; k++) {
+        free(job->block[k].text);
+        free(job->block[k].read);
+    }
+}
+
+/* Allocates the blocks for the first batch, which is the largest; for verification also buffers for the bytes of the
+ * file. */
+static bool reserve_blocks(batch *job, bool is_verified, error *e)
+{
+    const char *what = "the PLY file's buffer";
+    const size_t rows = job->set->count < BLOCK_POINTS ? job->set->count : BLOCK_POINTS,
+                 bytes = job->format == PLY_ASCII ? job->what->count * NUMBER_TEXT_MAX
+                                                  : row_bytes(job->what, job->precision);
+    bool ok = true;
+    for (size_t k = 0; ok && k < blocks_of(job); k++) {
+        block *b = &job->block[k];
+        ok = (b->text = mem_array(rows, bytes, what, e)) &&
+             (!is_verified || (b->read = mem_array(rows, bytes, what, e)));
+    }
+    return ok;
+}
+
+bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
+               const char *comments, threads *pool, error *e)
+{
+    batch job = {set, what, format, precision, 0, {{0}}};
+    bool ok = write_header(file, set, what, format, precision, comments, e) && reserve_blocks(&job, false, e);
+    for (; ok && job.first < set->count; job.first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
+        const size_t blocks = blocks_of(&job);
+        threads_run(pool, blocks, 1, fill_blocks, &job);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        ok = ok && write_blocks(file, &job, blocks, e);
+    }
+    free_blocks(&job);
+    return ok && write_triangles(file, set, format, e) && (fflush(file) == 0 || write_failed(e));
+}
+
+/* ---- reading ---- */
+
+static bool damaged(error *e, const char *words)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words);
+}
+
+/* Reads one line without its line break; skips comments. */
+static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
+{
+    do {
+        if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it is truncated");
+        char *end = strchr(line, '\n');
+        if (!end)
+            return damaged(e, feof(file) ? "it is truncated" : "a line is too long or contains a NUL byte");
+        *end = '\0';
+    } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
+    return true;
+}
+
+static bool expect_line(FILE *file, const char *expected, error *e)
+{
+    char line[LINE_MAX_BYTES];
+    if (!read_line(file, line, e)) return false;
+    if (strcmp(line, expected) == 0) return true;
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'", expected,
+                     line);
+}
+
+/* Parses a line "element NAME COUNT". */
+static bool parse_count(const char *line, const char *name, size_t *count, error *e)
+{
+    char start[32];
+    int length = snprintf(start, sizeof start, "element %s ", name);
+    const char *digits = line + length;
+    if (strncmp(line, start, (size_t)length) != 0 || !*digits ||
+        strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element %s COUNT', found '%.60s'", name,
+                         line);
+    errno = 0;
+    uintmax_t value = strtoumax(digits, NULL, 10);
+    if (errno || value > SIZE_MAX) return damaged(e, "a count in its header is too large");
+    *count = (size_t)value;
+    return true;
+}
+
+/* Adds the column of a line "property TYPE NAME". False: it is another line. */
+static bool parse_property(const char *line, ply_precision precision, columns *what)
+{
+    column *c = &what->list[what->count];
+    *c = (column){0};
+    if (what->count == COLUMNS_MAX) return false;
+    for (int type = 0; type < COLUMN_TYPES; type++) {
+        char start[32];
+        int length = snprintf(start, sizeof start, "property %s ", type_name((column_type)type, precision));
+        const char *name = line + length;
+        if (strncmp(line, start, (size_t)length) != 0) continue;
+        if (!*name || strlen(name) >= sizeof c->name || strpbrk(name, " \t\r") ||
+            !columns_suits(name, (column_type)type))
+            return false;
+        for (size_t k = 0; k < what->count; k++)
+            if (strcmp(what->list[k].name, name) == 0) return false;
+        c->type = (column_type)type;
+        strcpy(c->name, name);
+        what->count++;
+        return true;
+    }
+    return false;
+}
+
+/* Reads the lines of properties, from `line`; *line receives the line that follows. */
+static bool read_properties(FILE *file, ply_file *f, char *line, error *e)
+{
+    static const char *const first[] = {"x", "y", "z"};
+    f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
+    while (strncmp(line, "property ", 9) == 0) {
+        if (!parse_property(line, f->precision, &f->columns))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected a property, found '%.60s'", line);
+        if (!read_line(file, line, e)) return false;
+    }
+    for (size_t k = 0; k < 3; k++)
+        if (f->columns.count < 3 || f->columns.list[k].type != COLUMN_REAL ||
+            strcmp(f->columns.list[k].name, first[k]) != 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s', found '%.60s'",
+                             precision_names[f->precision], first[k],
+                             k < f->columns.count ? f->columns.list[k].name : line);
+    return true;
+}
+
+static bool read_header(FILE *file, ply_file *f, error *e)
+{
+    char line[LINE_MAX_BYTES];
+    if (!expect_line(file, "ply", e) || !read_line(file, line, e)) return false;
+    if (strcmp(line, "format ascii 1.0") == 0)
+        f->format = PLY_ASCII;
+    else if (strcmp(line, "format binary_little_endian 1.0") == 0)
+        f->format = PLY_BINARY_LITTLE_ENDIAN;
+    else
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
+    if (!read_line(file, line, e) || !parse_count(line, "vertex", &f->points.count, e) ||
+        !read_line(file, line, e))
+        return false;
+    if (!read_properties(file, f, line, e)) return false;
+    if (strcmp(line, "end_header") == 0) return true;
+    if (!parse_count(line, "face", &f->points.triangle_count, e) || !expect_line(file, face_property, e) ||
+        !read_line(file, line, e))
+        return false;
+    static const column_type types[] = {COLUMN_INT, COLUMN_UINT, COLUMN_DOUBLE};
+    for (size_t k = 0; k < sizeof types / sizeof *types; k++) {
+        char meant[64];
+        label_property(types[k], 0, meant);
+        if (strcmp(line, meant) != 0) continue;
+        f->has_labels = true;
+        f->label_type = types[k];
+        label_property(types[k], 1, meant);
+        return expect_line(file, meant, e) && expect_line(file, "end_header", e);
+    }
+    return strcmp(line, "end_header") == 0 || damaged(e, "the properties of its faces are unknown");
+}
+
+/* Checks that the remaining bytes can hold the points, before the count is used. */
+static bool check_size(FILE *file, const ply_file *f, error *e)
+{
+    long at = ftell(file);
+    if (at < 0 || fseek(file, 0, SEEK_END) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
+    long end = ftell(file);
+    if (end < at || fseek(file, at, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
+    size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
+    bool text = f->format == PLY_ASCII; /* a number then needs at least a digit and a space */
+    size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
+    size_t each = text ? FACE_TEXT_LEAST : FACE_BYTES;
+    if (f->has_labels) each += text ? LABEL_TEXT_LEAST : 2 * type_bytes[f->label_type];
+    if (vertices > left / point || faces > left / each || vertices * point + faces * each > left ||
+        (!text && vertices * point + faces * each != left))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "PLY file: %zu bytes of data do not match the %zu points%s of its header", left,
+                         vertices, faces > 0 ? " and faces" : "");
+    return true;
+}
+
+static void unpack_row(const char *in, const columns *what, ply_precision precision, double *row)
+{
+    for (size_t c = 0; c < what->count; c++) {
+        row[c] = unpack(in, what->list[c].type, precision);
+        in += bytes_of(what->list[c].type, precision);
+    }
+}
+
+/* Whether the text is a number of the type: an integer as print_row writes it. A file does not say whether the numbers of
+ * a property of doubles are whole. */
+static bool is_of_type(const char *text, size_t length, double value, column_type type)
+{
+    char again[NUMBER_TEXT_MAX];
+    if (type == COLUMN_REAL || type == COLUMN_DOUBLE || type == COLUMN_LONG_REAL) return true;
+    if (!(value >= type_least[type] && value <= type_most[type])) return false;
+    int n = snprintf(again, sizeof again, "%.0f", value);
+    return (size_t)n == length && memcmp(again, text, length) == 0;
+}
+
+static bool wrong_line(const columns *what, error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %zu numbers", what->count);
+}
+
+static bool parse_row(FILE *file, const columns *what, ply_precision precision, double *row, error *e)
+{
+    char line[COLUMNS_MAX * NUMBER_TEXT_MAX], *at = line;
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it is truncated");
+    for (size_t c = 0; c < what->count; c++) {
+        const column_type type = what->list[c].type;
+        size_t n = strspn(at, "0123456789+-.eE");
+        char *end = at, stop = c + 1 < what->count ? ' ' : '\n';
+        if (n > 0)
+            row[c] =
+                type == COLUMN_REAL && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
+        if (end != at + n || *end != stop || n == 0 || !is_of_type(at, n, row[c], type))
+            return wrong_line(what, e);
+        at = end + 1;
+    }
+    return !*at || wrong_line(what, e);
+}
+
+static bool check_finite(const double *row, const columns *what, size_t i, error *e)
+{
+    for (size_t c = 0; c < what->count; c++)
+        if (!isfinite(row[c]))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, what->list[c].name,
+                             row[c]);
+    return true;
+}
+
+static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error *e)
+{
+    char packed[COLUMNS_MAX * 8];
+    size_t bytes = row_bytes(&f->columns, f->precision);
+    if (f->format == PLY_ASCII) {
+        if (!parse_row(file, &f->columns, f->precision, row, e)) return error_prefix(e, "point %zu", i);
+    } else {
+        if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it is truncated");
+        unpack_row(packed, &f->columns, f->precision, row);
+    }
+    return check_finite(row, &f->columns, i, e);
+}
+
+static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
+{
+    char packed[FACE_BYTES + 2 * sizeof(double)];
+    const size_t each = type_bytes[f->label_type], bytes = f->has_labels ? FACE_BYTES + 2 * each : FACE_BYTES;
+    if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it is truncated");
+    if (packed[0] != 3) return damaged(e, "a face is not a triangle");
+    for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
+    for (size_t c = 0; f->has_labels && c < 2; c++) {
+        const double label = unpack(packed + FACE_BYTES + each * c, f->label_type, PLY_FLOAT);
+        if (!(fabs(label) <= PRECISION_WHOLE_MOST)) return damaged(e, "a label is not a whole number");
+        out->label[c] = (int64_t)label;
+    }
+    return true;
+}
+
+static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
+{
+    char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it is truncated");
+    const int read =
+        sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd64 " %" SCNd64, &out->corner[0],
+               &out->corner[1], &out->corner[2], &out->label[0], &out->label[1]);
+    if (read != (has_labels ? 5 : 3)) return damaged(e, "a face is not a triangle");
+    print_face(out, has_labels, again);
+    return strcmp(line, again) == 0 || damaged(e, "a face is not a triangle");
+}
+
+static bool read_face(FILE *file, const ply_file *f, size_t k, face *out, error *e)
+{
+    *out = (face){0};
+    if (!(f->format == PLY_ASCII ? parse_face(file, f->has_labels, out, e) : unpack_face(file, f, out, e)))
+        return false;
+    for (int c = 0; c < 3; c++)
+        if (out->corner[c] >= f->points.count)
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "PLY file: face %zu has the corner %" PRIu32 " of %zu points", k, out->corner[c],
+                             f->points.count);
+    return true;
+}
+
+static bool read_end(FILE *file, error *e)
+{
+    return fgetc(file) == EOF || damaged(e, "it has data after its last point or face");
+}
+
+static bool read_start(FILE *file, ply_file *f, error *e)
+{
+    if (fseek(file, 0, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
+    return read_header(file, f, e) && check_size(file, f, e);
+}
+
+bool ply_read(FILE *file, ply_file *out, error *e)
+{
+    ply_file f = {0};
+    double row[COLUMNS_MAX];
+    if (!read_start(file, &f, e)) return false;
+    f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
+    f.triangle_labels = mem_array(f.has_labels ? f.points.triangle_count : 0, sizeof *f.triangle_labels,
+                                  "the faces of a PLY file", e);
+    f.points.triangle = (const uint32_t(*)[3])f.triangles;
+    f.points.triangle_labels = f.has_labels ? (const int64_t(*)[2])f.triangle_labels : NULL;
+    bool ok = f.triangles && f.triangle_labels && columns_lay_out(&f.columns, &f.points, &f.storage, e);
+    for (size_t i = 0; ok && i < f.points.count; i++) {
+        ok = read_row(file, &f, i, row, e);
+        for (size_t c = 0; ok && c < f.columns.count; c++) column_store(&f.columns.list[c], i, row[c]);
+    }
+    for (size_t k = 0; ok && k < f.points.triangle_count; k++) {
+        face read;
+        ok = read_face(file, &f, k, &read, e);
+        if (ok) memcpy(f.triangles[k], read.corner, sizeof read.corner);
+        if (ok && f.has_labels) memcpy(f.triangle_labels[k], read.label, sizeof read.label);
+    }
+    if (ok && read_end(file, e)) {
+        *out = f;
+        return true;
+    }
+    ply_file_free(&f);
+    return false;
+}
+
+static double as_written(double value, column_type type, ply_precision precision)
+{
+    return type == COLUMN_REAL && precision == PLY_FLOAT ? precision_as_float(value) : value;
+}
+
+/* Types of doubles are the same type in a file. */
+static bool same_columns(const columns *a, const columns *b, ply_precision precision)
+{
+    if (a->count != b->count) return false;
+    for (size_t c = 0; c < a->count; c++)
+        if (strcmp(type_name(a->list[c].type, precision), type_name(b->list[c].type, precision)) != 0 ||
+            strcmp(a->list[c].name, b->list[c].name) != 0)
+            return false;
+    return true;
+}
+
+static bool is_as_meant(const columns *what, ply_precision precision, size_t i, const double *row, error *e)
+{
+    for (size_t c = 0; c < what->count; c++) {
+        const column *meant = &what->list[c];
+        if (row[c] != as_written(column_value(meant, i), meant->type, precision))
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "PLY file: the %s of point %zu differs from the written data", meant->name, i);
+    }
+    return true;
+}
+
+static bool verify_text(FILE *file, const ply_file *f, const columns *what, const points *set, threads *pool,
+                        error *e)
+{
+    double row[COLUMNS_MAX];
+    for (size_t i = 0; i < set->count; i++) {
+        if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!read_row(file, f, i, row, e) || !is_as_meant(what, f->precision, i, row, e)) return false;
+    }
+    return true;
+}
+
+/* Packs a block again and compares it with the file. */
+static void verify_blocks(void *context, int worker, size_t begin, size_t end)
+{
+    batch *job = context;
+    fill_blocks(context, worker, begin, end);
+    for (size_t k = begin; k < end; k++) {
+        block *b = &job->block[k];
+        b->good = b->good && memcmp(b->text, b->read, b->bytes) == 0;
+    }
+}
+
+/* Sets the error for a block that differs. */
+static bool explain_block(const batch *job, size_t k, error *e)
+{
+    size_t from, to = points_of_block(job, k, &from);
+    const size_t bytes = row_bytes(job->what, job->precision);
+    for (size_t i = from; i < to; i++) {
+        double row[COLUMNS_MAX];
+        unpack_row(job->block[k].read + (i - from) * bytes, job->what, job->precision, row);
+        if (!check_finite(row, job->what, i, e) || !is_as_meant(job->what, job->precision, i, row, e))
+            return false;
+    }
+    return damaged(e, "its bytes differ from the written ones");
+}
+
+static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
+{
+    const size_t bytes = row_bytes(job->what, job->precision);
+    bool ok = reserve_blocks(job, true, e);
+    for (; ok && job->first < job->set->count; job->first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
+        const size_t blocks = blocks_of(job);
+        for (size_t k = 0; ok && k < blocks; k++) {
+            size_t from, to = points_of_block(job, k, &from);
+            ok = fread(job->block[k].read, bytes, to - from, file) == to - from ||
+                 damaged(e, "it is truncated");
+        }
+        if (ok) threads_run(pool, blocks, 1, verify_blocks, job);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        for (size_t k = 0; ok && k < blocks; k++) ok = job->block[k].good || explain_block(job, k, e);
+    }
+    free_blocks(job);
+    return ok;
+}
+
+bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
+                ply_precision precision, threads *pool, error *e)
+{
+    ply_file f = {0};
+    if (!read_start(file, &f, e)) return false;
+    if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
+        f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
+        f.precision != precision || !same_columns(&f.columns, what, precision))
+        return damaged(e, "its count or type differs from the written one");
+    batch job = {set, what, format, precision, 0, {{0}}};
+    if (!(format == PLY_ASCII ? verify_text(file, &f, what, set, pool, e)
+                              : verify_binary(file, &job, pool, e)))
+        return false;
+    for (size_t k = 0; k < set->triangle_count; k++) {
+        const face meant = face_of(set, k);
+        face read;
+        if (!read_face(file, &f, k, &read, e)) return false;
+        if (memcmp(read.corner, meant.corner, sizeof read.corner) != 0 ||
+            memcmp(read.label, meant.label, sizeof read.label) != 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu differs from the written data", k);
+    }
+    return read_end(file, e);
+}
+
+bool ply_write_job(FILE *file, void *job, error *e)
+{
+    const ply_job *j = job;
+    return ply_write(file, j->set, &j->what, j->format, j->precision, j->comments, j->pool, e);
+}
+
+bool ply_verify_job(FILE *file, void *job, error *e)
+{
+    const ply_job *j = job;
+    return ply_verify(file, j->set, &j->what, j->format, j->precision, j->pool, e) ||
+           error_prefix(e, "%s differs from the written data when it is read back: check the disk", j->name);
+}
+
+void ply_file_free(ply_file *file)
+{
+    if (!file) return;
+    free(file->storage);
+    free(file->triangles);
+    free(file->triangle_labels);
+    *file = (ply_file){0};
+}

@@ -1,0 +1,79 @@
+#include "io/points/quantity.h"
+
+#include "geometry/space/bbox.h"
+
+/* Title, type of scale, and smallest range that is significant. */
+typedef struct shown {
+    const char *title;
+    bool root;
+    double least;
+    enum { PLAIN, LENGTH, PER_LENGTH } unit; /* unit of `least`, in extents */
+} shown;
+
+static const shown shown_of[] = {
+    [QUANTITY_ALPHA] = {"alpha", false, 0.001, PLAIN},
+    [QUANTITY_CURVATURE] = {"curvature", true, 0.01, PER_LENGTH}, /* smaller curvatures look flat */
+    [QUANTITY_ENERGY] = {"energy", false, 0.001, PLAIN},
+    [QUANTITY_SPACING] = {"spacing", false, 1e-6, LENGTH},
+    [QUANTITY_DEGREE] = {"degree", false, 0, PLAIN},
+    [QUANTITY_VALUES] = {"attribute", false, 1e-30, PLAIN}, /* any unit */
+    [QUANTITY_COLOR] = {"color", false, 1, PLAIN},
+};
+
+/* Centred at six neighbours; any packing has defects with more and fewer. */
+static const colormap_scale degree_scale = {4, 8, false, COLORMAP_VIRIDIS};
+
+const double *quantity_values(const points *set, const quantity_look *look)
+{
+    switch (look->which) {
+    case QUANTITY_ALPHA:
+        return set->alpha;
+    case QUANTITY_ENERGY:
+        return set->energy;
+    case QUANTITY_SPACING:
+        return set->spacing_local;
+    case QUANTITY_DEGREE:
+        return set->degree;
+    case QUANTITY_VALUES:
+    case QUANTITY_COLOR:
+        return look->values;
+    default:
+        return set->kappa;
+    }
+}
+
+const char *quantity_title(const quantity_look *look)
+{
+    return look->title ? look->title : shown_of[look->which].title;
+}
+
+bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
+                    error *e)
+{
+    const shown *s = &shown_of[look->which];
+    double unit = s->unit == LENGTH ? extent : s->unit == PER_LENGTH ? 1 / extent : 1;
+    colormap_scale scale = degree_scale;
+    if (look->low < look->high)
+        scale = (colormap_scale){look->low, look->high, s->root && look->low >= 0, look->map};
+    else if (look->which != QUANTITY_DEGREE && look->which != QUANTITY_COLOR &&
+             !colormap_scale_of(quantity_values(set, look), set->count, s->root, s->least * unit, &scale, e))
+        return false;
+    scale.map = look->map;
+    *out = scale;
+    return true;
+}
+
+bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e)
+{
+    const double *values = quantity_values(set, look);
+    const bbox box = bbox_of_points(set->position, set->count, NULL);
+    colormap_scale scale;
+    double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as in pictures */
+    if (!quantity_scale(set, look, extent, &scale, e)) return false;
+    for (size_t i = 0; i < set->count; i++) {
+        double srgb[3];
+        colormap_color(scale.map, colormap_scale_place(&scale, values[i]), srgb);
+        out[i] = vec3_make(srgb[0], srgb[1], srgb[2]);
+    }
+    return true;
+}

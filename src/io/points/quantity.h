@@ -1,0 +1,41 @@
+/* quantity: the quantity that the colours of a picture show, and its scale. Pure functions. */
+#ifndef HEXAD_IO_POINTS_QUANTITY_H
+#define HEXAD_IO_POINTS_QUANTITY_H
+
+#include "base/core/error.h"
+#include "io/points/colormap.h"
+#include "io/points/points.h"
+
+typedef enum quantity {
+    QUANTITY_ALPHA,
+    QUANTITY_CURVATURE, /* kappa */
+    QUANTITY_ENERGY,
+    QUANTITY_SPACING, /* achieved spacing */
+    QUANTITY_DEGREE,  /* number of neighbours, if the set has it */
+    QUANTITY_VALUES,  /* values of the look, from an attribute */
+    QUANTITY_COLOR    /* colours of the look, three values per point, sRGB; no scale */
+} quantity;
+
+typedef struct quantity_look {
+    quantity which;
+    double low, high; /* range of the scale; equal: from the values */
+    colormap_map map;
+    const char *title;    /* NULL: that of the quantity */
+    const double *values; /* for QUANTITY_VALUES and QUANTITY_COLOR */
+} quantity_look;
+
+/* The values, one per point; owned by the set or the look. */
+const double *quantity_values(const points *set, const quantity_look *look);
+
+/* The title in the legend. */
+const char *quantity_title(const quantity_look *look);
+
+/* The scale of the values. `extent`: half diagonal of the set, world units, relative to which small ranges of lengths
+ * and curvatures are ignored. False: out of memory. */
+bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
+                    error *e);
+
+/* The colour of each point in pictures (sRGB, 0 to 1). False: out of memory. */
+bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e);
+
+#endif

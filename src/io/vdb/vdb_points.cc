@@ -1,0 +1,345 @@
+/* vdb_points: points grids of OpenVDB files, written and checked, with their messages. The library makes the empty grid and reads it back, and leaves are filled one by one: classes that
+ * are made here, and conversions of whole grids, are compiled here, which takes minutes. */
+#include "io/vdb/archive.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <sstream>
+#include <tuple>
+#include <unordered_map>
+#include <vector>
+
+#include <sys/stat.h>
+
+#include <openvdb/io/Stream.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/points/PointDataGrid.h>
+
+namespace vdb = openvdb;
+using shim::fault;
+
+namespace {
+
+typedef vdb::points::PointDataGrid grid;
+typedef grid::TreeType::LeafNodeType leaf_node;
+typedef vdb::points::AttributeSet::Descriptor descriptor;
+typedef vdb::points::AttributeWriteHandle<vdb::Vec3f> vector_writer;
+typedef vdb::math::Quat<float> quaternion;
+
+const char grid_name[] = "points";
+
+/* Places farther from where they should be than this, in voxels, are not those that were written: a float's
+ * rounding at half a voxel is a thirtieth of it. */
+const double place_tolerance = 1e-6;
+
+vdb::Vec3d vector_at(const double *values, size_t i)
+{
+    return vdb::Vec3d(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
+}
+
+vdb::math::Transform::Ptr transform_for(const vdb_points &p)
+{
+    vdb::Vec3d low(p.position[0], p.position[1], p.position[2]);
+    for (size_t i = 0; i < p.count; i++)
+        for (int k = 0; k < 3; k++) low[k] = std::min(low[k], p.position[3 * i + size_t(k)]);
+    vdb::math::Transform::Ptr transform = vdb::math::Transform::createLinearTransform(p.voxel_size);
+    transform->postTranslate(low);
+    return transform;
+}
+
+/* The position of a point in the grid. */
+struct place {
+    vdb::Coord leaf;    /* its origin */
+    vdb::Index voxel;   /* in the leaf */
+    vdb::Index32 point; /* in the arrays */
+    bool operator<(const place &other) const
+    {
+        return std::tie(leaf, voxel, point) < std::tie(other.leaf, other.voxel, other.point);
+    }
+};
+
+std::vector<place> places_of(const vdb_points &p, const vdb::math::Transform &transform)
+{
+    std::vector<place> places(p.count);
+    for (size_t i = 0; i < p.count; i++) {
+        const vdb::Coord at = transform.worldToIndexCellCentered(vector_at(p.position, i));
+        places[i] = {at & ~int(leaf_node::DIM - 1), leaf_node::coordToOffset(at), vdb::Index32(i)};
+    }
+    std::sort(places.begin(), places.end());
+    return places;
+}
+
+const char *scalar_type(const vdb_point_values &v)
+{
+    return v.whole ? "int64" : "float";
+}
+
+/* A vector of two components and a zero, or of the first three components. */
+vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
+{
+    const double *at = v.values + size_t(v.components) * i;
+    return vdb::Vec3f(float(at[0]), float(at[1]), v.components > 2 ? float(at[2]) : 0);
+}
+
+bool is_double(const vdb_point_values &v)
+{
+    return v.is_double && v.components == 3;
+}
+
+/* The type of an attribute. */
+vdb::NamePair type_of(const vdb_point_values &v)
+{
+    const char *vector = is_double(v) ? "vec3d" : "vec3s";
+    return vdb::NamePair(v.components > 1 ? vector : scalar_type(v), "null");
+}
+
+quaternion quaternion_at(const double *values, size_t i)
+{
+    const double *at = values + 4 * i;
+    return quaternion(float(at[0]), float(at[1]), float(at[2]), float(at[3]));
+}
+
+/* The attributes of a leaf as they are added: each entry has one more than the entry before it. */
+std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
+{
+    const vdb::NamePair vector("vec3s", "null");
+    std::vector<descriptor::Ptr> made{descriptor::create(vector)};
+    const auto append = [&](const char *name, const vdb::NamePair &type) {
+        made.push_back(made.back()->duplicateAppend(name, type));
+    };
+    append("N", vector);
+    append("pscale", vdb::NamePair("float", "null"));
+    append("id", vdb::NamePair("int64", "null"));
+    if (p.velocity) append("v", vector);
+    if (p.orient) append("orient", vdb::NamePair(vdb::typeNameAsString<quaternion>(), "null"));
+    for (size_t k = 0; k < p.value_count; k++) append(p.values[k].name, type_of(p.values[k]));
+    return made;
+}
+
+/* Each value at most once in a leaf whose points have the same. */
+template <typename Writer, typename Value>
+void fill(leaf_node &leaf, const char *name, const place *first, size_t count, const Value &value_of)
+{
+    Writer writer(leaf.attributeArray(name));
+    for (size_t n = 0; n < count; n++) writer.set(vdb::Index(n), value_of(first[n]));
+    writer.compact();
+}
+
+void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const vdb_points &p,
+               const vdb::math::Transform &transform, const place *first, size_t count)
+{
+    leaf.initializeAttributes(attributes[0], vdb::Index(count));
+    for (size_t n = 1; n < attributes.size(); n++) leaf.appendAttribute(*attributes[n - 1], attributes[n], n);
+    std::vector<leaf_node::ValueType> ends(leaf_node::SIZE, 0); /* of each voxel, the points up to its last */
+    for (size_t n = 0; n < count; n++) ends[first[n].voxel] = vdb::Index32(n + 1);
+    for (size_t v = 1; v < ends.size(); v++) ends[v] = std::max(ends[v], ends[v - 1]);
+    leaf.setOffsets(ends);
+    fill<vector_writer>(leaf, "P", first, count, [&](const place &at) {
+        const vdb::Coord voxel = leaf.offsetToGlobalCoord(at.voxel);
+        return vdb::Vec3f(transform.worldToIndex(vector_at(p.position, at.point)) - voxel.asVec3d());
+    });
+    const auto vectors = [&](const char *name, const double *values) {
+        fill<vector_writer>(leaf, name, first, count,
+                            [&](const place &at) { return vdb::Vec3f(vector_at(values, at.point)); });
+    };
+    vectors("N", p.normal);
+    if (p.velocity) vectors("v", p.velocity);
+    if (p.orient)
+        fill<vdb::points::AttributeWriteHandle<quaternion>>(
+            leaf, "orient", first, count, [&](const place &at) { return quaternion_at(p.orient, at.point); });
+    fill<vdb::points::AttributeWriteHandle<float>>(
+        leaf, "pscale", first, count, [&](const place &at) { return float(0.5 * p.spacing[at.point]); });
+    fill<vdb::points::AttributeWriteHandle<int64_t>>(
+        leaf, "id", first, count, [&](const place &at) { return int64_t(p.id ? p.id[at.point] : at.point); });
+    for (size_t k = 0; k < p.value_count; k++) {
+        const vdb_point_values &v = p.values[k];
+        if (is_double(v))
+            fill<vdb::points::AttributeWriteHandle<vdb::Vec3d>>(
+                leaf, v.name, first, count, [&](const place &at) { return vector_at(v.values, at.point); });
+        else if (v.components > 1)
+            fill<vector_writer>(leaf, v.name, first, count,
+                                [&](const place &at) { return vector_of(v, at.point); });
+        else if (v.whole)
+            fill<vdb::points::AttributeWriteHandle<int64_t>>(
+                leaf, v.name, first, count, [&](const place &at) { return int64_t(v.values[at.point]); });
+        else
+            fill<vdb::points::AttributeWriteHandle<float>>(
+                leaf, v.name, first, count, [&](const place &at) { return float(v.values[at.point]); });
+    }
+}
+
+vdb::GridBase::Ptr build(const vdb_points &p)
+{
+    const vdb::math::Transform::Ptr transform = transform_for(p);
+    const std::vector<place> places = places_of(p, *transform);
+    std::vector<descriptor::Ptr> attributes = attributes_of(p);
+    vdb::GridBase::Ptr made = vdb::GridBase::createGrid(grid::gridType());
+    auto &tree = vdb::StaticPtrCast<grid>(made)->tree();
+    for (size_t first = 0, end; first < places.size(); first = end) {
+        for (end = first; end < places.size() && places[end].leaf == places[first].leaf; end++) {
+        }
+        fill_leaf(*tree.touchLeaf(places[first].leaf), attributes, p, *transform, &places[first],
+                  end - first);
+    }
+    made->setTransform(transform);
+    made->setName(grid_name);
+    return made;
+}
+
+/* Fowler, Noll and Vo's hash (FNV-1a, 64 bits). */
+uint64_t hash_of(const std::string &bytes, uint64_t state)
+{
+    for (unsigned char byte : bytes) state = (state ^ byte) * 1099511628211u;
+    return state;
+}
+
+/* Puts a hash of the rest in the place of the format's identifier. */
+void identify(std::string &bytes, const std::string &random)
+{
+    const size_t at = bytes.find(random);
+    if (at == std::string::npos) throw fault(ERROR_INTERNAL, "the file has no identifier");
+    bytes.replace(at, random.size(), random.size(), '0');
+    const uint64_t a = hash_of(bytes, 14695981039346656037u), b = hash_of(bytes, a);
+    char text[37];
+    std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32),
+                  unsigned(a >> 16 & 0xffff), unsigned(a & 0xffff), unsigned(b >> 48),
+                  static_cast<unsigned long long>(b & 0xffffffffffff));
+    if (random.size() == sizeof text - 1) bytes.replace(at, random.size(), text);
+}
+
+std::string read_all(int fd)
+{
+    struct stat info;
+    if (::fstat(fd, &info) != 0) throw fault(ERROR_INTERNAL, "the file cannot be read");
+    std::string bytes(size_t(info.st_size), '\0');
+    for (size_t done = 0; done < bytes.size();) {
+        ssize_t n = ::pread(fd, &bytes[done], bytes.size() - done, off_t(done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0)
+            throw fault(error_code_of_errno(n < 0 ? errno : 0),
+                        std::string("the file cannot be read: ") + std::strerror(errno));
+        done += size_t(n);
+    }
+    return bytes;
+}
+
+fault differs(const char *what, size_t i)
+{
+    return fault(ERROR_INTERNAL, std::string("the ") + what + " of point " + std::to_string(i) +
+                                     " differs from the written data");
+}
+
+/* Which point has an id; the number of all: none. */
+class finder {
+public:
+    explicit finder(const vdb_points &p) : count(p.count), given(p.id)
+    {
+        for (size_t i = 0; given && i < count; i++) of_id[given[i]] = i;
+    }
+    size_t find(int64_t id) const
+    {
+        if (!given) return id >= 0 && size_t(id) < count ? size_t(id) : count;
+        const auto found = of_id.find(id);
+        return found == of_id.end() ? count : found->second;
+    }
+
+private:
+    size_t count;
+    const uint32_t *given;
+    std::unordered_map<int64_t, size_t> of_id;
+};
+
+/* One attribute of a leaf's points, which have been found. */
+void verify_values(const leaf_node &leaf, const vdb_point_values &v, const finder &where)
+{
+    const auto &array = leaf.constAttributeArray(v.name);
+    vdb::points::AttributeHandle<int64_t> id(leaf.constAttributeArray("id"));
+    vdb::points::AttributeHandle<vdb::Vec3f>::Ptr vector;
+    vdb::points::AttributeHandle<vdb::Vec3d>::Ptr exact;
+    vdb::points::AttributeHandle<int64_t>::Ptr whole;
+    vdb::points::AttributeHandle<float>::Ptr real;
+    if (is_double(v))
+        exact = vdb::points::AttributeHandle<vdb::Vec3d>::create(array);
+    else if (v.components > 1)
+        vector = vdb::points::AttributeHandle<vdb::Vec3f>::create(array);
+    else if (v.whole)
+        whole = vdb::points::AttributeHandle<int64_t>::create(array);
+    else
+        real = vdb::points::AttributeHandle<float>::create(array);
+    for (auto point = leaf.beginIndexOn(); point; ++point) {
+        const size_t i = where.find(id.get(*point));
+        const bool same = exact    ? exact->get(*point) == vector_at(v.values, i)
+                          : vector ? vector->get(*point) == vector_of(v, i)
+                          : whole  ? whole->get(*point) == int64_t(v.values[i])
+                                   : real->get(*point) == float(v.values[i]);
+        if (!same) throw differs(v.name, i);
+    }
+}
+
+/* Compares a leaf's points, and marks them as seen. */
+void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, const vdb_points &p,
+                 const finder &where, std::vector<bool> &seen)
+{
+    vdb::points::AttributeHandle<vdb::Vec3f> offset(leaf.constAttributeArray("P"));
+    vdb::points::AttributeHandle<vdb::Vec3f> normal(leaf.constAttributeArray("N"));
+    vdb::points::AttributeHandle<float> scale(leaf.constAttributeArray("pscale"));
+    vdb::points::AttributeHandle<int64_t> id(leaf.constAttributeArray("id"));
+    vdb::points::AttributeHandle<vdb::Vec3f>::Ptr velocity;
+    if (p.velocity)
+        velocity = vdb::points::AttributeHandle<vdb::Vec3f>::create(leaf.constAttributeArray("v"));
+    vdb::points::AttributeHandle<quaternion>::Ptr orient;
+    if (p.orient)
+        orient = vdb::points::AttributeHandle<quaternion>::create(leaf.constAttributeArray("orient"));
+    for (auto point = leaf.beginIndexOn(); point; ++point) {
+        const size_t i = where.find(id.get(*point));
+        if (i == p.count || seen[i]) throw fault(ERROR_INTERNAL, "an id is repeated, or was not written");
+        seen[i] = true;
+        const vdb::Vec3d world =
+            transform.indexToWorld(vdb::Vec3d(offset.get(*point)) + point.getCoord().asVec3d());
+        for (int k = 0; k < 3; k++) {
+            const size_t at = 3 * i + size_t(k);
+            const double slack = place_tolerance * p.voxel_size + 1e-15 * std::abs(p.position[at]);
+            if (!(std::abs(world[k] - p.position[at]) <= slack)) throw differs("position", i);
+            if (normal.get(*point)[k] != float(p.normal[at])) throw differs("normal", i);
+            if (velocity && velocity->get(*point)[k] != float(p.velocity[at])) throw differs("velocity", i);
+        }
+        if (orient && !(orient->get(*point) == quaternion_at(p.orient, i))) throw differs("orient", i);
+        if (scale.get(*point) != float(0.5 * p.spacing[i])) throw differs("pscale", i);
+    }
+    for (size_t k = 0; k < p.value_count; k++) verify_values(leaf, p.values[k], where);
+}
+
+} // namespace
+
+extern "C" bool vdb_write_points(int fd, const vdb_points *points, error *e)
+{
+    return shim::guard(e, ERROR_INTERNAL, "a points grid to write", [&] {
+        vdb::initialize();
+        shim::archive archive;
+        archive.setCompression(vdb::io::COMPRESS_ZIP | vdb::io::COMPRESS_ACTIVE_MASK);
+        std::ostringstream out(std::ios_base::binary);
+        archive.write_all(out, {build(*points)}, true);
+        std::string bytes = out.str();
+        identify(bytes, archive.getUniqueTag());
+        shim::write_bytes(fd, bytes);
+    });
+}
+
+extern "C" bool vdb_verify_points(int fd, const vdb_points *points, error *e)
+{
+    return shim::guard(e, ERROR_INTERNAL, "the points grid", [&] {
+        vdb::initialize();
+        std::istringstream in(read_all(fd), std::ios_base::binary);
+        in.exceptions(std::ios_base::failbit | std::ios_base::badbit | std::ios_base::eofbit);
+        const vdb::GridPtrVecPtr grids = vdb::io::Stream(in, false).getGrids();
+        if (grids->size() != 1 || !(*grids)[0]->isType<grid>() || (*grids)[0]->getName() != grid_name)
+            throw fault(ERROR_INTERNAL, "the file does not contain exactly one points grid");
+        const grid::Ptr found = vdb::gridPtrCast<grid>((*grids)[0]);
+        std::vector<bool> seen(points->count, false);
+        const finder where(*points);
+        for (auto leaf = found->tree().cbeginLeaf(); leaf; ++leaf)
+            verify_leaf(*leaf, found->transform(), *points, where, seen);
+        if (std::find(seen.begin(), seen.end(), false) != seen.end())
+            throw fault(ERROR_INTERNAL, "the points grid does not contain all points");
+    });
+}

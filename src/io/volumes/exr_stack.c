@@ -1,0 +1,270 @@
+#include "io/volumes/exr_stack.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/core/memory.h"
+#include "base/core/reader.h"
+#include "io/volumes/exr_reader.h"
+#include "io/volumes/slice_faults.h"
+
+/* Processor time of the process that decodes: 100 times what a picture of a million pixels takes. */
+static const unsigned seconds_at_least = 60, seconds_per_slice = 2;
+
+/* Ratios of a pixel's sides that agree to this part are equal: the header holds a float. */
+static const double aspect_agrees = 1e-4;
+
+/* One slice's data window. */
+typedef struct window {
+    int64_t low[2], high[2];
+} window;
+
+typedef struct exr_stack {
+    slices base; /* first: the slices' functions get this pointer */
+    exr_stack_params params;
+    char *names; /* as the reader wants them */
+    window *windows;
+    int64_t low[2];   /* of what the windows span */
+    size_t at;        /* the next slice */
+    uint32_t *pixels; /* of a slice's own window, as the reader sends them */
+    size_t stretched; /* slices whose pixels are not as wide as high, otherwise than voxel_size says */
+    float aspect;     /* of the first of them */
+    bool running;
+    reader reader;
+} exr_stack;
+
+/* ---- talking to the process */
+
+static bool start(exr_stack *s, error *e)
+{
+    const reader_params params = {s->params.program,
+                                  EXR_READER_COMMAND,
+                                  s->names,
+                                  -1,
+                                  s->params.memory_limit,
+                                  seconds_at_least + seconds_per_slice * (unsigned)s->params.count};
+    return s->running || (s->running = reader_start(&params, &s->reader, e));
+}
+
+/* The answer's text goes to `list` (EXR_READER_LIST_MAX and one more), or is an error. */
+static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e)
+{
+    char fault[EXR_READER_TEXT_MAX + 1] = "", *text = list ? list : fault;
+    size_t most = list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX;
+    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file ended while it was read: check the disk and copy it again");
+    if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > most ||
+        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
+    for (char *p = text; *p; p++)
+        if ((unsigned char)*p < ' ' && !(list && (*p == '\t' || *p == '\n'))) *p = ' ';
+    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+}
+
+/* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
+ */
+static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_t *pixels, char *list,
+                error *e)
+{
+    if (!start(s, e)) return false;
+    int fd = s->params.files->open(s->params.files->context, s->params.paths[k], e);
+    if (fd < 0) return false;
+    off_t size;
+    bool ok = reader_check_file(fd, "image", &size, e), whole = true;
+    if (ok) {
+        const window *w = &s->windows[k];
+        *a = (exr_reader_answer){0};
+        ok = reader_send(&s->reader, &what, 1, fd, e) && read_answer(s, a, list, e);
+        whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
+        if (ok && what == EXR_READER_PIXELS) {
+            size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
+            for (int axis = 0; axis < 2; axis++)
+                whole = whole && a->low[axis] == w->low[axis] && a->high[axis] == w->high[axis];
+            whole = whole && fread(pixels, sizeof *pixels, count, s->reader.stream) == count;
+        }
+    }
+    close(fd);
+    if (!whole) {
+        s->running = false;
+        if (ok)
+            error_set(e, ERROR_INPUT_DAMAGED,
+                      "the file ended while it was read: check the disk and copy it again");
+        ok = reader_end(&s->reader, false, false, e);
+    }
+    return ok || error_prefix(e, "%s", s->params.paths[k]);
+}
+
+/* What a slice has beside its pixels. */
+static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
+{
+    const double aspect = (double)a->aspect, meant = s->params.voxel_size.x / s->params.voxel_size.y;
+    for (int axis = 0; axis < 2; axis++) {
+        s->windows[k].low[axis] = a->low[axis];
+        s->windows[k].high[axis] = a->high[axis];
+    }
+    s->base.fine |= a->whole != 0;
+    if (fabs(aspect - 1) < aspect_agrees || fabs(aspect - meant) < aspect_agrees * fabs(meant)) return;
+    if (s->stretched++ == 0) s->aspect = a->aspect;
+}
+
+/* Reads all slices from `first` on; `pixels` NULL: only their windows. */
+static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
+{
+    slice_faults missing = {0}, broken = {0};
+    for (size_t k = first; k < s->params.count; k++) {
+        error fault = {0};
+        exr_reader_answer a;
+        int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
+        if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, NULL, &fault)) {
+            if (!pixels) note_answer(s, k, &a);
+        } else if (fault.code == ERROR_INPUT_MISSING) {
+            slice_faults_add(&missing, number, before, &fault);
+        } else if (fault.code == ERROR_INPUT_DAMAGED) {
+            slice_faults_add(&broken, number, before, &fault);
+        } else { /* what is wrong with one is wrong with all, or nothing can be read at all */
+            if (e) *e = fault;
+            return error_prefix(e, "slice %d", number);
+        }
+    }
+    return slice_faults_report(&missing, "missing", e) && slice_faults_report(&broken, "damaged", e);
+}
+
+/* ---- as slices */
+
+static bool exr_begin(slices *base, error *e)
+{
+    (void)e;
+    ((exr_stack *)base)->at = 0;
+    return true;
+}
+
+static double value_of(uint32_t pixel, bool whole)
+{
+    float value;
+    memcpy(&value, &pixel, sizeof value);
+    return whole ? (double)pixel : (double)value;
+}
+
+static void place_rows(const exr_stack *s, const window *w, bool whole, double *values)
+{
+    const int64_t width = w->high[0] - w->low[0] + 1;
+    for (int64_t k = 0; k < s->base.size[0] * s->base.size[1]; k++) values[k] = 0;
+    for (int64_t y = w->low[1]; y <= w->high[1]; y++) {
+        double *to = values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]);
+        const uint32_t *from = s->pixels + (y - w->low[1]) * width;
+        for (int64_t x = 0; x < width; x++) to[x] = value_of(from[x], whole);
+    }
+}
+
+static bool exr_next(slices *base, double *values, error *e)
+{
+    exr_stack *s = (exr_stack *)base;
+    const window *w = &s->windows[s->at];
+    size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
+    exr_reader_answer a;
+    error fault = {0};
+    if (!s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e))) return false;
+    if (!ask(s, s->at, EXR_READER_PIXELS, &a, s->pixels, NULL, &fault)) {
+        uint32_t *rest = mem_array(count, sizeof *rest, "a slice", e);
+        bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
+        free(rest);
+        if (!told && e) *e = fault;
+        return false;
+    }
+    place_rows(s, w, a.whole != 0, values);
+    s->at++;
+    return true;
+}
+
+static void exr_close(slices *base)
+{
+    exr_stack *s = (exr_stack *)base;
+    if (s->running) {
+        error ignored = {0};
+        reader_end(&s->reader, true, true, &ignored);
+    }
+    free(s->names);
+    free(s->windows);
+    free(s->pixels);
+    free(s);
+}
+
+static const slices_ops exr_ops = {exr_begin, exr_next, exr_close};
+
+static bool span(exr_stack *s, error *e)
+{
+    bool differ = false;
+    int64_t high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        s->low[axis] = s->windows[0].low[axis];
+        high[axis] = s->windows[0].high[axis];
+        for (size_t k = 1; k < s->params.count; k++) {
+            const window *w = &s->windows[k];
+            differ |= w->low[axis] != s->windows[0].low[axis] || w->high[axis] != s->windows[0].high[axis];
+            if (w->low[axis] < s->low[axis]) s->low[axis] = w->low[axis];
+            if (w->high[axis] > high[axis]) high[axis] = w->high[axis];
+        }
+        s->base.size[axis] = high[axis] - s->low[axis] + 1;
+        if (s->base.size[axis] < 2)
+            return error_set(e, ERROR_NO_SURFACE,
+                             "its images are one pixel wide or high: give images of at least 2 x 2 pixels");
+    }
+    s->base.size[2] = (int64_t)s->params.count;
+    if (differ)
+        dense_warn(&s->base.warnings,
+                   "the data windows of the slices differ: the volume spans %lld x %lld pixels, and "
+                   "pixels outside the data window of a slice are 0",
+                   (long long)s->base.size[0], (long long)s->base.size[1]);
+    if (s->stretched > 0)
+        dense_warn(
+            &s->base.warnings,
+            "%zu slice%s a pixelAspectRatio that voxel_size does not have, the first %g: voxel_size counts. Set "
+            "voxel_size to the size of a pixel.",
+            s->stretched, s->stretched == 1 ? " has" : "s have", (double)s->aspect);
+    return true;
+}
+
+static exr_stack *make(const exr_stack_params *params)
+{
+    exr_stack *s = mem_alloc(sizeof *s);
+    *s = (exr_stack){.base = {.ops = &exr_ops, .components = 1, .format = "EXR"}, .params = *params};
+    s->windows = mem_alloc(params->count * sizeof *s->windows);
+    s->names = mem_printf("%s%s\n%s%s", params->channel ? "=" : "*", params->channel ? params->channel : "",
+                          params->part ? "=" : "*", params->part ? params->part : "");
+    return s;
+}
+
+char *exr_stack_list(const exr_stack_params *params, error *e)
+{
+    exr_stack *s = make(params);
+    exr_reader_answer a;
+    char *text = mem_alloc(EXR_READER_LIST_MAX + 1);
+    if (!ask(s, 0, EXR_READER_LIST, &a, NULL, text, e)) {
+        free(text);
+        text = NULL;
+    }
+    exr_close(&s->base);
+    return text;
+}
+
+slices *exr_stack_open(const exr_stack_params *params, error *e)
+{
+    exr_stack *s = make(params);
+    if (!ask_all(s, 0, NULL, e) || !span(s, e)) {
+        exr_close(&s->base);
+        return NULL;
+    }
+    double *m = s->base.index_to_world;
+    for (int k = 0; k < 3; k++) {
+        double size = vec3_get(params->voxel_size, k), first = k < 2 ? (double)s->low[k] : 0;
+        m[5 * k] = size;
+        m[4 * k + 3] = vec3_get(params->origin, k) + size * first;
+    }
+    m[15] = 1;
+    return &s->base;
+}

@@ -1,0 +1,73 @@
+/* header: reads the header of an NRRD or NIfTI file with Teem and libnifti. The only user of these libraries.
+ *
+ * They run in a separate process (reader.h) that receives only the open file. It opens no other file, even if the
+ * header names one. It writes a struct header and then `text_length` bytes: a message if `code` is an error,
+ * otherwise the names of the data files, one per line, as in the header. Numbers have the byte order of the machine.
+ */
+#ifndef HEXAD_IO_VOLUMES_HEADER_H
+#define HEXAD_IO_VOLUMES_HEADER_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "base/core/error.h"
+#include "io/volumes/warnings.h"
+
+#define HEADER_COMMAND "read-header"
+#define HEADER_MAGIC 0x3172646864786568u /* "hexdhdr1" */
+#define HEADER_TEXT_MAX (4u << 20)
+
+typedef enum header_type {
+    HEADER_INT8,
+    HEADER_UINT8,
+    HEADER_INT16,
+    HEADER_UINT16,
+    HEADER_INT32,
+    HEADER_UINT32,
+    HEADER_INT64,
+    HEADER_UINT64,
+    HEADER_FLOAT,
+    HEADER_DOUBLE,
+    HEADER_TYPE_COUNT
+} header_type;
+
+typedef enum header_encoding { HEADER_RAW, HEADER_GZIP, HEADER_ASCII, HEADER_ENCODING_COUNT } header_encoding;
+
+typedef struct header {
+    uint64_t magic;
+    uint32_t code; /* an error_code; ERROR_NONE: the other members are set */
+    uint32_t text_length;
+    uint32_t type, encoding;
+    uint32_t swapped;    /* numbers are in the other byte order */
+    uint32_t line_skip;  /* number of lines before the data, counted from `offset` */
+    uint32_t file_count; /* number of names in the text; 0: the data are in this file */
+    int64_t offset;      /* start of the data in the first file, before unpacking */
+    /* number of bytes to skip after lines and unpacking; -1 - n: the data end n bytes before the end of the file */
+    int64_t byte_skip;
+    int64_t packed_bytes;      /* of the packed data, by the header; 0: unknown */
+    int64_t size[3];           /* the first axis is the fastest */
+    int64_t components;        /* number of values at each sample, stored consecutively; 0 counts as 1 */
+    double vector_to_world[9]; /* rotation of vectors, row by row; all 0: none */
+    int64_t volumes;           /* number of volumes of this size, stored consecutively; 0 counts as 1 */
+    /* row-major, column vectors; index (0, 0, 0) is the position of the first sample */
+    double index_to_world[16];
+    double slope, intercept;    /* value = slope * number + intercept */
+    char format[12], space[64]; /* names of the axes of the world, or "" */
+    dense_warnings warnings;
+} header;
+
+/* The program `read-header NAME MEMORY CPU_SECONDS`: reads the header of the file on descriptor 0, called NAME, and
+ * writes the answer to descriptor 1. Returns the exit status; 0: the answer, which may be an error, was written
+ * completely. */
+int header_reader_main(int argc, char **argv);
+
+/* The module that contains these functions, unless they are linked into the program. */
+#define HEADER_MODULE "hexad-header.so"
+
+/* Starts that process (of `program`, NULL: this one) and checks the answer. `fd` may be at any offset. *files has
+ * the names of data files, one per line, or is NULL; the caller frees it. Errors, without the path: input_damaged,
+ * input_unsupported, no_surface, internal. */
+bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e);
+
+#endif

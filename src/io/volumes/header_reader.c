@@ -1,0 +1,688 @@
+/* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads (header.h). */
+#include "io/volumes/header.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <nifti2_io.h>
+#include <teem/nrrd.h>
+
+#include "base/core/reader.h"
+#include "base/core/transfer.h"
+#include "io/volumes/meta_image.h"
+
+/* Headers are a page of text; more than this is none. */
+#define HEAD_MAX (1u << 20)
+/* Characters of a field of NRRD: Teem copies names of units and kinds into buffers of some more. */
+#define FIELD_MAX 1000
+/* Data files that one header may name. */
+static const long most_files = 65536;
+
+/* What the process answers; one, as it reads one file. */
+typedef struct answer {
+    header head;
+    char *text; /* with room for HEADER_TEXT_MAX */
+} answer;
+
+static bool refuse(answer *a, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+static bool refuse(answer *a, error_code code, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    a->head.code = (uint32_t)code;
+    vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
+    a->head.text_length = (uint32_t)strlen(a->text);
+    va_end(arguments);
+    return false;
+}
+
+/* ---- the names of data files */
+
+static bool add_name(answer *a, const char *name, size_t length)
+{
+    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
+        a->head.file_count == most_files)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED, "lists more than %ld data files, or one without a name",
+                      most_files);
+    memcpy(a->text + a->head.text_length, name, length);
+    a->head.text_length += (uint32_t)length;
+    a->text[a->head.text_length++] = '\n';
+    a->head.file_count++;
+    return true;
+}
+
+/* One integer conversion of C's printf and nothing else of it: %d, %4d, %04d. */
+static bool is_pattern(const char *s)
+{
+    int conversions = 0;
+    for (; *s; s++) {
+        if (*s != '%') continue;
+        size_t digits = strspn(s + 1, "0123456789");
+        if (digits > 3 || (s[1 + digits] != 'd' && s[1 + digits] != 'u')) return false;
+        s += 1 + digits;
+        conversions++;
+    }
+    return conversions == 1;
+}
+
+static bool is_int32(long value)
+{
+    return value >= INT32_MIN && value <= INT32_MAX;
+}
+
+/* "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
+static bool add_names(answer *a, char *value)
+{
+    char pattern[256], name[512];
+    long first, last, step;
+    if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
+        return add_name(a, value, strlen(value));
+    if (!is_pattern(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
+    for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
+        int length = snprintf(name, sizeof name, pattern, (int)k);
+        if (length >= (int)sizeof name)
+            return refuse(a, ERROR_INPUT_DAMAGED, "its data files \"%.200s\" have names beyond %zu bytes",
+                          value, sizeof name - 1);
+        if (!add_name(a, name, (size_t)length)) return false;
+    }
+    return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "lists no data file: \"%.200s\"", value);
+}
+
+/* ---- NRRD */
+
+/* The value of a field if that is the line's, by either of its names. */
+static char *field_of(char *line, const char *name, const char *other)
+{
+    size_t length = strcspn(line, ":");
+    bool is = line[length] && line[length + 1] != '=' &&
+              ((length == strlen(name) && strncmp(line, name, length) == 0) ||
+               (length == strlen(other) && strncmp(line, other, length) == 0));
+    if (!is) return NULL;
+    line += length + 1;
+    return line + strspn(line, " \t");
+}
+
+/* A comment, or a key with a value: neither says where samples are, and both may have any length. */
+static bool is_remark(const char *line)
+{
+    return *line == '#' || strncmp(line + strcspn(line, ":"), ":=", 2) == 0;
+}
+
+/* Takes out of the header's text where the data are: Teem opens the files and skips bytes even when it is to
+ * read the header only. Omits fields that are parsed without Teem, and refuses lines that exceed its buffers. */
+static bool take_places(answer *a, char *text, char *rest)
+{
+    bool listed = false;
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+        size_t length = strlen(line);
+        if (length > 0 && line[length - 1] == '\r') line[--length] = '\0';
+        char *value;
+        if (listed) {
+            if (length > 0 && !add_name(a, line, length)) return false;
+        } else if ((value = field_of(line, "data file", "datafile"))) {
+            listed = strncmp(value, "LIST", 4) == 0;
+            if (!listed && !add_names(a, value)) return false;
+        } else if ((value = field_of(line, "line skip", "lineskip"))) {
+            a->head.line_skip = (uint32_t)strtoul(value, NULL, 10);
+        } else if ((value = field_of(line, "byte skip", "byteskip"))) {
+            a->head.byte_skip = strtoll(value, NULL, 10);
+        } else if (!is_remark(line)) {
+            if (length > FIELD_MAX)
+                return refuse(a, ERROR_INPUT_DAMAGED,
+                              "a field of its header has %zu characters, and at most %d are read: \"%.40s\"",
+                              length, FIELD_MAX, line);
+            rest = stpcpy(stpcpy(rest, line), "\n");
+        }
+    }
+    return !listed || a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "lists no data file");
+}
+
+static bool type_of_nrrd(answer *a, int type)
+{
+    static const struct {
+        int nrrd;
+        header_type type;
+    } types[] = {{nrrdTypeChar, HEADER_INT8},   {nrrdTypeUChar, HEADER_UINT8},
+                 {nrrdTypeShort, HEADER_INT16}, {nrrdTypeUShort, HEADER_UINT16},
+                 {nrrdTypeInt, HEADER_INT32},   {nrrdTypeUInt, HEADER_UINT32},
+                 {nrrdTypeLLong, HEADER_INT64}, {nrrdTypeULLong, HEADER_UINT64},
+                 {nrrdTypeFloat, HEADER_FLOAT}, {nrrdTypeDouble, HEADER_DOUBLE}};
+    for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
+        if (types[k].nrrd == type) {
+            a->head.type = types[k].type;
+            return true;
+        }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file has values of type \"%s\": convert them to numbers",
+                  airEnumStr(nrrdType, type));
+}
+
+static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
+{
+    if (io->encoding == nrrdEncodingRaw)
+        a->head.encoding = HEADER_RAW;
+    else if (io->encoding == nrrdEncodingGzip)
+        a->head.encoding = HEADER_GZIP;
+    else if (io->encoding == nrrdEncodingAscii)
+        a->head.encoding = HEADER_ASCII;
+    else
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "the file has the encoding \"%s\": raw, gzip and ascii are read (`unu save -e gzip` converts)",
+            io->encoding->name);
+    return true;
+}
+
+/* Whether the fastest axis is of the values at a sample: its kind says so, or it alone has no direction. */
+static bool begins_with_values(const Nrrd *n)
+{
+    const NrrdAxisInfo *first = &n->axis[0];
+    if (n->dim < 2 || n->dim > 4 || first->size < 2 || first->size > 4) return false;
+    if (first->kind == nrrdKindUnknown)
+        return n->dim == 4 && isnan(first->spaceDirection[0]) && !isnan(n->axis[1].spaceDirection[0]);
+    return n->dim == 4 && first->kind >= nrrdKindList;
+}
+
+/* The file may have the directions of a vector's components. */
+static void values_of_nrrd(answer *a, const Nrrd *n)
+{
+    const NrrdAxisInfo *first = &n->axis[0];
+    bool vector = first->kind == nrrdKindUnknown || first->kind == nrrdKindVector ||
+                  first->kind == nrrdKind3Vector || first->kind == nrrdKindList;
+    a->head.components = (int64_t)first->size;
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; vector && column < 3 && n->spaceDim == 3; column++) {
+            double value = n->measurementFrame[column][row];
+            a->head.vector_to_world[3 * row + column] = isfinite(value) ? value : 0;
+        }
+}
+
+/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are written with some
+ * digits. */
+static const double most_apart = 0.01;
+
+/* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
+static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    unsigned found = 0, first = begins_with_values(n);
+    char sizes[160] = "";
+    if (first) values_of_nrrd(a, n);
+    for (unsigned k = first; k < n->dim; k++) {
+        size_t used = strlen(sizes);
+        snprintf(sizes + used, sizeof sizes - used, "%s%zu", used ? " x " : "", n->axis[k].size);
+        if (n->dim > 3 + first && n->axis[k].size == 1) continue;
+        if (found < 3) axis[found] = &n->axis[k];
+        found++;
+    }
+    if (found != 3)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "the file has the sizes %s: give a volume with three axes of at least two samples, "
+                      "and others of one sample only (`unu slice` extracts one volume of several)",
+                      sizes);
+    for (int k = 0; k < 3; k++) {
+        int kind = axis[k]->kind;
+        if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
+            return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                          "the file has an axis of kind \"%s\" (%s): give a volume with three axes of space",
+                          airEnumStr(nrrdKind, kind), sizes);
+        a->head.size[k] = (int64_t)axis[k]->size;
+    }
+    return true;
+}
+
+/* Where there are no space directions: spacings, and the axes' least positions, edges of cells or samples. */
+static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3], const double origin[3])
+{
+    double *m = a->head.index_to_world;
+    bool open = false, differ = false;
+    for (int k = 0; k < 3; k++) {
+        bool cells = axis[k]->center == nrrdCenterCell;
+        double steps = (double)axis[k]->size - (cells ? 0 : 1), spacing = axis[k]->spacing,
+               min = axis[k]->min, max = axis[k]->max;
+        if (!isfinite(spacing)) spacing = (max - min) / steps;
+        if (!isfinite(spacing) || spacing == 0) spacing = 1;
+        if (!isfinite(min)) min = max - spacing * steps;
+        m[5 * k] = spacing;
+        if (isfinite(min)) m[4 * k + 3] = min + (cells ? spacing / 2 : 0);
+        if (isfinite(origin[k])) m[4 * k + 3] = origin[k];
+        open |= isfinite(min) && axis[k]->center == nrrdCenterUnknown;
+        differ |= fabs(max - min - spacing * steps) > most_apart * fabs(spacing); /* of NAN false */
+    }
+    if (open)
+        dense_warn(
+            &a->head.warnings,
+            "The header has axis mins or axis maxs and no centerings: they are taken for the places of the first and "
+            "last samples. Add centerings.");
+    if (differ)
+        dense_warn(
+            &a->head.warnings,
+            "The header's axis mins, axis maxs and spacings contradict each other: the spacings and the axis mins "
+            "are used. Correct the header.");
+}
+
+static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    double *m = a->head.index_to_world;
+    int directed = 0;
+    for (int k = 0; k < 3; k++) directed += !isnan(axis[k]->spaceDirection[0]);
+    m[15] = 1;
+    if (n->space != nrrdSpaceUnknown)
+        snprintf(a->head.space, sizeof a->head.space, "%s", airEnumStr(nrrdSpace, n->space));
+    if (directed == 0) {
+        place_by_spacings(a, axis, n->spaceOrigin);
+        return true;
+    }
+    if (directed != 3 || n->spaceDim != 3)
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "the file has space directions for %d of its axes in %u dimensions: three in three are needed",
+            directed, n->spaceDim);
+    for (int row = 0; row < 3; row++) {
+        for (int k = 0; k < 3; k++) m[4 * row + k] = axis[k]->spaceDirection[row];
+        m[4 * row + 3] = isfinite(n->spaceOrigin[row]) ? n->spaceOrigin[row] : 0;
+    }
+    return true;
+}
+
+/* What is ignored, and could change what values or positions mean. */
+static void warn_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    const char *unit = "";
+    for (int k = 2; k >= 0; k--) {
+        if (axis[k]->units && *axis[k]->units) unit = axis[k]->units;
+        if (k < (int)n->spaceDim && n->spaceUnits[k] && *n->spaceUnits[k]) unit = n->spaceUnits[k];
+    }
+    dense_warn_of_unit(&a->head.warnings, unit);
+    if (isfinite(n->oldMin) || isfinite(n->oldMax))
+        dense_warn(
+            &a->head.warnings,
+            "The header's old min (%g) and old max (%g) are ignored: an isovalue is one of the numbers in the file. "
+            "Convert the values back with `unu unquantize` if they are meant.",
+            n->oldMin, n->oldMax);
+}
+
+static bool describe_nrrd(answer *a, const Nrrd *n, const NrrdIoState *io)
+{
+    const NrrdAxisInfo *axis[3];
+    if (!axes_of_nrrd(a, n, axis) || !type_of_nrrd(a, n->type) || !encoding_of_nrrd(a, io) ||
+        !place_of_nrrd(a, n, axis))
+        return false;
+    a->head.swapped = io->encoding->endianMatters && nrrdTypeSize[n->type] > 1 && io->endian != airMyEndian();
+    strcpy(a->head.format, "NRRD");
+    warn_of_nrrd(a, n, axis);
+    return true;
+}
+
+/* The library's complaint, innermost line, without its own name. */
+static bool complain(answer *a, char *messages)
+{
+    char *last = messages ? messages : (char *)"";
+    for (char *line = strtok(messages, "\n"); line; line = strtok(NULL, "\n")) last = line;
+    char *words = strstr(last, "] ");
+    return refuse(a, ERROR_INPUT_DAMAGED, "its header cannot be read: %.400s", words ? words + 2 : last);
+}
+
+static bool read_nrrd(answer *a, char *head, size_t length)
+{
+    char *end = strstr(head, "\n\n"), *end_crlf = strstr(head, "\r\n\r\n"), *rest = malloc(length + 3);
+    size_t text = length;
+    if (end) text = (size_t)(end - head) + 2;
+    if (end_crlf && (!end || end_crlf < end)) text = (size_t)(end_crlf - head) + 4;
+    a->head.offset = (int64_t)text;
+    head[text] = '\0';
+    rest[0] = '\0';
+    if (!take_places(a, head, rest)) return false;
+    if (a->head.file_count > 0) a->head.offset = 0;
+    size_t kept = strlen(rest);
+    strcpy(rest + kept, "\n"); /* the empty line that ends a header */
+    FILE *stream = fmemopen(rest, kept + 1, "rb");
+    NrrdIoState *io = nrrdIoStateNew();
+    Nrrd *n = nrrdNew();
+    nrrdIoStateSet(io, nrrdIoStateSkipData, 1);
+    if (!stream || nrrdRead(n, stream, io)) return complain(a, biffGetDone(NRRD));
+    return describe_nrrd(a, n, io);
+}
+
+/* ---- NIfTI */
+
+static bool type_of_nifti(answer *a, int type)
+{
+    static const struct {
+        int nifti;
+        header_type type;
+    } types[] = {{DT_INT8, HEADER_INT8},     {DT_UINT8, HEADER_UINT8},   {DT_INT16, HEADER_INT16},
+                 {DT_UINT16, HEADER_UINT16}, {DT_INT32, HEADER_INT32},   {DT_UINT32, HEADER_UINT32},
+                 {DT_INT64, HEADER_INT64},   {DT_UINT64, HEADER_UINT64}, {DT_FLOAT32, HEADER_FLOAT},
+                 {DT_FLOAT64, HEADER_DOUBLE}};
+    for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
+        if (types[k].nifti == type) {
+            a->head.type = types[k].type;
+            return true;
+        }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file has values of type %s: convert them to real numbers",
+                  nifti_datatype_string(type));
+}
+
+/* How far sform and qform place a corner of the volume apart, at most. */
+static double forms_apart(const nifti_image *n)
+{
+    const double last[3] = {(double)n->nx - 1, (double)n->ny - 1, (double)n->nz - 1};
+    double most = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        double square = 0;
+        for (int i = 0; i < 3; i++) {
+            double apart = n->sto_xyz.m[i][3] - n->qto_xyz.m[i][3];
+            for (int k = 0; k < 3; k++)
+                apart += (corner >> k & 1) * last[k] * (n->sto_xyz.m[i][k] - n->qto_xyz.m[i][k]);
+            square += apart * apart;
+        }
+        most = fmax(most, sqrt(square));
+    }
+    return most;
+}
+
+/* sform and qform that place all corners as near as this, in the smallest side of a voxel, agree: they hold floats. */
+static const double forms_agree = 0.01;
+
+static void warn_of_places(answer *a, const nifti_image *n)
+{
+    const double size[3] = {n->dx, n->dy, n->dz};
+    const double apart = forms_apart(n), voxel = fmin(fabs(n->dx), fmin(fabs(n->dy), fabs(n->dz)));
+    if (n->sform_code > 0 && n->qform_code > 0 && !(apart <= forms_agree * voxel))
+        dense_warn(
+            &a->head.warnings,
+            "sform (code %d) and qform (code %d) place a corner of the volume %.4g apart: the sform is used. Delete "
+            "the wrong one from the header.",
+            n->sform_code, n->qform_code, apart);
+    for (int k = 0; k < 3 && n->sform_code <= 0; k++)
+        if (!(size[k] > 0)) {
+            dense_warn(&a->head.warnings,
+                       "pixdim %d is %g, which is not a valid voxel size: %g is used. Correct the header.",
+                       k + 1, size[k],
+                       n->qform_code > 0 || size[k] == 0 || !isfinite(size[k]) ? 1 : -size[k]);
+            break;
+        }
+    dense_warn_of_unit(&a->head.warnings, n->xyz_units == NIFTI_UNITS_METER    ? "m"
+                                          : n->xyz_units == NIFTI_UNITS_MICRON ? "um"
+                                                                               : "");
+}
+
+/* sform before qform before the bare sizes of voxels, as the standard says. */
+static void place_of_nifti(answer *a, const nifti_image *n)
+{
+    const nifti_dmat44 *m = n->sform_code > 0 ? &n->sto_xyz : &n->qto_xyz;
+    warn_of_places(a, n);
+    a->head.index_to_world[15] = 1;
+    if (n->sform_code > 0 || n->qform_code > 0) {
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 4; j++) a->head.index_to_world[4 * i + j] = m->m[i][j];
+        strcpy(a->head.space, "right-anterior-superior");
+        return;
+    }
+    const double size[3] = {n->dx, n->dy, n->dz};
+    for (int k = 0; k < 3; k++)
+        a->head.index_to_world[5 * k] = isfinite(size[k]) && size[k] != 0 ? fabs(size[k]) : 1;
+}
+
+/* The name of the data beside a header called NAME.hdr. */
+static bool name_of_image(answer *a, const char *name)
+{
+    char image[300];
+    size_t length = strlen(name);
+    if (length < 4 || length > 256 || strcmp(name + length - 4, ".hdr") != 0)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "the file is a header whose data are in another file: it must end in .hdr");
+    snprintf(image, sizeof image, "%.*s.img", (int)length - 4, name);
+    return add_name(a, image, strlen(image));
+}
+
+/* A slope of 0 means that values are not scaled, whatever the intercept. The library gives 0 for NaN, which nibabel writes. */
+static void scale_of_nifti(answer *a, const nifti_image *n)
+{
+    if (n->scl_slope != 0) {
+        a->head.slope = n->scl_slope;
+        a->head.intercept = n->scl_inter;
+    } else if (n->scl_inter != 0) {
+        dense_warn(
+            &a->head.warnings,
+            "scl_slope is 0 and scl_inter is %g, which the standard does not apply: the numbers in the file are the "
+            "values. Set scl_slope to 1 if scl_inter is meant.",
+            n->scl_inter);
+    }
+}
+
+/* The beginning of a file, its header and the field vox_offset, before the library changes it. */
+typedef struct nifti_head {
+    const char *bytes;
+    size_t length;       /* of the file that is there, unpacked */
+    size_t header_bytes; /* without the four of the extender */
+    double vox_offset;
+    bool swapped, packed;
+} nifti_head;
+
+static nifti_head head_of_nifti(const char *bytes, size_t length, int version, bool packed)
+{
+    nifti_head h = {.bytes = bytes, .length = length, .packed = packed};
+    if (version == 2) {
+        nifti_2_header second;
+        memcpy(&second, bytes, sizeof second);
+        int64_t offset = second.vox_offset;
+        h.swapped = NIFTI2_NEEDS_SWAP(second);
+        if (h.swapped) nifti_swap_8bytes(1, &offset);
+        h.header_bytes = sizeof second;
+        h.vox_offset = (double)offset;
+    } else {
+        nifti_1_header first;
+        memcpy(&first, bytes, sizeof first);
+        float offset = first.vox_offset;
+        h.swapped = NIFTI_NEEDS_SWAP(first);
+        if (h.swapped) nifti_swap_4bytes(1, &offset);
+        h.header_bytes = sizeof first;
+        h.vox_offset = (double)offset;
+    }
+    return h;
+}
+
+/* Extensions follow one another, each with its length in bytes, a multiple of 16; the last one ends where the data begin. */
+static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_bytes, int64_t *offset)
+{
+    struct stat st;
+    int64_t at = (int64_t)h->header_bytes + 4;
+    *offset = at;
+    if ((int64_t)h->length < at || h->bytes[h->header_bytes] == 0) return true;
+    if (h->packed || fstat(STDIN_FILENO, &st) != 0)
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "its vox_offset is 0, and where its extensions end is only looked for in a file that is not "
+            "packed: unpack it");
+    while (at + data_bytes < st.st_size) {
+        int32_t size;
+        if (at + 8 > (int64_t)h->length)
+            return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                          "its vox_offset is 0, and its extensions take more than %lld bytes",
+                          (long long)h->length);
+        memcpy(&size, h->bytes + at, sizeof size);
+        if (h->swapped) nifti_swap_4bytes(1, &size);
+        if (size < 16 || size % 16 != 0 || size > st.st_size - data_bytes - at) break;
+        at += size;
+    }
+    *offset = at;
+    return true;
+}
+
+/* Finds the data of a single file. Its vox_offset counts from the beginning; 0: the data begin after the header and its
+ * extensions. */
+static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_bytes)
+{
+    if (!(h->vox_offset == 0 || (h->vox_offset >= (double)h->header_bytes && h->vox_offset < 1e15)))
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its vox_offset is %g, within its header of %zu bytes: it is damaged", h->vox_offset,
+                      h->header_bytes);
+    a->head.byte_skip = (int64_t)h->vox_offset;
+    return h->vox_offset != 0 || find_after_extensions(a, h, data_bytes, &a->head.byte_skip);
+}
+
+static bool describe_nifti(answer *a, const nifti_image *n, const char *name, const nifti_head *h)
+{
+    const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
+    a->head.volumes = 1;
+    for (int k = 3; k < 7; k++)
+        if (size[k] > 1 && __builtin_mul_overflow(a->head.volumes, size[k], &a->head.volumes))
+            return refuse(a, ERROR_INPUT_DAMAGED, "claims more volumes than can be counted");
+    for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
+    if (!type_of_nifti(a, n->datatype)) return false;
+    place_of_nifti(a, n);
+    scale_of_nifti(a, n);
+    a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
+    a->head.encoding = h->packed ? HEADER_GZIP : HEADER_RAW;
+    strcpy(a->head.format, "NIfTI");
+    if (n->nifti_type == NIFTI_FTYPE_NIFTI1_1 || n->nifti_type == NIFTI_FTYPE_NIFTI2_1) {
+        int64_t bytes = n->nbyper;
+        for (int k = 0; k < 7; k++)
+            if (size[k] > 1 && __builtin_mul_overflow(bytes, size[k], &bytes)) bytes = INT64_MAX / 2;
+        return place_data_of_nifti(a, h, bytes);
+    }
+    a->head.byte_skip = h->vox_offset > 0 && h->vox_offset < 1e15 ? (int64_t)h->vox_offset : 0;
+    return name_of_image(a, name);
+}
+
+/* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
+static bool has_axes(const nifti_2_header *h)
+{
+    int64_t count = h->dim[0];
+    if (NIFTI2_NEEDS_SWAP(*h)) nifti_swap_8bytes(1, &count);
+    return count >= 1 && count <= 7;
+}
+
+static bool read_nifti(answer *a, const char *head, size_t length, const char *name, bool packed)
+{
+    nifti_1_header first;
+    nifti_2_header second;
+    nifti_image *n = NULL;
+    char called[] = "a.nii", pair[] = "a.hdr";
+    nifti_set_debug_level(0);
+    int version = nifti_header_version(head, length);
+    const nifti_head where = head_of_nifti(head, length, version, packed);
+    if (version == 2) {
+        memcpy(&second, head, sizeof second);
+        if (has_axes(&second)) n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
+    } else {
+        memcpy(&first, head, sizeof first);
+        n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);
+    }
+    if (!n)
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its NIfTI header is contradictory: it is damaged. Correct the header.");
+    return describe_nifti(a, n, name, &where);
+}
+
+/* ---- MetaImage */
+
+static bool read_meta_image(answer *a, const char *head)
+{
+    char name[META_IMAGE_NAME_SIZE], fault[META_IMAGE_FAULT_SIZE];
+    error_code code;
+    if (!meta_image_parse(head, &a->head, name, fault, &code)) return refuse(a, code, "%s", fault);
+    return !*name || add_name(a, name, strlen(name));
+}
+
+/* ---- the program */
+
+static size_t read_head(char *to, size_t size)
+{
+    const int64_t count = transfer_read_at(STDIN_FILENO, to, size, 0);
+    return count > 0 ? (size_t)count : 0;
+}
+
+/* Files that are not read, by the bytes that they begin with, and a program that converts each. */
+static const struct {
+    size_t at, length;
+    const char *bytes, *what;
+} others[] = {
+    {0, 14, "# vtk DataFile",
+     "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
+    {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
+    {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
+    {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
+    {0, 4, "VOL\003",
+     "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)"},
+    {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
+    {0, 8, "\x89HDF\r\n\x1a\n",
+     "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
+    {0, 4, "\0\0\0\1", "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
+    {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
+    {0, 4, "PK\3\4", "a ZIP archive (unpack it; name the directory of an OME-Zarr image as the path)"},
+    {208, 4, "MAP ",
+     "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
+};
+
+/* What the file may be instead; `head` has the bytes of a header and a zero behind them at least. */
+static const char *guess(const char *head)
+{
+    int32_t size;
+    memcpy(&size, head, sizeof size);
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
+    if (strstr(head, "<VTKFile"))
+        return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
+    if (strstr(head, "<GIFTI")) return "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)";
+    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (name its directory as the path)";
+    if (size == sizeof(nifti_1_header) || size == 0x5c010000)
+        return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
+    return "not a volume in a known format (raw numbers need an NRRD header: `unu make -h -t "
+           "TYPE -s X Y Z -i FILE`)";
+}
+
+/* `head` is the file's first `length` bytes, with zeros behind them. */
+static bool read_header(answer *a, char *head, size_t length, const char *name)
+{
+    char front[sizeof(nifti_2_header) + 4 + 1] = {0}; /* the extender, and a zero behind it */
+    if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
+    if (meta_image_is(head)) return read_meta_image(a, head);
+    bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
+    if (packed) {
+        gzFile stream = gzdopen(STDIN_FILENO, "rb");
+        int got = stream ? gzread(stream, front, sizeof front - 1) : -1;
+        if (got < 0)
+            return refuse(a, ERROR_INPUT_DAMAGED,
+                          "the file cannot be decompressed: it is damaged. Copy or save it again.");
+        length = (size_t)got;
+        head = front;
+    }
+    if (length >= sizeof(nifti_1_header)) {
+        int version = nifti_header_version(head, length);
+        if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
+            return read_nifti(a, head, length, name, packed);
+    }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: give an NRRD, NIfTI or MetaImage file",
+                  packed ? "compressed by gzip and contains " : "", guess(head));
+}
+
+static bool read_file(answer *a, const char *name)
+{
+    char *head = calloc(1, HEAD_MAX + 1);
+    if (!head)
+        return refuse(a, ERROR_LIMIT_MEMORY, "its header exceeds the memory limit: raise limits.memory_mb");
+    bool ok = read_header(a, head, read_head(head, HEAD_MAX), name);
+    free(head);
+    return ok;
+}
+
+__attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
+{
+    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}};
+    if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(HEADER_TEXT_MAX))) return 2;
+    read_file(&a, argv[1]);
+    bool written = fwrite(&a.head, sizeof a.head, 1, stdout) == 1 &&
+                   fwrite(a.text, 1, a.head.text_length, stdout) == a.head.text_length && fflush(stdout) == 0;
+    _exit(written ? 0 : 1); /* nothing is left to do but to free what the libraries built */
+}

@@ -1,0 +1,338 @@
+#include "io/volumes/tiff_stack.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/core/memory.h"
+#include "base/core/reader.h"
+#include "io/volumes/numbers.h"
+#include "io/volumes/slice_faults.h"
+#include "io/volumes/tiff_reader.h"
+
+/* CPU limit of the process: 60 s, three passes over the file at 1 MiB/s, a tenth of the measured speed, and 2 s for each slice. */
+static const unsigned seconds_at_least = 60, passes = 3, seconds_per_slice = 2;
+static const off_t bytes_per_second = 1 << 20;
+
+/* Longer sides are refused as damaged. */
+static const int64_t largest_side = 1 << 20;
+
+typedef struct tiff_stack {
+    slices base; /* first: the slices' functions get this pointer */
+    const char *program;
+    size_t memory_limit;
+    exr_stack_params params; /* of a stack; count 0: of one file */
+    int fd;                  /* the one file, the caller's */
+    tiff_answer head;        /* of the first file */
+    int64_t first_page;      /* of the volume */
+    int64_t at;              /* the next slice */
+    int64_t opened;          /* the file that the process has, or -1 */
+    unsigned char *numbers;  /* of a page */
+    bool running;
+    reader reader;
+} tiff_stack;
+
+bool tiff_stack_is(int fd)
+{
+    static const char *const beginnings[] = {"II*\0", "MM\0*", "II+\0", "MM\0+"};
+    char head[4] = "";
+    if (pread(fd, head, sizeof head, 0) != sizeof head) return false;
+    for (size_t k = 0; k < sizeof beginnings / sizeof *beginnings; k++)
+        if (memcmp(head, beginnings[k], sizeof head) == 0) return true;
+    return false;
+}
+
+/* ---- talking to the process */
+
+static bool is_stack(const tiff_stack *s)
+{
+    return s->params.count > 0;
+}
+
+static bool start(tiff_stack *s, off_t bytes, error *e)
+{
+    const double seconds = seconds_at_least + passes * (double)(bytes / bytes_per_second) +
+                           (double)seconds_per_slice * (double)s->params.count;
+    const reader_params params = {s->program,      TIFF_READER_COMMAND,
+                                  "file",          -1,
+                                  s->memory_limit, seconds < 1e9 ? (unsigned)seconds : 1000000000};
+    return s->running || (s->running = reader_start(&params, &s->reader, e));
+}
+
+static bool read_answer(tiff_stack *s, tiff_answer *a, error *e)
+{
+    char text[TIFF_READER_TEXT_MAX + 1] = "";
+    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file ended while it was read: check the disk and copy it again");
+    if (a->magic != TIFF_READER_MAGIC || a->code >= ERROR_CODE_COUNT ||
+        a->text_length > TIFF_READER_TEXT_MAX ||
+        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the file made its reader return an invalid answer: save it in another format");
+    for (char *p = text; *p; p++)
+        if (*p < ' ' || *p > '~') *p = '?';
+    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+}
+
+static bool is_between(int64_t value, int64_t low, int64_t high)
+{
+    return value >= low && value <= high;
+}
+
+static bool check_answer(const tiff_answer *a, error *e)
+{
+    bool ok = is_between(a->width, 1, largest_side) && is_between(a->height, 1, largest_side) &&
+              is_between(a->pages, 1, largest_side) && is_between(a->slices, 1, a->pages) &&
+              is_between(a->channels, 1, a->pages) && is_between(a->frames, 1, a->pages) &&
+              is_between(a->slice_step, 1, a->pages) && is_between(a->channel_step, 1, a->pages) &&
+              is_between(a->frame_step, 1, a->pages) && a->type < HEADER_TYPE_COUNT &&
+              memchr(a->unit, 0, sizeof a->unit) &&
+              a->warnings.count <= DENSE_WARNINGS_MOST / 2; /* later ones have room */
+    ok = ok && (a->slices - 1) * a->slice_step + (a->channels - 1) * a->channel_step +
+                       (a->frames - 1) * a->frame_step <
+                   a->pages;
+    for (int k = 0; k < 3; k++) ok = ok && a->size[k] >= 0 && isfinite(a->size[k]) && isfinite(a->origin[k]);
+    for (uint32_t k = 0; ok && k < a->warnings.count; k++)
+        ok = memchr(a->warnings.text[k], 0, sizeof a->warnings.text[k]) != NULL;
+    return ok ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "claims pages of %lld x %lld pixels, of which at most %lld x %lld are read, or made "
+                     "its reader return an invalid answer",
+                     (long long)a->width, (long long)a->height, (long long)largest_side,
+                     (long long)largest_side);
+}
+
+/* A process that did not answer to the end is judged, and another one serves what comes next. */
+static bool judge(tiff_stack *s, bool begun, error *e)
+{
+    s->running = false;
+    s->opened = -1;
+    return reader_end(&s->reader, begun, false, e);
+}
+
+/* Lets the process open a file: number k of a stack, or the one. */
+static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
+{
+    off_t size;
+    const tiff_request request = {TIFF_READER_OPEN, 0};
+    int fd = is_stack(s) ? s->params.files->open(s->params.files->context, s->params.paths[k], e) : s->fd;
+    if (fd < 0) return false;
+    *a = (tiff_answer){0};
+    bool ok = reader_check_file(fd, "image", &size, e) &&
+              (!is_stack(s) || tiff_stack_is(fd) ||
+               error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the file is not a TIFF file, and others of the stack are: save it as TIFF")) &&
+              start(s, size, e);
+    if (ok) {
+        ok = reader_send(&s->reader, &request, sizeof request, fd, e) && read_answer(s, a, e) &&
+             check_answer(a, e);
+        s->opened = ok ? k : -1;
+        if (!ok && (a->magic != TIFF_READER_MAGIC || a->code == ERROR_NONE)) ok = judge(s, a->magic != 0, e);
+    }
+    if (is_stack(s)) close(fd);
+    return ok || (is_stack(s) ? error_prefix(e, "%s", s->params.paths[k]) : false);
+}
+
+static bool is_alike(const tiff_answer *a, const tiff_answer *b)
+{
+    return a->width == b->width && a->height == b->height && a->type == b->type;
+}
+
+/* The numbers of a page of the file that is open. */
+static bool read_page(tiff_stack *s, int64_t page, error *e)
+{
+    const tiff_request request = {TIFF_READER_PAGE, (uint32_t)page};
+    const size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
+    tiff_answer a = {0};
+    bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) && read_answer(s, &a, e);
+    bool whole = ok || (a.magic == TIFF_READER_MAGIC && a.code != ERROR_NONE);
+    if (ok && (!is_alike(&a, &s->head) || fread(s->numbers, (size_t)numbers_bytes((header_type)a.type), count,
+                                                s->reader.stream) != count))
+        whole = ok = error_set(e, ERROR_INPUT_DAMAGED,
+                               "the file ended while it was read: check the disk and copy it again");
+    if (!whole) judge(s, false, e);
+    return ok;
+}
+
+/* ---- as slices */
+
+static bool tiff_begin(slices *base, error *e)
+{
+    (void)e;
+    ((tiff_stack *)base)->at = 0;
+    return true;
+}
+
+static bool read_slice(tiff_stack *s, int64_t k, error *e)
+{
+    tiff_answer a;
+    const int64_t file = is_stack(s) ? k : 0;
+    if (s->opened != file) {
+        if (!open_file(s, file, &a, e)) return false;
+        if (!is_alike(&a, &s->head)) return error_set(e, ERROR_INPUT_DAMAGED, "the file has changed");
+    }
+    const int64_t page = is_stack(s) ? 0 : s->first_page + k * s->head.slice_step;
+    if (read_page(s, page, e)) return true;
+    return is_stack(s) ? error_prefix(e, "%s", s->params.paths[k])
+                       : error_prefix(e, "page %lld", (long long)page);
+}
+
+static bool tiff_next(slices *base, double *values, error *e)
+{
+    tiff_stack *s = (tiff_stack *)base;
+    const int64_t count = base->size[0] * base->size[1];
+    const header_type type = (header_type)s->head.type;
+    if (!s->numbers &&
+        !(s->numbers = mem_array((size_t)count, (size_t)numbers_bytes(type), "a slice of the volume", e)))
+        return false;
+    if (!read_slice(s, s->at, e)) return false;
+    numbers_convert(s->numbers, type, false, count, values, base->inexact);
+    s->at++;
+    return true;
+}
+
+static void tiff_close(slices *base)
+{
+    tiff_stack *s = (tiff_stack *)base;
+    error unused = {0};
+    if (s->running) reader_end(&s->reader, true, true, &unused);
+    free(s->numbers);
+    free(s);
+}
+
+static const slices_ops tiff_ops = {tiff_begin, tiff_next, tiff_close};
+
+static tiff_stack *make(const char *program, size_t memory_limit)
+{
+    tiff_stack *s = mem_alloc(sizeof *s);
+    *s = (tiff_stack){.base = {.ops = &tiff_ops, .components = 1, .format = "TIFF"},
+                      .program = program,
+                      .memory_limit = memory_limit,
+                      .fd = -1,
+                      .opened = -1};
+    return s;
+}
+
+/* Sizes that neither the spec nor the file gives. */
+static void choose_size(tiff_stack *s, const double given[3], double size[3])
+{
+    dense_warnings *w = &s->base.warnings;
+    for (int k = 0; k < 3; k++) size[k] = given ? given[k] : s->head.size[k];
+    if (given) return;
+    const bool is_flat_known = size[0] > 0 || size[1] > 0;
+    if (!is_flat_known && size[2] == 0)
+        dense_warn(w, "the file does not state the size of its voxels: 1 x 1 x 1 is used. Set voxel_size.");
+    if (size[0] == 0) size[0] = size[1] > 0 ? size[1] : 1;
+    if (size[1] == 0) size[1] = size[0];
+    if (is_flat_known && size[2] == 0)
+        dense_warn(w,
+                   "the file does not state the distance of its slices: %g, the width of a pixel, is used. "
+                   "Set voxel_size.",
+                   size[0]);
+    if (size[2] == 0) size[2] = size[0];
+    dense_warn_of_unit(w, s->head.unit);
+}
+
+/* `origin`: added to that of the file. */
+static bool place(tiff_stack *s, int64_t slice_count, const double given[3], vec3 origin, error *e)
+{
+    double size[3], *m = s->base.index_to_world;
+    s->base.size[0] = s->head.width;
+    s->base.size[1] = s->head.height;
+    s->base.size[2] = slice_count;
+    for (int k = 0; k < 3; k++)
+        if (s->base.size[k] < 2)
+            return error_set(
+                e, ERROR_NO_SURFACE,
+                "the volume has %lld x %lld x %lld samples: give one with at least two along each "
+                "axis, as a file of several pages, or a stack of files with slices",
+                (long long)s->base.size[0], (long long)s->base.size[1], (long long)s->base.size[2]);
+    s->base.warnings = s->head.warnings;
+    choose_size(s, given, size);
+    for (int k = 0; k < 3; k++) {
+        m[5 * k] = size[k];
+        m[4 * k + 3] = vec3_get(origin, k) - size[k] * s->head.origin[k];
+    }
+    m[15] = 1;
+    s->base.type = numbers_name((header_type)s->head.type);
+    s->base.fine = numbers_need_doubles((header_type)s->head.type);
+    return true;
+}
+
+slices *tiff_file_open(int fd, const char *program, int64_t index, size_t memory_limit,
+                       const double voxel_size[3], error *e)
+{
+    tiff_stack *s = make(program, memory_limit);
+    s->fd = fd;
+    bool ok = open_file(s, 0, &s->head, e);
+    if (ok) {
+        s->base.volumes = s->head.channels * s->head.frames;
+        ok = place(s, s->head.slices, voxel_size, (vec3){0, 0, 0}, e) &&
+             slices_choose_volume(&s->base, &index, e);
+    }
+    if (ok) {
+        s->first_page =
+            index % s->head.channels * s->head.channel_step + index / s->head.channels * s->head.frame_step;
+        return &s->base;
+    }
+    tiff_close(&s->base);
+    return NULL;
+}
+
+/* One file of the stack, looked at. */
+static bool check_slice(tiff_stack *s, size_t k, error *e)
+{
+    tiff_answer a;
+    if (!open_file(s, (int64_t)k, &a, e)) return false;
+    if (s->head.magic == 0) s->head = a;
+    if (a.pages != 1)
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "%s: the file has %lld pages, and a slice has one: name the file as path without slices",
+            s->params.paths[k], (long long)a.pages);
+    return is_alike(&a, &s->head) ||
+           error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "%s: the image has %lld x %lld pixels of %s, and others have %lld x %lld of %s: save "
+                     "images of one size and type",
+                     s->params.paths[k], (long long)a.width, (long long)a.height,
+                     numbers_name((header_type)a.type), (long long)s->head.width, (long long)s->head.height,
+                     numbers_name((header_type)s->head.type));
+}
+
+static bool check_slices(tiff_stack *s, error *e)
+{
+    slice_faults missing = {0}, broken = {0};
+    for (size_t k = 0; k < s->params.count; k++) {
+        error fault = {0};
+        const int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
+        if (check_slice(s, k, &fault)) continue;
+        if (fault.code == ERROR_INPUT_MISSING) {
+            slice_faults_add(&missing, number, before, &fault);
+        } else if (fault.code == ERROR_INPUT_DAMAGED) {
+            slice_faults_add(&broken, number, before, &fault);
+        } else {
+            if (e) *e = fault;
+            return error_prefix(e, "slice %d", number);
+        }
+    }
+    return slice_faults_report(&missing, "missing", e) && slice_faults_report(&broken, "damaged", e);
+}
+
+slices *tiff_stack_open(const exr_stack_params *params, error *e)
+{
+    tiff_stack *s = make(params->program, params->memory_limit);
+    s->params = *params;
+    const double given[3] = {params->voxel_size.x, params->voxel_size.y, params->voxel_size.z};
+    if (params->part || params->channel) {
+        error_set(e, ERROR_SPEC_INVALID,
+                  "the images are TIFF files, which have no part and no channel: remove these members");
+    } else if (check_slices(s, e) &&
+               place(s, (int64_t)params->count, params->has_voxel_size ? given : NULL, params->origin, e)) {
+        return &s->base;
+    }
+    tiff_close(&s->base);
+    return NULL;
+}
