@@ -15,12 +15,12 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "field/analytic.h"
+#include "surface/field/analytic.h"
 #include "solver/level_plan.h"
 #include "solver/passes/relax.h"
 #include "solver/solver.h"
-#include "volume/example.h"
-#include "volume/volume.h"
+#include "surface/volume/example.h"
+#include "surface/volume/volume.h"
 
 enum { COUNT = 100000, SWEEPS = 10, RUNS = 5, FLOPS = 1 << 22, CHAINS = 16, WIDTH = 16 };
 

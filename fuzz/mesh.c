@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "fuzz/target.h"
-#include "mesh/levelset.h"
+#include "surface/levelset/levelset.h"
 #include "io/meshes/content_end.h"
 #include "io/meshes/mesh_file.h"
 #include "io/meshes/plain_mesh.h"

@@ -9,7 +9,7 @@
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 #include "geometry/space/triangle.h"
-#include "mesh/triangle_tree.h"
+#include "surface/triangles/triangle_tree.h"
 #include "io/meshes/mesh_file.h"
 
 static const char what[] = "the places of points on meshes";

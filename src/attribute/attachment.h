@@ -16,7 +16,7 @@
 #include "base/core/error.h"
 #include "io/points/points.h"
 #include "geometry/space/vec3.h"
-#include "mesh/mesh_patches.h"
+#include "surface/triangles/mesh_patches.h"
 
 /* The properties that determine the indices of polygons, corners and vertices. */
 typedef struct attachment_topology {

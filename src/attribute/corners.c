@@ -9,7 +9,7 @@
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 #include "io/meshes/mesh_file.h"
-#include "mesh/triangle_tree.h"
+#include "surface/triangles/triangle_tree.h"
 
 static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {
     [MESH_VALUES_NUMBER] = POINT_ATTRIBUTE_FLOAT,  [MESH_VALUES_WHOLE] = POINT_ATTRIBUTE_INT,

@@ -4,7 +4,7 @@
 
 #include "attribute/lattice.h"
 #include "io/vdb/vdb.h"
-#include "volume/grid_selection.h"
+#include "surface/volume/grid_selection.h"
 
 static bool find_entry(const attribute_request *request, size_t *index, vdb_entry *out, error *e)
 {

@@ -8,7 +8,7 @@
 #include "inspect/frame.h"
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
-#include "labels/label_listing.h"
+#include "surface/labels/label_listing.h"
 #include "files/inputs.h"
 #include "files/root.h"
 

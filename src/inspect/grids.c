@@ -9,7 +9,7 @@
 #include "inspect/suggestion.h"
 #include "inspect/values.h"
 #include "io/vdb/vdb.h"
-#include "volume/grid_selection.h"
+#include "surface/volume/grid_selection.h"
 
 /* Values of a tile that are counted: one for each leaf that it stands for. */
 static const int64_t MOST_OF_A_TILE = 4096;

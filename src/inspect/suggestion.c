@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "base/core/memory.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "geometry/space/packing.h"
 #include "run/advice.h"
 #include "run/job.h"

@@ -5,8 +5,8 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "field/patches.h"
-#include "field/projection.h"
+#include "surface/field/patches.h"
+#include "surface/field/projection.h"
 #include "geometry/space/morton.h"
 #include "geometry/space/triangle.h"
 

@@ -13,7 +13,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 #define FACETS_MIXED UINT32_MAX /* a node whose items have different pieces, or different patches */
 

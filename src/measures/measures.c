@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "measures/pair_measures.h"
 #include "measures/restricted_voronoi.h"
 #include "packing/energy.h"

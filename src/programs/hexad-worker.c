@@ -37,7 +37,7 @@
 #include "spec/spec_table.h"
 #include "files/file.h"
 #include "files/root.h"
-#include "volume/example.h"
+#include "surface/volume/example.h"
 
 /* Maximum bytes of a spec; a larger file is not a spec. */
 static const size_t SPEC_LIMIT = 16u << 20;

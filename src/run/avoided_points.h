@@ -8,7 +8,7 @@
 #include "run/given_points.h"
 #include "source/source.h"
 #include "spec/spec.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct avoided_points {
     size_t wanted; /* points of the result; 0: all that are far enough */

@@ -16,7 +16,7 @@
 #include "run/run.h"
 #include "run/outcome.h"
 #include "sizing/clearance.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the coarsest
  * level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10 000, and at least

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "io/meshes/mesh_file.h"
 #include "source/mesh_projection.h"
 

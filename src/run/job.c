@@ -10,8 +10,8 @@
 #include "base/core/memory.h"
 #include "base/core/sandbox.h"
 #include "geometry/space/packing.h"
-#include "remesh/left_out.h"
-#include "remesh/surface_mesh.h"
+#include "surface/remesh/left_out.h"
+#include "surface/remesh/surface_mesh.h"
 #include "run/cost_model.h"
 #include "run/label_meshes.h"
 #include "run/measured_surface.h"
@@ -22,7 +22,7 @@
 #include "source/mesh_projection.h"
 #include "source/plan.h"
 #include "spec/spec_table.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 void job_free_solution(solution *s)
 {

@@ -3,7 +3,7 @@
 #define HEXAD_RUN_LABEL_ADVICE_H
 
 #include "base/json/json.h"
-#include "labels/label_surface.h"
+#include "surface/labels/label_surface.h"
 #include "spec/spec.h"
 
 /* Appends the item `thin_labels` if there are thin labels: groups that merge them with adjacent labels, or the

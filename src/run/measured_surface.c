@@ -4,7 +4,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 
 static const char what[] = "the measures of the surface";
 

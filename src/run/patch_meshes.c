@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "remesh/surface_mesh.h"
+#include "surface/remesh/surface_mesh.h"
 
 static const char what[] = "the meshes of patches";
 

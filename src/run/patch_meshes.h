@@ -6,7 +6,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "mesh/mesh_patches.h"
+#include "surface/triangles/mesh_patches.h"
 #include "voronoi/triangulation.h"
 
 /* The number of edges and vertices at which the triangles are not a manifold or have an unexpected boundary. */

@@ -2,9 +2,9 @@
 #ifndef HEXAD_RUN_PATCH_REPORT_H
 #define HEXAD_RUN_PATCH_REPORT_H
 
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "base/json/json.h"
-#include "labels/label_surface.h"
+#include "surface/labels/label_surface.h"
 #include "solver/solver.h"
 
 /* Maximum number of listed patches, and of listed curves. Totals include all. */

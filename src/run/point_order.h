@@ -6,7 +6,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "io/points/points.h"
-#include "labels/label_surface.h"
+#include "surface/labels/label_surface.h"
 #include "run/attributes.h"
 #include "run/avoided_points.h"
 #include "run/given_points.h"

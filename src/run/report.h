@@ -11,7 +11,7 @@
 #include "run/outcome.h"
 #include "solver/solver.h"
 #include "spec/spec.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct report_facts {
     const spec *spec;

@@ -5,11 +5,11 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "io/points/points.h"
 #include "io/points/scene.h"
 #include "base/json/json.h"
-#include "labels/label_surface.h"
+#include "surface/labels/label_surface.h"
 #include "geometry/mesh/mesh.h"
 #include "voronoi/triangulation.h"
 #include "solver/solver.h"

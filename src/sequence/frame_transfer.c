@@ -6,7 +6,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "geometry/space/morton.h"
 #include "geometry/space/point_tree.h"
 #include "packing/neighbours.h"

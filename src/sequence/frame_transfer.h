@@ -22,10 +22,10 @@
 #include "base/core/error.h"
 #include "base/core/isa.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "sequence/registration.h"
 #include "sizing/sizing_field.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* The parent of a born point. */
 #define FRAME_TRANSFER_NONE UINT32_MAX

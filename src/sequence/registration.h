@@ -12,7 +12,7 @@
 #include <stddef.h>
 
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 
 enum { REGISTRATION_UNKNOWNS = 7 };
 

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "field/patches.h"
-#include "field/projection.h"
+#include "surface/field/patches.h"
+#include "surface/field/projection.h"
 
 /* Maximum distance of a sample from the centre of its cell, in cell sizes. */
 static const double FARTHEST = 1.5;

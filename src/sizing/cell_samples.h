@@ -6,7 +6,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct cell_samples {
     vec3 *

@@ -5,7 +5,7 @@
 
 #include "base/core/compare.h"
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "voronoi/resolution.h"
 
 /* Number of sampled places: a fraction of 2 % has a standard deviation below 0.5 %. If no wall is close to any of the

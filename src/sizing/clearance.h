@@ -11,7 +11,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "sizing/sizing_field.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct clearance {
     /* fraction of the surface at which walls are not separated at the given spacing */

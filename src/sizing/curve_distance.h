@@ -5,7 +5,7 @@
 #define HEXAD_SIZING_CURVE_DISTANCE_H
 
 #include "base/core/error.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 
 typedef struct curve_distance curve_distance;
 

@@ -8,7 +8,7 @@
 #include "base/core/error.h"
 #include "geometry/space/block_map.h"
 #include "sizing/cell_samples.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Minimum edge of a cube over that of the surface's cells: smaller cubes would be skipped. */
 #define ELEMENTS_LEAST_EDGE 1.25

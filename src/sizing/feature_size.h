@@ -17,7 +17,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "sizing/cell_samples.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Measures the feature size at the sample of each cell: INFINITY if there is no opposite wall, or if the sample was not
  * found. Errors: limit_memory, cancelled. Deterministic for any number of threads. */

@@ -15,7 +15,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "sizing/cell_samples.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct scaled_curvature scaled_curvature;
 

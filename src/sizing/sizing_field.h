@@ -20,10 +20,10 @@
 #include "base/core/error.h"
 #include "base/core/rng.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "sizing/sizing_field_params.h"
 #include "sizing/spacing_request.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct sizing_field sizing_field;
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "geometry/space/packing.h"
 #include "sizing/feature_size.h"
 #include "sizing/scaled_curvature.h"

@@ -14,7 +14,7 @@
 #include "base/core/threads.h"
 #include "sizing/cell_samples.h"
 #include "sizing/sizing_field_params.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Number of distances over which curvature is computed, an octave apart. */
 #define SPACING_REQUEST_OCTAVES 6

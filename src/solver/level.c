@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "geometry/space/morton.h"
 #include "geometry/space/packing.h"
 #include "solver/passes/refine.h"

@@ -6,11 +6,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "solver/curves/quota.h"
 #include "solver/solver_params.h"
 #include "sizing/curve_distance.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 #define LEVEL_PLAN_MAX 12
 

@@ -25,9 +25,9 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "solver/solver_params.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct solver solver;
 

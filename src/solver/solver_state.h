@@ -161,7 +161,7 @@ bool solver_reserve(solver *s, size_t capacity, error *e);
 /* Whether the particles started at given positions, as those of a frame that follows another. */
 bool solver_is_continued(const solver *s);
 
-/* Whether near curve samples were merged (field/patches.h), as on meshes. */
+/* Whether near curve samples were merged (surface/field/patches.h), as on meshes. */
 bool solver_merges_near_curves(const solver *s);
 
 /* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced). Does nothing on

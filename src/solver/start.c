@@ -7,7 +7,7 @@
 #include "base/core/rng.h"
 #include "geometry/space/point_tree.h"
 #include "solver/curves/boundary.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "geometry/space/packing.h"
 #include "solver/particles/random_streams.h"
 

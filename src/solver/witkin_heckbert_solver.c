@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "packing/neighbours.h"
 #include "geometry/space/packing.h"
 #include "solver/particles/population.h"

@@ -2,7 +2,7 @@
 #ifndef HEXAD_SOURCE_CREASED_SOURCE_H
 #define HEXAD_SOURCE_CREASED_SOURCE_H
 
-#include "field/creased.h"
+#include "surface/field/creased.h"
 #include "source/source.h"
 
 /* `part`: the whole surface, opened. `inside`: the surface of the region, if the region is bounded by a surface.

@@ -8,7 +8,7 @@
 
 #include "base/core/precision.h"
 #include "io/volumes/volume_file.h"
-#include "volume/grid_selection.h"
+#include "surface/volume/grid_selection.h"
 
 /* A grid as slices: the box of its active voxels, with a layer of the background around it. */
 typedef struct grid_slices {

@@ -5,7 +5,7 @@
 #define HEXAD_SOURCE_LABEL_SOURCE_H
 
 #include "io/volumes/exr_stack.h"
-#include "labels/label_surface.h"
+#include "surface/labels/label_surface.h"
 
 typedef struct label_source_request {
     int fd;                            /* the file; owned by the caller */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "mesh/mesh_faces.h"
+#include "surface/levelset/mesh_faces.h"
 #include "packing/neighbours.h"
 
 /* Tolerance, as a share of the extent, within which a point is on a face of the region. */

@@ -5,7 +5,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "source/source.h"
 
 typedef struct mesh_projection {

@@ -6,9 +6,9 @@
 
 #include "base/core/error.h"
 #include "base/json/json.h"
-#include "mesh/mesh_surface.h"
+#include "surface/triangles/mesh_surface.h"
 #include "spec/spec.h"
-#include "volume/volume.h"
+#include "surface/volume/volume.h"
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;

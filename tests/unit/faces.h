@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "field/patches.h"
+#include "surface/field/patches.h"
 
 enum { FACES_MOST = 8, FACE_CELLS = 20 /* along each side */ };
 

@@ -10,7 +10,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "voxels/samples.h"
+#include "surface/volume/samples.h"
 
 /* A cube of `side` blocks per axis, beginning at `low`. With `gaps`, the fourth of each seven blocks is missing. */
 static inline samples samples_fixture(int side, int low, bool gaps, rng *r)

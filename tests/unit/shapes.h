@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "base/core/rng.h"
-#include "field/analytic.h"
+#include "surface/field/analytic.h"
 
 #define SHAPE_COUNT 6
 

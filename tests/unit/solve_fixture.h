@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "solver/solver.h"
 
 static const solver_params solve_defaults = {.count = 600,

@@ -12,7 +12,7 @@
 
 #include "base/core/memory.h"
 #include "close.h"
-#include "field/region.h"
+#include "surface/field/region.h"
 #include "solver/solver.h"
 #include "shapes.h"
 #include "solver/curves/boundary.h"

@@ -11,9 +11,9 @@
 
 #include "cells.h"
 #include "close.h"
-#include "field/bspline.h"
+#include "surface/field/bspline.h"
 #include "shapes.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 enum { NX = 7, NY = 5, NZ = 9, COUNT = NX * NY * NZ };
 

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "shapes.h"
-#include "surface/cell_roots.h"
+#include "surface/scan/cell_roots.h"
 
 enum { CELLS = ROOT_GROUP_CELLS };
 

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/analytic.h"
+#include "surface/field/analytic.h"
 #include "sizing/clearance.h"
 
 static clearance measure(const analytic_params *shape, double h, int workers)

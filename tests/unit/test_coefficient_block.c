@@ -12,9 +12,9 @@
 
 #include "samples_fixture.h"
 #include "shapes.h"
-#include "field/field.h"
-#include "volume/coefficient_block.h"
-#include "volume/hidden_crossing.h"
+#include "surface/field/field.h"
+#include "surface/volume/coefficient_block.h"
+#include "surface/volume/hidden_crossing.h"
 
 enum { BLOCKS = 5, LOOKS = 4000, WORKERS = 4 };
 

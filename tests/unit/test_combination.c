@@ -8,10 +8,10 @@
 #include <math.h>
 
 #include "base/core/rng.h"
-#include "field/analytic.h"
-#include "field/combination.h"
-#include "field/placement.h"
-#include "surface/surface.h"
+#include "surface/field/analytic.h"
+#include "surface/field/combination.h"
+#include "surface/field/placement.h"
+#include "surface/scan/surface.h"
 #include "cells.h"
 
 #define SEED 20261120u

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "geometry/space/affine.h"
 #include "solver/solver.h"
-#include "surface/components.h"
+#include "surface/scan/components.h"
 
 /* Two separate balls: F is the smaller of two distances, which is smooth near each ball. */
 typedef struct balls {

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/combination.h"
-#include "field/creased.h"
+#include "surface/field/combination.h"
+#include "surface/field/creased.h"
 
 static const double HERE[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
 static const analytic_params cube = {.shape = ANALYTIC_BOX, .center = {0.1, 0, 0}, .half_size = {1, 1, 1}};

@@ -10,7 +10,7 @@
 
 #include "samples_fixture.h"
 #include "shapes.h"
-#include "volume/crossed_cells.h"
+#include "surface/volume/crossed_cells.h"
 
 enum { SIDE = 4, BLOCKS = SIDE * SIDE * SIDE, LATE = 3 };
 

@@ -12,9 +12,9 @@
 #include "base/core/memory.h"
 #include "base/core/rng.h"
 #include "shapes.h"
-#include "voxels/crossings.h"
-#include "voxels/grid_view.h"
-#include "voxels/reach.h"
+#include "surface/volume/crossings.h"
+#include "surface/volume/grid_view.h"
+#include "surface/volume/reach.h"
 
 enum {
     SIDE = GRID_VIEW_SIDE,

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/combination.h"
+#include "surface/field/combination.h"
 #include "shapes.h"
 #include "sizing/feature_size.h"
 

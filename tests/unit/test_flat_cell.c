@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/flat_cell.h"
+#include "surface/field/flat_cell.h"
 
 /* A cell with these edges from a corner, with the distances from a plane. */
 static field_cell cell_of(vec3 from, const vec3 edge[3], vec3 normal, double at)

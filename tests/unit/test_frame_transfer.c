@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "close.h"
 #include "geometry/space/packing.h"
 #include "solver/level_plan.h"

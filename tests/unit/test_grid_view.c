@@ -9,7 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/rng.h"
 #include "shapes.h"
-#include "voxels/grid_view.h"
+#include "surface/volume/grid_view.h"
 
 enum { LEAVES = 400, TILES = 3000, LOOKS = 4000, REACH = 600 /* blocks */ };
 static const float BACKGROUND = -7;

@@ -13,9 +13,9 @@
 #include <cmocka.h>
 
 #include "base/core/memory.h"
-#include "field/patches.h"
-#include "labels/label_majority.h"
-#include "labels/label_thinness.h"
+#include "surface/field/patches.h"
+#include "surface/labels/label_majority.h"
+#include "surface/labels/label_thinness.h"
 #include "source/label_source.h"
 #include "io/vdb/vdb.h"
 

@@ -12,11 +12,11 @@
 
 #include "base/core/memory.h"
 #include "mesh_fixture.h"
-#include "mesh/levelset.h"
-#include "mesh/mesh_repair.h"
-#include "volume/resolution.h"
+#include "surface/levelset/levelset.h"
+#include "surface/levelset/mesh_repair.h"
+#include "surface/volume/resolution.h"
 #include "geometry/space/triangle.h"
-#include "mesh/winding_number.h"
+#include "surface/levelset/winding_number.h"
 #include "volume_fixture.h"
 
 enum { SEED = 20260720 };

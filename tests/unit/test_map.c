@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "volume/map.h"
+#include "surface/volume/map.h"
 #include "volume_fixture.h"
 
 static double slope(vec3 x)

@@ -11,10 +11,10 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/analytic.h"
-#include "field/region.h"
+#include "surface/field/analytic.h"
+#include "surface/field/region.h"
 #include "lattice_scenes.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* The circumradius of an equilateral triangle of side 1. */
 static const double IDEAL = 0.57735026918962576451;

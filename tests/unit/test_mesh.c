@@ -17,8 +17,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "mesh/fidelity.h"
-#include "mesh/mesh_faces.h"
+#include "surface/levelset/fidelity.h"
+#include "surface/levelset/mesh_faces.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "io/meshes/mesh_file.h"

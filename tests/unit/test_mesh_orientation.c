@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "base/core/rng.h"
-#include "mesh/mesh_orientation.h"
+#include "surface/triangles/mesh_orientation.h"
 #include "mesh_fixture.h"
 
 /* Oriented patches of a mesh; edges with an angle of more than 0.7 are features. */

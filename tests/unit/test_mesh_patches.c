@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "mesh/mesh_patches.h"
+#include "surface/triangles/mesh_patches.h"
 #include "mesh_fixture.h"
 
 static vec3 flat(double u, double v)

@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mesh/mesh_refinement.h"
-#include "mesh/mesh_surface.h"
+#include "surface/triangles/mesh_refinement.h"
+#include "surface/triangles/mesh_surface.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "sizing/elements.h"

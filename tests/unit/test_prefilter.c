@@ -12,8 +12,8 @@
 
 #include "samples_fixture.h"
 #include "shapes.h"
-#include "voxels/band_extension.h"
-#include "voxels/prefilter.h"
+#include "surface/volume/band_extension.h"
+#include "surface/volume/prefilter.h"
 
 enum {
     BLOCKS = 4,

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "shapes.h"
 
 static const projection_limits exact = {30, 1e-12, 1e-8, 1e-9};

@@ -8,9 +8,9 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/region.h"
+#include "surface/field/region.h"
 #include "shapes.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 static const analytic_params ball = {.shape = ANALYTIC_SPHERE, .radius = 1};
 static const analytic_params ring = {

@@ -8,10 +8,10 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "sequence/registration.h"
 #include "shapes.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 enum { POINTS = 3000 };
 

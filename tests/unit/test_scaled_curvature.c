@@ -7,8 +7,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/bspline.h"
-#include "field/projection.h"
+#include "surface/field/bspline.h"
+#include "surface/field/projection.h"
 #include "shapes.h"
 #include "sizing/scaled_curvature.h"
 

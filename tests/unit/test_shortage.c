@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/core/memory.h"
-#include "field/analytic.h"
-#include "mesh/mesh_faces.h"
-#include "mesh/mesh_surface.h"
+#include "surface/field/analytic.h"
+#include "surface/levelset/mesh_faces.h"
+#include "surface/triangles/mesh_surface.h"
 #include "mesh_fixture.h"
 #include "solve_fixture.h"
 

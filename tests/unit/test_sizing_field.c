@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "shapes.h"
 #include "sizing/sizing_field.h"
 

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "faces.h"
-#include "mesh/mesh_surface.h"
+#include "surface/triangles/mesh_surface.h"
 #include "mesh_fixture.h"
 #include "solve_fixture.h"
 

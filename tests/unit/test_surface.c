@@ -8,8 +8,8 @@
 
 #include "close.h"
 #include "shapes.h"
-#include "surface/cell_parts.h"
-#include "surface/surface.h"
+#include "surface/scan/cell_parts.h"
+#include "surface/scan/surface.h"
 
 static double scan_area(int k, int workers)
 {

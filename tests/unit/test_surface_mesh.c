@@ -12,8 +12,8 @@
 #include "base/core/rng.h"
 #include "mesh_fixture.h"
 #include "voronoi/triangulation.h"
-#include "remesh/left_out.h"
-#include "remesh/surface_mesh.h"
+#include "surface/remesh/left_out.h"
+#include "surface/remesh/surface_mesh.h"
 #include "shapes.h"
 
 enum { MOST = 4000 };

@@ -10,7 +10,7 @@
 
 #include "base/core/rng.h"
 #include "geometry/space/triangle.h"
-#include "mesh/triangle_groups.h"
+#include "surface/levelset/triangle_groups.h"
 #include "mesh_fixture.h"
 #include "shapes.h"
 

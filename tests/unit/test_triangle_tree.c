@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "mesh/triangle_tree.h"
+#include "surface/triangles/triangle_tree.h"
 #include "mesh_fixture.h"
 #include "shapes.h"
 

@@ -13,10 +13,10 @@
 
 #include "base/core/memory.h"
 #include "base/core/threads.h"
-#include "field/region.h"
+#include "surface/field/region.h"
 #include "solver/particles/coverage.h"
-#include "surface/surface.h"
-#include "volume/example.h"
+#include "surface/scan/surface.h"
+#include "surface/volume/example.h"
 #include "cells.h"
 #include "close.h"
 #include "volume_fixture.h"

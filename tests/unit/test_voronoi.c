@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "voronoi/voronoi.h"
 #include "shapes.h"
 

@@ -1,4 +1,4 @@
-/* volume_fixture: small volumes for tests of src/volume and src/io/vdb, in memory files. */
+/* volume_fixture: small volumes for tests of src/surface/volume and src/io/vdb, in memory files. */
 #ifndef HEXAD_TESTS_VOLUME_FIXTURE_H
 #define HEXAD_TESTS_VOLUME_FIXTURE_H
 
@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "io/vdb/vdb.h"
-#include "volume/volume.h"
+#include "surface/volume/volume.h"
 
 #define FIXTURE_MEMORY ((size_t)1 << 30)
 

@@ -1,4 +1,4 @@
-/* slices: reads a dense volume slice by slice (the source of volume/dense_grid.h).
+/* slices: reads a dense volume slice by slice (the source of surface/volume/dense_grid.h).
  *
  * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number i +
  * size[0] j of slice k, with `components` values; its position is index_to_world (i, j, k, 1). One thread at a time.

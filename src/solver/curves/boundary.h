@@ -12,7 +12,7 @@
 
 #include "base/core/error.h"
 #include "sizing/sizing_field.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct boundary {
     size_t count;

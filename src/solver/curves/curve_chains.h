@@ -2,7 +2,7 @@
 #ifndef HEXAD_SOLVER_CURVES_CURVE_CHAINS_H
 #define HEXAD_SOLVER_CURVES_CURVE_CHAINS_H
 
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "solver/solver.h"
 
 /* Curve c has the points point[first[c]] .. point[first[c + 1] - 1], from its start to its end, including corners. The first

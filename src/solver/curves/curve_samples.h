@@ -14,7 +14,7 @@
 #include <stdlib.h>
 
 #include "base/core/error.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 #include "solver/curves/boundary.h"
 
 typedef struct curve_samples {

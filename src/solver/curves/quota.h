@@ -10,7 +10,7 @@
 #include "solver/curves/curve_samples.h"
 #include "solver/particles/particles.h"
 #include "sizing/sizing_field.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 typedef struct quota_input {
     const field *field; /* with patches */

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "field/patches.h"
-#include "field/projection.h"
+#include "surface/field/patches.h"
+#include "surface/field/projection.h"
 #include "geometry/space/cell_list.h"
 
 /* "Cell" in this file: a grid cell of the surface. */

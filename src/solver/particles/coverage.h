@@ -11,7 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Number of parts that coverage_measure distinguishes: the patches; 1 without patches. */
 size_t coverage_parts(const surface *scan);

@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/patches.h"
+#include "surface/field/patches.h"
 
 typedef struct particles {
     size_t count, capacity;

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 
 /* Logarithm of the weight of a particle per standard deviation of its energy from the mean. A choice by rank would take whole
  * clusters and leave gaps. */

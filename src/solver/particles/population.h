@@ -6,7 +6,7 @@
 
 #include "base/core/error.h"
 #include "base/core/rng.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "solver/particles/particles.h"
 
 typedef enum population_bias {

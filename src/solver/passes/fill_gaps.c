@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "voronoi/resolution.h"
 #include "solver/particles/coverage.h"
 #include "solver/particles/random_streams.h"

@@ -7,7 +7,7 @@
 #ifndef HEXAD_SOLVER_PASSES_PASSES_H
 #define HEXAD_SOLVER_PASSES_PASSES_H
 
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "solver/solver_state.h"
 
 /* Removes defects by local changes that keep the count (repair_defects.c). */

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "geometry/space/cell_list.h"
 #include "solver/particles/random_streams.h"
 #include "solver/passes/passes.h"

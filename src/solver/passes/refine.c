@@ -7,7 +7,7 @@
 #include "base/core/memory.h"
 #include "base/core/rng.h"
 #include "base/core/sets.h"
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "voronoi/voronoi.h"
 #include "solver/particles/population.h"
 #include "solver/particles/random_streams.h"

@@ -5,12 +5,12 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "solver/curves/quota.h"
 #include "solver/particles/particles.h"
 #include "sizing/curve_distance.h"
 #include "sizing/sizing_field.h"
-#include "surface/surface.h"
+#include "surface/scan/surface.h"
 
 /* Number of particles of the coarse level from which refinement gives at least `count`. A closed surface of Euler characteristic x
  * has 3 (n - x) edges, so that n become 4 n - 3 x. The sphere (x = 2) has the fewest edges. */

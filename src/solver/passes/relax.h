@@ -19,7 +19,7 @@
 
 #include "base/core/error.h"
 #include "base/core/threads.h"
-#include "field/field.h"
+#include "surface/field/field.h"
 #include "packing/energy.h"
 #include "packing/fast_kernel.h"
 #include "solver/particles/particles.h"

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "field/projection.h"
+#include "surface/field/projection.h"
 
 /* log10 of the damping of a step from which a particle with a smooth energy is projected more exactly: the error of its position
  * misleads the step. At edges and boundaries such damping is normal. */

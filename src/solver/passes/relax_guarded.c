@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "solver/passes/relax_internal.h"
 
 /* Trials per sweep. If all fail, the particle starts with more damping in the next sweep. */

@@ -3,7 +3,7 @@
 #include <assert.h>
 #include <math.h>
 
-#include "field/projection.h"
+#include "surface/field/projection.h"
 #include "packing/energy.h"
 #include "packing/neighbours.h"
 #include "geometry/space/packing.h"

@@ -1,0 +1,184 @@
+#include "surface/remesh/fine_mesh.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "geometry/space/point_tree.h"
+
+static const char what[] = "the pieces of the mesh";
+
+/* Halvings of a side, one after the other. */
+enum { MOST_PASSES = 24 };
+
+/* ---- sides and the vertices in their middles ---- */
+
+#define WHOLE UINT32_MAX /* a side that is not halved; and there are fewer vertices and triangles */
+
+typedef struct side {
+    uint32_t low, high; /* the same: an empty place of the table */
+    uint32_t middle;
+} side;
+
+typedef struct halving {
+    fine_mesh *out;
+    const point_tree *tree;
+    const double *spacing;
+    double share;
+    side *table;
+    size_t mask, vertex_room, triangle_room;
+} halving;
+
+/* Maximum distance, in lengths of the side, from a side's middle to a point whose spacing counts there. */
+static const double NEAR_ENOUGH = 0.5;
+
+static bool needs_halving(const halving *h, vec3 a, vec3 b, vec3 middle)
+{
+    double unused;
+    const double length = vec3_norm(vec3_sub(a, b));
+    const uint32_t near = point_tree_nearest(h->tree, middle, NEAR_ENOUGH * length, &unused);
+    return length > h->share * h->spacing[near];
+}
+
+static bool too_many(error *e)
+{
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "mesh.ply requires more than %u pieces of the mesh: ask for fewer points", WHOLE);
+}
+
+/* The vertex in the middle of a side, which is made when the side is met first, or WHOLE. */
+static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error *e)
+{
+    mesh *m = &h->out->m;
+    const uint32_t low = a < b ? a : b, high = a < b ? b : a;
+    size_t at = (((uint64_t)low << 32 | high) * 0x9e3779b97f4a7c15u >> 20) & h->mask;
+    while (h->table[at].low != h->table[at].high && (h->table[at].low != low || h->table[at].high != high))
+        at = (at + 1) & h->mask;
+    side *s = &h->table[at];
+    if (s->low == s->high) {
+        const vec3 middle = vec3_scale(vec3_add(m->vertex[low], m->vertex[high]), 0.5);
+        *s = (side){low, high, WHOLE};
+        if (needs_halving(h, m->vertex[low], m->vertex[high], middle)) {
+            if (m->vertex_count >= WHOLE) return too_many(e);
+            vec3 *grown = mem_grow(m->vertex, m->vertex_count, &h->vertex_room, sizeof *grown, what, e);
+            if (!grown) return false;
+            m->vertex = grown;
+            s->middle = (uint32_t)m->vertex_count;
+            m->vertex[m->vertex_count++] = middle;
+        }
+    }
+    *out = s->middle;
+    return true;
+}
+
+/* The triangles that a triangle becomes some of whose sides are halved; their number. */
+static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32_t out[4][3])
+{
+    int halved = 0, first = 0;
+    for (int k = 0; k < 3; k++)
+        if (middle[k] != WHOLE) {
+            halved++;
+            first += k;
+        }
+    if (halved == 1) {
+        const int k = first;
+        const uint32_t made[2][3] = {{t[k], middle[k], t[(k + 2) % 3]},
+                                     {middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}};
+        memcpy(out, made, sizeof made);
+    }
+    if (halved == 2) { /* the sides that begin at corners a and b are halved */
+        const int whole = 3 - first, a = (whole + 1) % 3, b = (whole + 2) % 3;
+        const uint32_t made[3][3] = {
+            {middle[a], t[b], middle[b]}, {t[whole], t[a], middle[a]}, {t[whole], middle[a], middle[b]}};
+        memcpy(out, made, sizeof made);
+    }
+    if (halved == 3) {
+        const uint32_t made[4][3] = {{middle[0], middle[1], middle[2]},
+                                     {t[0], middle[0], middle[2]},
+                                     {t[1], middle[1], middle[0]},
+                                     {t[2], middle[2], middle[1]}};
+        memcpy(out, made, sizeof made);
+    }
+    return (size_t)halved + 1;
+}
+
+static bool keep_triangle(mesh *m, const uint32_t t[3], size_t *room, error *e)
+{
+    if (m->triangle_count >= WHOLE) return too_many(e);
+    uint32_t(*grown)[3] = mem_grow(m->triangle, m->triangle_count, room, sizeof *grown, what, e);
+    if (!grown) return false;
+    m->triangle = grown;
+    memcpy(m->triangle[m->triangle_count++], t, sizeof *m->triangle);
+    return true;
+}
+
+/* Halves every side of the triangles at hand once that is too long. Those of which none is are done. */
+static bool halve_sides(halving *h, uint32_t (**at_hand)[3], size_t *count, error *e)
+{
+    size_t places = 16, made = 0;
+    while (places < 6 * *count) places *= 2;
+    h->mask = places - 1;
+    h->table = mem_array(places, sizeof *h->table, what, e);
+    uint32_t(*next)[3] = mem_array(4 * *count, sizeof *next, what, e);
+    bool ok = h->table && next;
+    for (size_t n = 0; ok && n < *count; n++) {
+        const uint32_t *t = (*at_hand)[n];
+        uint32_t middle[3];
+        for (int k = 0; ok && k < 3; k++) ok = halve_side(h, t[k], t[(k + 1) % 3], &middle[k], e);
+        if (!ok) break;
+        if (middle[0] == WHOLE && middle[1] == WHOLE && middle[2] == WHOLE)
+            ok = keep_triangle(&h->out->m, t, &h->triangle_room, e);
+        else
+            made += cut_triangle(t, middle, next + made);
+    }
+    free(h->table);
+    free(*at_hand);
+    *at_hand = next;
+    *count = made;
+    return ok;
+}
+
+/* ---- the whole ---- */
+
+static bool list_around(fine_mesh *f, error *e)
+{
+    const mesh *m = &f->m;
+    f->first = mem_array(m->vertex_count + 2, sizeof *f->first, what, e);
+    f->around = mem_array(3 * m->triangle_count, sizeof *f->around, what, e);
+    if (!f->first || !f->around) return false;
+    for (size_t c = 0; c < 3 * m->triangle_count; c++) f->first[m->triangle[c / 3][c % 3] + 2]++;
+    for (size_t v = 2; v < m->vertex_count + 2; v++) f->first[v] += f->first[v - 1];
+    for (size_t c = 0; c < 3 * m->triangle_count; c++)
+        f->around[f->first[m->triangle[c / 3][c % 3] + 1]++] = (uint32_t)(c / 3);
+    return true;
+}
+
+bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const double *spacing,
+                    double share, fine_mesh *out, error *e)
+{
+    mesh_notes unused = {0};
+    *out = (fine_mesh){0};
+    point_tree *tree = point_tree_new(position, count, e);
+    bool ok =
+        tree && mesh_copy(whole, NULL, &out->m, e) && mesh_weld(&out->m, MESH_KEEP_CANCELLED, &unused, e);
+    halving h = {
+        .out = out, .tree = tree, .spacing = spacing, .share = share, .vertex_room = out->m.vertex_count};
+    uint32_t(*at_hand)[3] = out->m.triangle;
+    size_t left = out->m.triangle_count;
+    out->m.triangle = NULL;
+    out->m.triangle_count = 0;
+    out->m.welded = false;
+    for (int pass = 0; ok && left > 0 && pass < MOST_PASSES; pass++) ok = halve_sides(&h, &at_hand, &left, e);
+    for (size_t n = 0; ok && n < left; n++) ok = keep_triangle(&out->m, at_hand[n], &h.triangle_room, e);
+    free(at_hand);
+    point_tree_free(tree);
+    return ok && list_around(out, e);
+}
+
+void fine_mesh_free(fine_mesh *f)
+{
+    mesh_free(&f->m);
+    free(f->first);
+    free(f->around);
+    *f = (fine_mesh){0};
+}

@@ -1,0 +1,150 @@
+#include "surface/remesh/geodesic_cells.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "surface/triangles/triangle_tree.h"
+
+static const char what[] = "the cells of the points";
+
+/* A vertex as a cell may reach it. */
+typedef struct reach {
+    double distance;
+    uint32_t vertex, name;
+} reach;
+
+typedef struct growth {
+    const fine_mesh *f;
+    double *distance;         /* of each vertex the least that it was offered, INFINITY before */
+    uint32_t *offered, *name; /* by which cell, and whose it is once it has been reached */
+    reach *heap;              /* the nearest first */
+    size_t count, room;
+} growth;
+
+/* ---- the heap ---- */
+
+static bool comes_before(const reach *a, const reach *b)
+{
+    if (a->distance != b->distance) return a->distance < b->distance;
+    return a->vertex != b->vertex ? a->vertex < b->vertex : a->name < b->name;
+}
+
+static bool push(growth *g, reach r, error *e)
+{
+    reach *grown = mem_grow(g->heap, g->count, &g->room, sizeof *grown, what, e);
+    if (!grown) return false;
+    g->heap = grown;
+    size_t at = g->count++;
+    for (size_t up; at > 0 && comes_before(&r, &g->heap[up = (at - 1) / 2]); at = up)
+        g->heap[at] = g->heap[up];
+    g->heap[at] = r;
+    return true;
+}
+
+static reach pop(growth *g)
+{
+    const reach top = g->heap[0], last = g->heap[--g->count];
+    size_t at = 0;
+    for (;;) {
+        size_t next = 2 * at + 1;
+        if (next >= g->count) break;
+        if (next + 1 < g->count && comes_before(&g->heap[next + 1], &g->heap[next])) next++;
+        if (!comes_before(&g->heap[next], &last)) break;
+        g->heap[at] = g->heap[next];
+        at = next;
+    }
+    g->heap[at] = last;
+    return top;
+}
+
+/* ---- growing ---- */
+
+/* The distance of w from the point with the distances from_u and from_v to u and v, in the plane of the three. */
+static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3 w)
+{
+    const vec3 along = vec3_sub(v, u), to = vec3_sub(w, u);
+    const double length = vec3_norm(along),
+                 straight = fmin(from_u + vec3_norm(to), from_v + vec3_norm(vec3_sub(w, v)));
+    if (!(length > 0)) return straight;
+    const double x = (from_u * from_u - from_v * from_v + length * length) / (2 * length),
+                 y = sqrt(fmax(from_u * from_u - x * x, 0)), wx = vec3_dot(to, along) / length,
+                 wy = sqrt(fmax(vec3_norm2(to) - wx * wx, 0)),
+                 crossing = x + (wx - x) * y / fmax(y + wy, 1e-300);
+    return crossing >= 0 && crossing <= length ? sqrt((wx - x) * (wx - x) + (wy + y) * (wy + y)) : straight;
+}
+
+/* An offer that a vertex had better ones than never comes to the top. */
+static bool offer(growth *g, reach r, error *e)
+{
+    const uint32_t v = r.vertex;
+    if (r.distance > g->distance[v] || (r.distance == g->distance[v] && r.name >= g->offered[v])) return true;
+    g->distance[v] = r.distance;
+    g->offered[v] = r.name;
+    return push(g, r, e);
+}
+
+/* Offers what the cell of v, which has just been reached, sees across its triangles. */
+static bool look_around(growth *g, uint32_t v, error *e)
+{
+    const mesh *m = &g->f->m;
+    for (size_t k = g->f->first[v]; k < g->f->first[v + 1]; k++) {
+        const uint32_t *t = m->triangle[g->f->around[k]];
+        const int at = t[0] == v ? 0 : t[1] == v ? 1 : 2;
+        for (int side = 1; side < 3; side++) {
+            const uint32_t to = t[(at + side) % 3], beside = t[(at + 3 - side) % 3];
+            if (g->name[to] != GEODESIC_CELLS_NONE) continue;
+            const double d = g->name[beside] == g->name[v]
+                                 ? distance_across(m->vertex[v], g->distance[v], m->vertex[beside],
+                                                   g->distance[beside], m->vertex[to])
+                                 : g->distance[v] + vec3_norm(vec3_sub(m->vertex[to], m->vertex[v]));
+            if (!offer(g, (reach){d, to, g->name[v]}, e)) return false;
+        }
+    }
+    return true;
+}
+
+/* Each point reaches the corners of its triangle. */
+static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
+{
+    const mesh *m = &g->f->m;
+    triangle_tree *tree = triangle_tree_new(m, e);
+    bool ok = tree != NULL;
+    for (size_t i = 0; ok && i < count; i++) {
+        double weight[3];
+        const uint32_t *t = m->triangle[triangle_tree_find(tree, position[i], weight)];
+        for (int k = 0; ok && k < 3; k++)
+            ok = offer(g, (reach){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
+    }
+    triangle_tree_free(tree);
+    return ok;
+}
+
+bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position, const uint32_t *name,
+                         uint32_t **out, error *e)
+{
+    growth g = {.f = f,
+                .distance = mem_array(f->m.vertex_count, sizeof *g.distance, what, e),
+                .offered = mem_array(f->m.vertex_count, sizeof *g.offered, what, e),
+                .name = mem_array(f->m.vertex_count, sizeof *g.name, what, e)};
+    bool ok = g.distance && g.offered && g.name;
+    for (size_t v = 0; ok && v < f->m.vertex_count; v++) {
+        g.distance[v] = INFINITY;
+        g.name[v] = GEODESIC_CELLS_NONE;
+    }
+    ok = ok && begin(&g, count, position, name, e);
+    while (ok && g.count > 0) {
+        const reach r = pop(&g);
+        if (g.name[r.vertex] != GEODESIC_CELLS_NONE) continue;
+        g.name[r.vertex] = r.name;
+        ok = look_around(&g, r.vertex, e);
+    }
+    free(g.heap);
+    free(g.distance);
+    free(g.offered);
+    if (ok)
+        *out = g.name;
+    else
+        free(g.name);
+    return ok;
+}

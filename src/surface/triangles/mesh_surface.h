@@ -1,0 +1,36 @@
+/* mesh_surface: a triangle mesh as a field of patches (surface/field/patches.h). The zero set of each patch is its
+ * triangles.
+ *
+ * F of a patch at x is the signed distance from x to the plane of the closest triangle, along the interpolated
+ * normal at the closest point of that triangle. One Newton step from x therefore ends in that plane. Beyond its
+ * curves a patch continues in the planes of its last triangles. Second derivatives are those of the interpolated
+ * normals, as a shape operator at each vertex. Long edges are halved where the surface bends (mesh_refinement.h), so
+ * that normals turn within a spacing of an edge. The grid cells of the field are the triangles, divided into pieces.
+ * World units. Sampling: any thread.
+ */
+#ifndef HEXAD_SURFACE_TRIANGLES_MESH_SURFACE_H
+#define HEXAD_SURFACE_TRIANGLES_MESH_SURFACE_H
+
+#include "base/core/error.h"
+#include "surface/field/field.h"
+#include "surface/triangles/mesh_patches.h"
+
+typedef struct mesh_surface mesh_surface;
+
+/* Takes ownership of *patches and zeroes it, also on failure. `longest`: maximum edge length of a piece, and of a
+ * triangle where the surface bends. `memory_limit`: maximum size, in bytes, of the triangles, the pieces, and the
+ * data that a scan of the surface (surface_scan) keeps for each piece. NULL on error: no_surface (no area),
+ * limit_memory. */
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e);
+void mesh_surface_free(mesh_surface *s); /* accepts NULL */
+
+const field *mesh_surface_field(const mesh_surface *s);
+/* The patches, with refined triangles. */
+const mesh_patches *mesh_surface_patches(const mesh_surface *s);
+/* The number of triangles before refinement. */
+size_t mesh_surface_triangles(const mesh_surface *s);
+/* The closest place of all triangles. */
+vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x);
+size_t mesh_surface_bytes(const mesh_surface *s);
+
+#endif

@@ -1,0 +1,343 @@
+#include "surface/triangles/triangle_tree.h"
+
+#include <float.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "geometry/space/box_tree.h"
+#include "geometry/space/triangle.h"
+
+/* The box_tree of a mesh. */
+typedef struct lazy_tree {
+    box_tree tree;
+    atomic_bool made;
+    pthread_mutex_t making;
+} lazy_tree;
+
+struct triangle_tree {
+    const mesh *mesh;
+    bbox box; /* of all triangles */
+    lazy_tree *lazy;
+};
+
+static inline triangle triangle_of(const mesh *m, size_t k)
+{
+    const uint32_t *corner = m->triangle[k];
+    return (triangle){m->vertex[corner[0]], m->vertex[corner[1]], m->vertex[corner[2]]};
+}
+
+static bbox box_of_triangle(const void *context, uint32_t k)
+{
+    const triangle t = triangle_of(context, k);
+    return triangle_box(&t);
+}
+
+static bool make(const mesh *m, box_tree *out, error *e)
+{
+    static const char what[] = "the tree of a mesh";
+    vec3 *centroid = mem_array(m->triangle_count, sizeof *centroid, what, e);
+    for (size_t k = 0; centroid && k < m->triangle_count; k++) {
+        const triangle t = triangle_of(m, k);
+        centroid[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
+    }
+    const bool ok = centroid && box_tree_make(m->triangle_count, centroid, box_of_triangle, m, what, out, e);
+    free(centroid);
+    return ok;
+}
+
+triangle_tree *triangle_tree_new_lazy(const mesh *m)
+{
+    triangle_tree *n = mem_alloc(sizeof *n);
+    *n = (triangle_tree){m, mesh_box(m, NULL), mem_alloc(sizeof *n->lazy)};
+    pthread_mutex_init(&n->lazy->making, NULL);
+    return n;
+}
+
+triangle_tree *triangle_tree_new(const mesh *m, error *e)
+{
+    triangle_tree *n = triangle_tree_new_lazy(m);
+    if (make(m, &n->lazy->tree, e)) {
+        n->lazy->made = true;
+        return n;
+    }
+    triangle_tree_free(n);
+    return NULL;
+}
+
+void triangle_tree_free(triangle_tree *n)
+{
+    if (!n) return;
+    box_tree_free(&n->lazy->tree);
+    pthread_mutex_destroy(&n->lazy->making);
+    free(n->lazy);
+    free(n);
+}
+
+/* The tree, built at the first call. A search returns no error: if memory is out, the process is aborted, as by mem_alloc. Lazy trees are small
+ * (UNGROUPED in mesh_faces.c): 2 MB at most, and 1.6 MB more during construction. */
+static const box_tree *tree_of(const triangle_tree *n)
+{
+    lazy_tree *l = n->lazy;
+    if (atomic_load_explicit(&l->made, memory_order_acquire)) return &l->tree;
+    pthread_mutex_lock(&l->making);
+    if (!atomic_load_explicit(&l->made, memory_order_relaxed)) {
+        if (!make(n->mesh, &l->tree, NULL)) abort();
+        atomic_store_explicit(&l->made, true, memory_order_release);
+    }
+    pthread_mutex_unlock(&l->making);
+    return &l->tree;
+}
+
+static inline double least_of(double a, double b, double c)
+{
+    const double d = a < b ? a : b;
+    return d < c ? d : c;
+}
+
+static inline double most_of(double a, double b, double c)
+{
+    const double d = a > b ? a : b;
+    return d > c ? d : c;
+}
+
+/* Whether the bounding box of a triangle is farther than the squared distance, with a margin for rounding. Rejects most triangles of a leaf. */
+static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
+{
+    const double margin = 1e-12;
+    const bbox box = {
+        {least_of(t->a.x, t->b.x, t->c.x), least_of(t->a.y, t->b.y, t->c.y),
+         least_of(t->a.z, t->b.z, t->c.z)},
+        {most_of(t->a.x, t->b.x, t->c.x), most_of(t->a.y, t->b.y, t->c.y), most_of(t->a.z, t->b.z, t->c.z)}};
+    return box_tree_distance2(&box, p) > (1 + margin) * distance2;
+}
+
+/* The closest accepted triangle with a squared distance below *nearest, which receives its squared distance. The number of triangles: there is
+ * none. */
+static inline size_t search(const triangle_tree *n, vec3 p, double *nearest, triangle_tree_accept *accept,
+                            const void *context)
+{
+    const box_tree *tree = tree_of(n);
+    box_tree_walk w;
+    size_t found = n->mesh->triangle_count;
+    double best = *nearest;
+    box_tree_begin_near(tree, &w, p);
+    while (box_tree_next_near(tree, &w, p, best))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
+            if (is_beyond(&t, p, best)) continue;
+            const double distance2 = triangle_distance2(&t, p);
+            if (!(distance2 < best)) continue;
+            if (accept && !accept(context, tree->order[k], &t)) continue;
+            best = distance2;
+            found = tree->order[k];
+        }
+    *nearest = best;
+    return found;
+}
+
+bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2, size_t *nearest)
+{
+    const size_t found = search(n, p, distance2, NULL, NULL);
+    if (found == n->mesh->triangle_count) return false;
+    *nearest = found;
+    return true;
+}
+
+static size_t weights_of(const triangle_tree *n, size_t found, vec3 p, double weight[3])
+{
+    const triangle t = triangle_of(n->mesh, found);
+    triangle_weights(&t, p, weight);
+    return found;
+}
+
+size_t triangle_tree_find(const triangle_tree *n, vec3 p, double weight[3])
+{
+    double distance2 = INFINITY;
+    const size_t found = search(n, p, &distance2, NULL, NULL);
+    return weights_of(n, found, p, weight);
+}
+
+/* An upper bound of the squared distance to triangle `start`, with a margin for rounding: a search with this bound finds the same triangle as one
+ * without. */
+static double bound_by(const triangle_tree *n, vec3 p, size_t start)
+{
+    const double margin = 1e-9;
+    const triangle t = triangle_of(n->mesh, start);
+    return (1 + margin) * triangle_distance2(&t, p) + DBL_MIN;
+}
+
+size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, double weight[3])
+{
+    double distance2 = bound_by(n, p, start);
+    const size_t found = search(n, p, &distance2, NULL, NULL);
+    if (found == n->mesh->triangle_count) return triangle_tree_find(n, p, weight);
+    return weights_of(n, found, p, weight);
+}
+
+/* Source: Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection". */
+static inline void cross_triangle(const triangle *t, vec3 p, vec3 d, line_crossings *out)
+{
+    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a);
+    const vec3 q = vec3_cross(d, ac), from = vec3_sub(p, t->a);
+    const double det = vec3_dot(ab, q), u = vec3_dot(from, q) / det;
+    if (!(u >= 0 && u <= 1)) return; /* true also for a parallel triangle */
+    const vec3 r = vec3_cross(from, ab);
+    const double v = vec3_dot(d, r) / det, at = vec3_dot(ac, r) / det;
+    if (!(v >= 0 && u + v <= 1)) return;
+    if (at < 0) {
+        out->behind = fmin(out->behind, -at);
+        return;
+    }
+    out->ahead = fmin(out->ahead, at);
+    out->winding += det < 0 ? 1 : -1; /* det = -d . normal */
+}
+
+/* Adds the crossings with the triangles of a tree. */
+static void cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip, line_crossings *out)
+{
+    const box_tree *tree = tree_of(n);
+    box_tree_walk w;
+    box_tree_begin(tree, &w);
+    while (box_tree_next_crossed(tree, &w, p, d))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
+            if (tree->order[k] != skip) cross_triangle(&t, p, d, out);
+        }
+}
+
+line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip)
+{
+    line_crossings out = {INFINITY, INFINITY, 0};
+    cross(n, p, d, skip, &out);
+    return out;
+}
+
+size_t triangle_tree_bytes(const triangle_tree *n)
+{
+    return box_tree_bytes(n->mesh->triangle_count);
+}
+
+/* ---- forests */
+
+struct triangle_forest {
+    const triangle_tree **tree;
+    box_tree boxes; /* of the trees */
+};
+
+static bbox box_of_tree(const void *context, uint32_t k)
+{
+    const triangle_tree *const *tree = context;
+    return tree[k]->box;
+}
+
+triangle_forest *triangle_forest_new(const triangle_tree *const *tree, size_t count, error *e)
+{
+    static const char what[] = "the tree of meshes";
+    triangle_forest *n = mem_alloc(sizeof *n);
+    vec3 *middle = mem_array(count, sizeof *middle, what, e);
+    n->tree = mem_array(count, sizeof *n->tree, what, e);
+    bool ok = middle && n->tree;
+    for (size_t k = 0; ok && k < count; k++) {
+        n->tree[k] = tree[k];
+        middle[k] = vec3_scale(vec3_add(tree[k]->box.min, tree[k]->box.max), 0.5);
+    }
+    ok = ok && box_tree_make(count, middle, box_of_tree, n->tree, what, &n->boxes, e);
+    free(middle);
+    if (ok) return n;
+    triangle_forest_free(n);
+    return NULL;
+}
+
+void triangle_forest_free(triangle_forest *n)
+{
+    if (!n) return;
+    free(n->tree);
+    box_tree_free(&n->boxes);
+    free(n);
+}
+
+/* The closest triangle found so far. */
+typedef struct forest_result {
+    double distance2;
+    size_t tree, triangle;
+} forest_result;
+
+/* Searches one tree. At equal distances the earlier tree wins. True: *yet is replaced. */
+static bool search_tree(const triangle_forest *n, size_t tree, vec3 p, forest_result *yet)
+{
+    if (tree == yet->tree && yet->distance2 < INFINITY) return false;
+    double distance2 = tree < yet->tree ? nextafter(yet->distance2, INFINITY) : yet->distance2;
+    if (!(box_tree_distance2(&n->tree[tree]->box, p) < distance2) ||
+        !triangle_tree_find_nearer(n->tree[tree], p, &distance2, &yet->triangle))
+        return false;
+    *yet = (forest_result){distance2, tree, yet->triangle};
+    return true;
+}
+
+static forest_result search_forest(const triangle_forest *n, vec3 p, forest_result yet)
+{
+    box_tree_walk w;
+    double bound2 = nextafter(yet.distance2, INFINITY); /* trees at the same distance are searched, too */
+    box_tree_begin_near(&n->boxes, &w, p);
+    while (box_tree_next_near(&n->boxes, &w, p, bound2))
+        for (size_t k = w.first; k < w.end; k++)
+            if (search_tree(n, n->boxes.order[k], p, &yet)) bound2 = nextafter(yet.distance2, INFINITY);
+    return yet;
+}
+
+size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest)
+{
+    const forest_result found =
+        search_forest(n, p, (forest_result){INFINITY, 0, 0}); /* the result if p is NaN */
+    *nearest = found.triangle;
+    return found.tree;
+}
+
+bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
+                                   triangle_tree_accept *accept, const void *context, vec3 *place)
+{
+    double best = within * within;
+    bool is_found = false;
+    triangle found;
+    box_tree_walk w;
+    box_tree_begin_near(&n->boxes, &w, p);
+    while (box_tree_next_near(&n->boxes, &w, p, best))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle_tree *tree = n->tree[n->boxes.order[k]];
+            if (!(box_tree_distance2(&tree->box, p) < best)) continue;
+            const size_t at = search(tree, p, &best, accept, context);
+            if (at == tree->mesh->triangle_count) continue;
+            found = triangle_of(tree->mesh, at);
+            is_found = true;
+        }
+    if (is_found) *place = triangle_nearest(&found, p);
+    return is_found;
+}
+
+line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d)
+{
+    line_crossings out = {INFINITY, INFINITY, 0};
+    box_tree_walk w;
+    box_tree_begin(&n->boxes, &w);
+    while (box_tree_next_crossed(&n->boxes, &w, p, d))
+        for (size_t k = w.first; k < w.end; k++)
+            cross(n->tree[n->boxes.order[k]], p, d, TRIANGLE_TREE_NONE, &out);
+    return out;
+}
+
+void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest)
+{
+    const triangle t = triangle_of(n->tree[*tree]->mesh, *nearest);
+    const forest_result found =
+        search_forest(n, p, (forest_result){triangle_distance2(&t, p), *tree, *nearest});
+    *tree = found.tree;
+    *nearest = found.triangle;
+}
+
+size_t triangle_forest_bytes(const triangle_forest *n)
+{
+    return n->boxes.count * sizeof *n->tree + box_tree_bytes(n->boxes.count);
+}

@@ -1,0 +1,74 @@
+/* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to find the
+ * closest triangle and the intersections with a line. Immutable after construction. All searches: any thread, also
+ * the first search of a lazy tree (it locks). Lengths are those of the mesh.
+ */
+#ifndef HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
+#define HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
+
+#include "base/core/error.h"
+#include "geometry/mesh/mesh.h"
+#include "geometry/space/triangle.h"
+
+typedef struct triangle_tree triangle_tree;
+
+/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL: limit_memory. */
+triangle_tree *triangle_tree_new(const mesh *m, error *e);
+/* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be searched.
+ * Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB): a search returns no error, so that
+ * the process is aborted if memory is out at the first search. */
+triangle_tree *triangle_tree_new_lazy(const mesh *m);
+void triangle_tree_free(triangle_tree *n); /* accepts NULL */
+
+/* Returns the closest triangle. `weight`: barycentric weights of the closest point of it. */
+size_t triangle_tree_find(const triangle_tree *n, vec3 p, double weight[3]);
+
+/* triangle_tree_find, faster if triangle `start` is near p. */
+size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, double weight[3]);
+
+/* Finds the closest triangle if its squared distance is less than *distance2, and sets *distance2 to it. False:
+ * there is none. */
+bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2, size_t *nearest);
+
+/* Whether a triangle with the corners *t is accepted by a search. `n`: its number in its own tree. */
+typedef bool triangle_tree_accept(const void *context, size_t n, const triangle *t);
+
+#define TRIANGLE_TREE_NONE UINT32_MAX /* no triangle */
+
+/* Intersections of a line, seen from one of its points. */
+typedef struct line_crossings {
+    /* distances of the nearest crossings in both directions; INFINITY: there is none */
+    double ahead, behind;
+    /* sum over the crossings ahead: +1 where the line leaves through a triangle, -1 where it enters */
+    int winding;
+} line_crossings;
+
+/* Intersects the line through p in the direction of the unit vector d with all triangles except `skip` (or
+ * TRIANGLE_TREE_NONE). */
+line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip);
+
+size_t triangle_tree_bytes(const triangle_tree *n);
+
+/* A box_tree over several trees. */
+typedef struct triangle_forest triangle_forest;
+
+/* `count` > 0 trees, which are owned by the caller and outlive the forest. NULL: limit_memory. */
+triangle_forest *triangle_forest_new(const triangle_tree *const *tree, size_t count, error *e);
+void triangle_forest_free(triangle_forest *n); /* accepts NULL */
+
+/* Returns the tree with the closest triangle, the first one at equal distances, and sets *nearest to that triangle. */
+size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest);
+
+/* Finds the closest point of the accepted triangles of all trees that is nearer than `within`. False: there is none. */
+bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
+                                   triangle_tree_accept *accept, const void *context, vec3 *place);
+
+/* triangle_tree_cross over all triangles of all trees. */
+line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d);
+
+/* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another tree has
+ * a closer triangle, or is earlier at the same distance. */
+void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest);
+
+size_t triangle_forest_bytes(const triangle_forest *n);
+
+#endif

@@ -1,0 +1,131 @@
+#include "surface/volume/map.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "geometry/space/affine.h"
+#include "io/vdb/vdb.h"
+#include "surface/volume/grid_selection.h"
+#include "surface/volume/grid_view.h"
+
+struct map {
+    double to_index[3][4];
+    vdb_grid *grid;
+    grid_view grid_view; /* as a level set at 0, so that values are unchanged */
+    bool everywhere;     /* the background counts as a value */
+};
+
+static bool check_finite(const vdb_grid *g, error *e)
+{
+    for (size_t leaf = 0; leaf < g->leaf_count; leaf++)
+        for (int k = 0; k < VDB_LEAF_VOXELS; k++) {
+            bool active = g->leaf_active[leaf * 8 + (size_t)(k >> 6)] >> (k & 63) & 1;
+            if (!active || isfinite(g->leaf_values[leaf * VDB_LEAF_VOXELS + (size_t)k])) continue;
+            const int32_t *o = g->leaf_origin[leaf];
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the voxel (%d, %d, %d) is not finite: replace its value", o[0] + (k >> 6),
+                             o[1] + (k >> 3 & 7), o[2] + (k & 7));
+        }
+    for (size_t k = 0; k < g->tile_count; k++)
+        if (g->tiles[k].active && !isfinite(g->tiles[k].value)) {
+            const int32_t *o = g->tiles[k].origin;
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the tile at (%d, %d, %d) is not finite: replace its value", o[0], o[1], o[2]);
+        }
+    return isfinite(g->background) ||
+           error_set(e, ERROR_INPUT_DAMAGED, "its background is not finite: replace its value");
+}
+
+static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, char name[VDB_NAME_SIZE],
+                           error *e)
+{
+    vdb_class any;
+    size_t index;
+    if (!grid_selection_find_in_file(fd, request, &index, &any, name, e)) return NULL;
+    vdb_grid *grid = vdb_load_grid(fd, index, (vdb_loading){0}, memory_limit, e);
+    if (grid && check_finite(grid, e) && grid->active_voxels > 0) return grid;
+    if (grid && grid->active_voxels == 0)
+        error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel: choose another grid");
+    vdb_grid_free(grid);
+    error_prefix(e, "grid \"%s\"", name);
+    return NULL;
+}
+
+/* Removes inactive tiles, which count as absent. */
+static void drop_inactive_tiles(vdb_grid *g)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < g->tile_count; k++)
+        if (g->tiles[k].active) g->tiles[kept++] = g->tiles[k];
+    g->tile_count = kept;
+}
+
+map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, error *e)
+{
+    map *m = mem_alloc(sizeof *m);
+    char name[VDB_NAME_SIZE];
+    m->grid = load_grid(fd, grid, memory_limit, name, e);
+    if (m->grid) {
+        m->everywhere = m->grid->background > 0;
+        if (!m->everywhere) drop_inactive_tiles(m->grid);
+    }
+    if (m->grid && grid_view_init(&m->grid_view, m->grid, GRID_VIEW_LEVEL_SET, 0, memory_limit, NULL, e)) {
+        double to_world[3][4];
+        for (int i = 0; i < 12; i++) to_world[i / 4][i % 4] = m->grid->index_to_world[i];
+        affine_invert(to_world, m->to_index);
+        return m;
+    }
+    error_prefix(e, "%s", path);
+    map_close(m);
+    return NULL;
+}
+
+void map_close(map *m)
+{
+    if (!m) return;
+    grid_view_free(&m->grid_view);
+    vdb_grid_free(m->grid);
+    free(m);
+}
+
+size_t map_memory(const map *m)
+{
+    if (!m) return 0;
+    return m->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
+           m->grid->tile_count * sizeof(vdb_tile);
+}
+
+/* The value of a voxel. False: it is ignored. */
+static bool voxel(const map *m, const int32_t at[3], double *value)
+{
+    grid_view_block b = grid_view_find(&m->grid_view, at[0] >> 3, at[1] >> 3, at[2] >> 3);
+    *value = (double)b.constant;
+    if (b.leaf == BLOCK_MAP_NONE) return m->everywhere || b.constant != m->grid_view.background;
+    size_t x = (size_t)(at[0] & 7), yz = (size_t)(8 * (at[1] & 7) + (at[2] & 7));
+    *value = (double)m->grid->leaf_values[b.leaf * (size_t)VDB_LEAF_VOXELS + 64 * x + yz];
+    return m->everywhere || m->grid->leaf_active[8 * (size_t)b.leaf + x] >> yz & 1;
+}
+
+double map_value(const void *context, vec3 x)
+{
+    const map *m = context;
+    vec3 index = affine_apply(m->to_index, x.x, x.y, x.z);
+    int32_t low[3];
+    double t[3], sum = 0, weights = 0;
+    for (int a = 0; a < 3; a++) {
+        double v = vec3_get(index, a), below = floor(v);
+        if (!(fabs(v) < INT32_MAX - 1)) return m->everywhere ? (double)m->grid->background : NAN;
+        low[a] = (int32_t)below;
+        t[a] = v - below;
+    }
+    for (int c = 0; c < 8; c++) {
+        const int32_t at[3] = {low[0] + (c & 1), low[1] + (c >> 1 & 1), low[2] + (c >> 2)};
+        double weight = (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]),
+               value;
+        if (weight == 0 || !voxel(m, at, &value)) continue;
+        sum += weight * value;
+        weights += weight;
+    }
+    return weights > 0 ? sum / weights : NAN;
+}

@@ -1,0 +1,127 @@
+#include "surface/volume/reach.h"
+
+#include <endian.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+
+#define SIDE GRID_VIEW_SIDE
+
+/* Blocks as far away as REACH_MOST reaches along an axis, on either side. */
+enum { FARTHEST = 2, AROUND = 2 * FARTHEST + 1, OFFSETS = AROUND * AROUND * AROUND };
+
+/* Crossed blocks for which one thread is enough. */
+enum { FEW = 2048 };
+
+/* A block beside that of the cells, and those cells of each layer along x that are near it, as bits 8 y + z. */
+typedef struct neighbour {
+    int32_t step[3];
+    uint64_t near[SIDE];
+} neighbour;
+
+/* Distance, in voxels, from the corners of a cell to the block that is `step` blocks away along an axis. */
+static int gap(int cell, int step)
+{
+    return step > 0 ? SIDE * step - cell - 1 : step < 0 ? cell - (SIDE * step + SIDE - 1) : 0;
+}
+
+static bool is_near(reach_limits r, int x, int y, int z)
+{
+    const bool along = x <= r.axis && y <= r.axis && z <= r.axis;
+    return along || x * x + y * y + z * z <= r.straight * r.straight || x + y + z <= r.path;
+}
+
+/* Returns how many there are. */
+static int find_neighbours(reach_limits r, neighbour out[OFFSETS])
+{
+    int count = 0;
+    for (int k = 0; k < OFFSETS; k++) {
+        neighbour n = {
+            {k / (AROUND * AROUND) - FARTHEST, k / AROUND % AROUND - FARTHEST, k % AROUND - FARTHEST}, {0}};
+        uint64_t any = 0;
+        for (int cell = 0; cell < GRID_VIEW_VOXELS; cell++) {
+            const int x = cell >> 6, y = cell >> 3 & 7, z = cell & 7;
+            if (is_near(r, gap(x, n.step[0]), gap(y, n.step[1]), gap(z, n.step[2])))
+                any |= n.near[x] |= (uint64_t)1 << (cell & 63);
+        }
+        if (any) out[count++] = n;
+    }
+    return count;
+}
+
+/* A part of the crossed blocks, and what lies around it. */
+typedef struct part {
+    block_map map;
+    error fault; /* the code is ERROR_NONE where there is none */
+} part;
+
+typedef struct search {
+    const crossings *crossings;
+    const neighbour *around;
+    int count; /* of neighbours */
+    part *parts;
+    size_t each; /* blocks in a part */
+} search;
+
+static bool add_around(const search *job, const crossing_block *b, block_map *map, error *e)
+{
+    uint64_t cells[SIDE];
+    memcpy(cells, b->rows, sizeof cells);
+    for (int x = 0; x < SIDE; x++) cells[x] = le64toh(cells[x]);
+    for (int k = 0; k < job->count; k++) {
+        const neighbour *n = &job->around[k];
+        uint64_t any = 0;
+        for (int x = 0; x < SIDE; x++) any |= cells[x] & n->near[x];
+        if (any && !block_map_find_or_add(map, b->block[0] + n->step[0], b->block[1] + n->step[1],
+                                          b->block[2] + n->step[2], NULL, e))
+            return false;
+    }
+    return true;
+}
+
+static void part_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const search *job = context;
+    part *own = &job->parts[begin / job->each];
+    (void)worker;
+    if (!block_map_init(&own->map, 2 * (end - begin), &own->fault)) return;
+    for (size_t i = begin; i < end; i++)
+        if (!add_around(job, &job->crossings->blocks[i], &own->map, &own->fault)) return;
+}
+
+/* Blocks that earlier parts have are there already: the others come in the order in which one thread would find them. */
+static bool add_part(const part *p, block_map *map, error *e)
+{
+    if (p->fault.code != ERROR_NONE) {
+        *e = p->fault;
+        return false;
+    }
+    for (uint32_t n = 0; n < p->map.count; n++) {
+        const int32_t *b = p->map.blocks[n];
+        if (!block_map_find_or_add(map, b[0], b[1], b[2], NULL, e)) return false;
+    }
+    return true;
+}
+
+bool reach_add_blocks(const crossings *c, reach_limits limits, threads *pool, block_map *map, error *e)
+{
+    neighbour around[OFFSETS];
+    const size_t workers = (size_t)threads_count(pool), each = (c->count + workers - 1) / workers;
+    search job = {c, around, find_neighbours(limits, around), NULL, each};
+    bool ok = true;
+    if (workers == 1 || c->count < FEW) {
+        for (size_t i = 0; ok && i < c->count; i++) ok = add_around(&job, &c->blocks[i], map, e);
+        return ok;
+    }
+    job.parts = mem_array(workers, sizeof *job.parts, "the blocks around the surface", e);
+    if (!job.parts) return false;
+    threads_run(pool, c->count, each, part_chunk, &job);
+    for (size_t k = 0; k < workers; k++) {
+        ok = ok && add_part(&job.parts[k], map, e);
+        block_map_free(&job.parts[k].map);
+    }
+    free(job.parts);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    return ok;
+}
