@@ -16,9 +16,9 @@
 
 #include "base/core/memory.h"
 #include "surface/field/analytic.h"
-#include "solver/level_plan.h"
-#include "solver/passes/relax.h"
-#include "solver/solver.h"
+#include "sampling/solver/level_plan.h"
+#include "sampling/solver/passes/relax.h"
+#include "sampling/solver/solver.h"
 #include "surface/volume/example.h"
 #include "surface/volume/volume.h"
 

@@ -4,7 +4,7 @@
     tools/curvature_methods.py
 
 Prints a table (doc/departures.md): the rms error of kappa over the true one's rms. Lengths are in voxels. The methods
-are made here with numpy; the first is what src/sizing/scaled_curvature.c does, on points instead of elements.
+are made here with numpy; the first is what src/sampling/sizing/scaled_curvature.c does, on points instead of elements.
 """
 import numpy
 from scipy import ndimage

@@ -4,7 +4,7 @@
     tools/sensitivity.py --build build [--output doc/measured/sensitivity.md] [--only NAME ...] [--jobs 2]
                          [--no-cpu]
 
-For each number of src/solver/schedule.c, the program makes a worker from a copy of the sources and their build (a folder of the
+For each number of src/sampling/solver/schedule.c, the program makes a worker from a copy of the sources and their build (a folder of the
 sources, configured as ../configure) in which only this number is different in all schedules, and runs the same jobs with it and
 with the worker of the build. All surfaces are generated. A cell
 names the cases whose result changes: hex_fraction (hex), edge_cv (cv), coverage, the work, which is the number of updates of
@@ -24,7 +24,7 @@ import tempfile
 import numpy
 
 SOURCE = pathlib.Path(__file__).resolve().parent.parent
-SCHEDULE = "src/solver/schedule.c"
+SCHEDULE = "src/sampling/solver/schedule.c"
 SEEDS = (1, 2, 3)
 RESULTS = (0, 10, 11)
 EXPLANATION = """
@@ -220,7 +220,7 @@ def main():
             raise SystemExit(f"no result without a change: {', '.join(failed)}")
         lines = ["# What the numbers of the schedules do", "",
                  "Written by `make sensitivity` ([tools/sensitivity.py](../../tools/sensitivity.py) says how): each number of "
-                 "`src/solver/schedule.c` is doubled and halved in all schedules. Changes of `hex_fraction` below "
+                 "`src/sampling/solver/schedule.c` is doubled and halved in all schedules. Changes of `hex_fraction` below "
                  f"{HEX_NOISE}, of `edge_cv` and coverage below {100 * CV_NOISE:.0f} %, of the work (updates of particles) below "
                  f"{100 * WORK_NOISE:.0f} %, {'' if options.no_cpu else f'of the CPU time below {100 * CPU_NOISE:.0f} %, '}and all below the standard deviation of the seeds are left out. Means of {len(SEEDS)} seeds.", "",
                  "| without a change | points | hex_fraction | edge_cv | coverage |", "|---|---:|---:|---:|---:|"]

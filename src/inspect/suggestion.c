@@ -10,8 +10,8 @@
 #include "source/plan.h"
 #include "source/source_report.h"
 #include "run/report.h"
-#include "measures/measures.h"
-#include "sizing/clearance.h"
+#include "sampling/measures/measures.h"
+#include "sampling/sizing/clearance.h"
 
 /* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
 static const double FEWEST = 2000, MOST = 100000;

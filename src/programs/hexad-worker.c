@@ -28,7 +28,7 @@
 #include "inspect/inspection.h"
 #include "base/json/json.h"
 #include "io/meshes/mesh_reader.h"
-#include "packing/energy.h"
+#include "sampling/packing/energy.h"
 #include "run/run.h"
 #include "run/summary.h"
 #include "spec/attach_spec.h"

@@ -12,7 +12,7 @@
 #include "base/json/json.h"
 #include "source/source.h"
 #include "run/surface_meshes.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "spec/spec.h"
 
 typedef struct attributes_entry attributes_entry;

@@ -7,8 +7,8 @@
 #include "base/core/rng.h"
 #include "geometry/space/point_tree.h"
 #include "geometry/space/packing.h"
-#include "sizing/sizing_field.h"
-#include "solver/particles/random_streams.h"
+#include "sampling/sizing/sizing_field.h"
+#include "sampling/solver/particles/random_streams.h"
 #include "source/plan.h"
 
 /* Samples of the surface for each point of the result, and their bounds. */

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "solver/schedule.h"
+#include "sampling/solver/schedule.h"
 
 /* Fraction of the remaining time that a run may be predicted to take: the number of sweeps varies by a few tenths. */
 static const double FILL = 0.75;

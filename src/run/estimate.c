@@ -5,7 +5,7 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 #include "run/advice.h"
 #include "run/cost_model.h"
 #include "run/attach.h"
@@ -15,7 +15,7 @@
 #include "run/report.h"
 #include "run/run.h"
 #include "run/outcome.h"
-#include "sizing/clearance.h"
+#include "sampling/sizing/clearance.h"
 #include "surface/scan/surface.h"
 
 /* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the coarsest
@@ -31,8 +31,8 @@ static const size_t SHARED_FROM = 20000;
 /* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
 /* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal and part of
- * the tree nodes (measures/facets). Per point: the longer neighbour lists of at most LISTED_MOST points at a time
- * (voronoi/partitions). */
+ * the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most LISTED_MOST points at a time
+ * (sampling/voronoi/partitions). */
 static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
 /* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on the count. */

@@ -8,7 +8,7 @@
 #include "base/json/json.h"
 #include "source/source.h"
 #include "spec/spec.h"
-#include "sequence/frame_transfer.h"
+#include "sampling/solver/frame_transfer.h"
 
 typedef struct given_points {
     size_t count;    /* rows of the file; 0: none are given */

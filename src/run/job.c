@@ -18,7 +18,7 @@
 #include "run/upright.h"
 #include "run/outcome.h"
 #include "run/watchdog.h"
-#include "solver/curves/curve_chains.h"
+#include "sampling/solver/curves/curve_chains.h"
 #include "source/mesh_projection.h"
 #include "source/plan.h"
 #include "spec/spec_table.h"

@@ -4,7 +4,7 @@
 #ifndef HEXAD_RUN_JOB_H
 #define HEXAD_RUN_JOB_H
 
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 #include "run/attributes.h"
 #include "run/avoided_points.h"
 #include "run/given_points.h"
@@ -15,7 +15,7 @@
 #include "run/sequence.h"
 #include "run/snapshot.h"
 #include "source/source.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 
 /* A converged particle system and its measures. */
 typedef struct solution {

@@ -7,7 +7,7 @@
 #ifndef HEXAD_RUN_MEASURED_SURFACE_H
 #define HEXAD_RUN_MEASURED_SURFACE_H
 
-#include "measures/facets.h"
+#include "sampling/measures/facets.h"
 #include "source/source.h"
 
 typedef struct measured_surface {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "solver/solver_params.h"
+#include "sampling/solver/solver_params.h"
 
 const char *const outcome_names[] = {OUTCOME_LIST(WORDS_TEXT, OUTCOME)};
 

@@ -10,7 +10,7 @@
 
 #include "base/core/words.h"
 #include "base/json/json.h"
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 #include "spec/spec.h"
 
 #define OUTCOME_LIST SPEC_OUTCOME_LIST

@@ -7,7 +7,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "surface/triangles/mesh_patches.h"
-#include "voronoi/triangulation.h"
+#include "sampling/voronoi/triangulation.h"
 
 /* The number of edges and vertices at which the triangles are not a manifold or have an unexpected boundary. */
 size_t patch_meshes_faults(const triangulation_facts *facts);

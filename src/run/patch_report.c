@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "solver/curves/curve_chains.h"
+#include "sampling/solver/curves/curve_chains.h"
 
 /* Maximum number of patches at a curve whose labels are listed. */
 enum { MOST_AROUND = 8 };

@@ -5,7 +5,7 @@
 #include "surface/field/patches.h"
 #include "base/json/json.h"
 #include "surface/labels/label_surface.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 
 /* Maximum number of listed patches, and of listed curves. Totals include all. */
 enum { PATCH_REPORT_LISTED = 1000 };

@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "geometry/space/morton.h"
-#include "measures/progressive_order.h"
+#include "sampling/measures/progressive_order.h"
 
 static const char what[] = "the order of the points";
 

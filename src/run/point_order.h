@@ -10,7 +10,7 @@
 #include "run/attributes.h"
 #include "run/avoided_points.h"
 #include "run/given_points.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "spec/spec.h"
 
 /* Values of each point that measures_take computes for the progressive order; otherwise NULL. */

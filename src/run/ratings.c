@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "solver/solver_params.h"
+#include "sampling/solver/solver_params.h"
 
 /* A value equal to a bound has the better rating. */
 typedef struct rated_measure {

@@ -6,7 +6,7 @@
 #define HEXAD_RUN_RATINGS_H
 
 #include "base/json/json.h"
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 
 /* Adds the member `ratings`: the measures of packing, or with blue noise the measures that it bounds, each with its value and its rating. A measure without a value has the rating
  * null. */

@@ -11,7 +11,7 @@
 #include "run/label_advice.h"
 #include "run/patch_report.h"
 #include "run/ratings.h"
-#include "sizing/clearance.h"
+#include "sampling/sizing/clearance.h"
 #include "source/source_report.h"
 
 /* A ratio of spacings of at least this fraction of the requested ratio is not reported. */

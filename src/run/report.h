@@ -3,13 +3,13 @@
 #define HEXAD_RUN_REPORT_H
 
 #include "base/json/json.h"
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/attributes.h"
 #include "source/source.h"
 #include "run/outcome.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "spec/spec.h"
 #include "surface/scan/surface.h"
 

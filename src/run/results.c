@@ -24,7 +24,7 @@
 #include "run/pictures.h"
 #include "run/snapshot.h"
 #include "run/outcome.h"
-#include "solver/curves/curve_chains.h"
+#include "sampling/solver/curves/curve_chains.h"
 #include "files/file.h"
 #include "files/late_commit.h"
 #include "io/vdb/vdb.h"

@@ -11,8 +11,8 @@
 #include "base/json/json.h"
 #include "surface/labels/label_surface.h"
 #include "geometry/mesh/mesh.h"
-#include "voronoi/triangulation.h"
-#include "solver/solver.h"
+#include "sampling/voronoi/triangulation.h"
+#include "sampling/solver/solver.h"
 #include "spec/spec.h"
 #include "files/file.h"
 

@@ -12,8 +12,8 @@
 #include "base/core/threads.h"
 #include "io/points/ply.h"
 #include "base/json/json.h"
-#include "solver/solver.h"
-#include "sequence/frame_transfer.h"
+#include "sampling/solver/solver.h"
+#include "sampling/solver/frame_transfer.h"
 
 /* The results of the previous frame, open. */
 typedef struct sequence_files {

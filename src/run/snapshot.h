@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "base/core/worker_contract.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "source/source.h"
 
 /* Temporary name of the file. */

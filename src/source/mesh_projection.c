@@ -6,7 +6,7 @@
 
 #include "base/core/memory.h"
 #include "surface/levelset/mesh_faces.h"
-#include "packing/neighbours.h"
+#include "sampling/packing/neighbours.h"
 
 /* Tolerance, as a share of the extent, within which a point is on a face of the region. */
 static const double ON_FACE = 1e-9;

@@ -1,4 +1,4 @@
-/* measure_result: the measures of points on a scanned surface (measures/measures.h), for tests of the solver.
+/* measure_result: the measures of points on a scanned surface (sampling/measures/measures.h), for tests of the solver.
  * Include after cmocka.
  */
 #ifndef HEXAD_TESTS_MEASURE_RESULT_H
@@ -6,8 +6,8 @@
 
 #include <stdlib.h>
 
-#include "measures/measures.h"
-#include "solver/solver.h"
+#include "sampling/measures/measures.h"
+#include "sampling/solver/solver.h"
 
 static inline measures measure_result(const surface *scan, const solver *s, bool is_sized, threads *pool)
 {

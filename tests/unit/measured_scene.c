@@ -9,7 +9,7 @@
 #include "measured_scene.h"
 
 #include "geometry/space/triangle.h"
-#include "packing/point_flags.h"
+#include "sampling/packing/point_flags.h"
 
 enum { MOST_NORMALS = 16 };
 

@@ -7,7 +7,7 @@
 #define HEXAD_TESTS_MEASURED_SCENE_H
 
 #include "base/core/rng.h"
-#include "measures/measures.h"
+#include "sampling/measures/measures.h"
 
 #define SCENE_ON 1e-9
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "surface/field/patches.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 
 static const solver_params solve_defaults = {.count = 600,
                                              .seed = 1,

@@ -13,9 +13,9 @@
 #include "base/core/memory.h"
 #include "close.h"
 #include "surface/field/region.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "shapes.h"
-#include "solver/curves/boundary.h"
+#include "sampling/solver/curves/boundary.h"
 
 /* A particle closer to a face than ON_FACE h is on it. A particle farther from a curve than ON_CURVE h belongs to
  * another curve. */

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "surface/field/analytic.h"
-#include "sizing/clearance.h"
+#include "sampling/sizing/clearance.h"
 
 static clearance measure(const analytic_params *shape, double h, int workers)
 {

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "geometry/space/affine.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "surface/scan/components.h"
 
 /* Two separate balls: F is the smaller of two distances, which is smooth near each ball. */

@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "solver/particles/population.h"
-#include "solver/solver.h"
+#include "sampling/solver/particles/population.h"
+#include "sampling/solver/solver.h"
 #include "shapes.h"
 
 enum { QUARTIC = 4 };

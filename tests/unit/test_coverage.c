@@ -11,7 +11,7 @@
 #include "close.h"
 #include "geometry/space/packing.h"
 #include "shapes.h"
-#include "solver/particles/coverage.h"
+#include "sampling/solver/particles/coverage.h"
 
 /* Points on a sphere in a spiral whose turns are one spacing apart, without those within `bald` of the pole. */
 static size_t spiral(size_t count, double bald, vec3 *out)

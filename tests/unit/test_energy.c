@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/energy.h"
+#include "sampling/packing/energy.h"
 #include "spec/spec.h"
 
 static void value_is_equation_6(void **state)

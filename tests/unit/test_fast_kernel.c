@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/fast_kernel.h"
-#include "packing/pair.h"
+#include "sampling/packing/fast_kernel.h"
+#include "sampling/packing/pair.h"
 #include "shapes.h"
 
 enum { MOST = 40, LANES = FAST_KERNEL_LANES };

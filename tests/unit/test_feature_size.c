@@ -13,7 +13,7 @@
 #include "close.h"
 #include "surface/field/combination.h"
 #include "shapes.h"
-#include "sizing/feature_size.h"
+#include "sampling/sizing/feature_size.h"
 
 typedef struct measured {
     threads *pool;

@@ -12,9 +12,9 @@
 #include "surface/field/projection.h"
 #include "close.h"
 #include "geometry/space/packing.h"
-#include "solver/level_plan.h"
-#include "solver/solver.h"
-#include "sequence/frame_transfer.h"
+#include "sampling/solver/level_plan.h"
+#include "sampling/solver/solver.h"
+#include "sampling/solver/frame_transfer.h"
 #include "measure_result.h"
 #include "shapes.h"
 

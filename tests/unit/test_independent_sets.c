@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/independent_sets.h"
+#include "sampling/packing/independent_sets.h"
 #include "shapes.h"
 
 enum { COUNT = 20000 };

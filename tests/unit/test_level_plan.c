@@ -6,8 +6,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "solver/level_plan.h"
-#include "solver/passes/refine.h"
+#include "sampling/solver/level_plan.h"
+#include "sampling/solver/passes/refine.h"
 
 /* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
  * has b edges, so refining doubles it. */

@@ -13,8 +13,8 @@
 #include "surface/triangles/mesh_surface.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
-#include "sizing/elements.h"
-#include "sizing/feature_size.h"
+#include "sampling/sizing/elements.h"
+#include "sampling/sizing/feature_size.h"
 #include "volume_fixture.h"
 
 enum { PLACES = 300, MEMORY = 1 << 30 };

@@ -10,7 +10,7 @@
 #include <time.h>
 #include <cmocka.h>
 
-#include "packing/neighbours.h"
+#include "sampling/packing/neighbours.h"
 #include "shapes.h"
 
 enum { COUNT = 900 };

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/energy.h"
-#include "packing/pair.h"
+#include "sampling/packing/energy.h"
+#include "sampling/packing/pair.h"
 #include "shapes.h"
 
 enum { NEIGHBOURS = 21, PADDED = 24 };

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "solver/particles/particles.h"
+#include "sampling/solver/particles/particles.h"
 #include "shapes.h"
 
 enum { COUNT = 1000 };

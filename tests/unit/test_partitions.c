@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "base/core/memory.h"
-#include "voronoi/partitions.h"
+#include "sampling/voronoi/partitions.h"
 #include "shapes.h"
 
 enum { COUNT = 260000 };

@@ -12,14 +12,14 @@
 
 #include "close.h"
 #include "faces.h"
-#include "voronoi/triangulation.h"
-#include "solver/solver.h"
+#include "sampling/voronoi/triangulation.h"
+#include "sampling/solver/solver.h"
 #include "measure_result.h"
 #include "shapes.h"
-#include "solver/curves/curve_samples.h"
-#include "solver/curves/near_curves.h"
-#include "solver/particles/coverage.h"
-#include "sizing/curve_distance.h"
+#include "sampling/solver/curves/curve_samples.h"
+#include "sampling/solver/curves/near_curves.h"
+#include "sampling/solver/particles/coverage.h"
+#include "sampling/sizing/curve_distance.h"
 
 static const solver_params even = {.count = 2000,
                                    .seed = 1,

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "solver/particles/population.h"
+#include "sampling/solver/particles/population.h"
 #include "shapes.h"
 
 enum { COUNT = 400, CHOSEN = 100, ROUNDS = 200 };

@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "base/core/rng.h"
-#include "measures/progressive_order.h"
-#include "packing/point_flags.h"
+#include "sampling/measures/progressive_order.h"
+#include "sampling/packing/point_flags.h"
 #include "shapes.h"
 
 enum { MOST = 900, SIDES = 3 };

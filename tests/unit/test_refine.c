@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "voronoi/voronoi.h"
-#include "solver/passes/refine.h"
+#include "sampling/voronoi/voronoi.h"
+#include "sampling/solver/passes/refine.h"
 #include "shapes.h"
 
 enum { POINTS = 600, EDGES = 3 * POINTS - 6, MOST = 4 * EDGES };

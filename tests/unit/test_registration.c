@@ -9,7 +9,7 @@
 
 #include "close.h"
 #include "surface/field/projection.h"
-#include "sequence/registration.h"
+#include "sampling/solver/registration.h"
 #include "shapes.h"
 #include "surface/scan/surface.h"
 

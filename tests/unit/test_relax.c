@@ -9,7 +9,7 @@
 
 #include "close.h"
 #include "surface/field/projection.h"
-#include "solver/passes/relax.h"
+#include "sampling/solver/passes/relax.h"
 #include "shapes.h"
 #include "surface/scan/surface.h"
 

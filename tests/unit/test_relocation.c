@@ -9,7 +9,7 @@
 
 #include "shapes.h"
 #include "geometry/space/cell_list.h"
-#include "solver/particles/relocation.h"
+#include "sampling/solver/particles/relocation.h"
 
 enum { SIDE = 30, COUNT = SIDE * SIDE, PLACES = 5 * COUNT };
 

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "measure_result.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 
 /* x| - 1 - HEIGHT sin(WAVE x) sin(WAVE y) sin(WAVE z), in cubes with edges of CELL. */
 #define HEIGHT 0.008

@@ -9,7 +9,7 @@
 
 #include "close.h"
 #include "shapes.h"
-#include "voronoi/resolution.h"
+#include "sampling/voronoi/resolution.h"
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE, MOST = 2 * LATTICE + 1 };
 

@@ -10,7 +10,7 @@
 #include "surface/field/bspline.h"
 #include "surface/field/projection.h"
 #include "shapes.h"
-#include "sizing/scaled_curvature.h"
+#include "sampling/sizing/scaled_curvature.h"
 
 typedef struct probe {
     const field *f;

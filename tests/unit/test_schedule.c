@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "solver/schedule.h"
+#include "sampling/solver/schedule.h"
 
 enum { LAST = SCHEDULE_STAGES - 1 };
 

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "surface/field/patches.h"
 #include "shapes.h"
-#include "sizing/sizing_field.h"
+#include "sampling/sizing/sizing_field.h"
 
 static const analytic_params torus = {
     .shape = ANALYTIC_TORUS, .axis = {0, 0, 1}, .major_radius = 1, .minor_radius = 0.4};

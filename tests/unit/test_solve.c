@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/energy.h"
+#include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"
 #include "shapes.h"
 #include "solve_fixture.h"

@@ -11,8 +11,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/energy.h"
-#include "solver/solver.h"
+#include "sampling/packing/energy.h"
+#include "sampling/solver/solver.h"
 #include "measure_result.h"
 #include "shapes.h"
 

@@ -11,7 +11,7 @@
 
 #include "base/core/rng.h"
 #include "mesh_fixture.h"
-#include "voronoi/triangulation.h"
+#include "sampling/voronoi/triangulation.h"
 #include "surface/remesh/left_out.h"
 #include "surface/remesh/surface_mesh.h"
 #include "shapes.h"

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "voronoi/triangle_filter.h"
+#include "sampling/voronoi/triangle_filter.h"
 #include "shapes.h"
 
 enum { MOST = 48 };

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "voronoi/triangulation.h"
+#include "sampling/voronoi/triangulation.h"
 #include "point_set.h"
 
 static triangulation triangulate(const point_set *s, const bbox *domain, int workers)

@@ -14,7 +14,7 @@
 #include "base/core/memory.h"
 #include "base/core/threads.h"
 #include "surface/field/region.h"
-#include "solver/particles/coverage.h"
+#include "sampling/solver/particles/coverage.h"
 #include "surface/scan/surface.h"
 #include "surface/volume/example.h"
 #include "cells.h"

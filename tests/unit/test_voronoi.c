@@ -11,7 +11,7 @@
 
 #include "close.h"
 #include "surface/field/projection.h"
-#include "voronoi/voronoi.h"
+#include "sampling/voronoi/voronoi.h"
 #include "shapes.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "solver/solver.h"
+#include "sampling/solver/solver.h"
 #include "measure_result.h"
 #include "shapes.h"
 

@@ -43,7 +43,7 @@ typedef struct field_patches {
     vec3 *vertex;
     uint32_t *curve_patch;
     /* Samples of different curves that are closer to each other than points of a packing may be are merged
-     * (solver/curves/near_curves.h). */
+     * (sampling/solver/curves/near_curves.h). */
     bool merges_near_curves;
     /* With merges_near_curves: curves have corners where they bend, without a corner of the surface, as on scans. */
     bool has_rough_curves;

@@ -1,0 +1,898 @@
+#include "sampling/measures/restricted_voronoi.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "sampling/measures/coverage_search.h"
+
+/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for
+ * POINTS_OF_TASK points, and at most TASKS. The number of threads does not matter. */
+enum { TASKS = 512, POINTS_OF_TASK = 1000 };
+/* Tasks whose records are kept at once, for each thread. */
+enum { TASKS_OF_THREAD = 4 };
+/* Items at which distances are bounded before the tasks, for each point: at most. */
+enum { PROBES_OF_POINT = 2 };
+/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of
+ * their number. */
+enum { MOST_CANDIDATES = 12 };
+/* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
+static const double LEAST_PART = 1e-4;
+/* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
+static const double SMALL = 3;
+/* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite wall, a
+ * triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
+static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
+/* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
+enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
+/* Distances are compared with this relative margin, so that rounding discards no candidate. */
+static const double MARGIN = 1e-9;
+/* An edge of the triangle itself, in place of the point behind a bisector. */
+#define NO_SITE UINT32_MAX
+
+static const char what[] = "the measures of the surface";
+
+/* ---- records of one task, which are summed in the order of the tasks */
+
+typedef struct area_record {
+    uint32_t site;
+    double area;
+} area_record;
+
+/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete` of the
+ * node's centre. */
+typedef struct candidates {
+    size_t first, count;
+    double complete;
+} candidates;
+
+typedef struct task {
+    uint32_t node;
+    area_record *area;
+    size_t area_count, area_room;
+    voronoi_side *side;
+    size_t side_count, side_room;
+    double missing;
+    bool failed;
+    error why;
+} task;
+
+typedef struct build_job {
+    const facets *f;
+    const sites *s;
+    task *task;
+    double *
+        farthest; /* of each worker, of each patch: of the task at hand, and behind these of all of its tasks */
+    const double *known; /* of each patch: a bound from below */
+} build_job;
+
+/* The square of the distance of each corner from a site. */
+typedef struct corner_distances {
+    double of[3];
+} corner_distances;
+
+/* A descent of one task. */
+typedef struct descent {
+    const facets *f;
+    const sites *s;
+    task *to;
+    double *farthest; /* of each patch */
+    uint32_t *list;   /* candidates, a stack */
+    corner_distances
+        *square; /* of each, from the corners of the part of a triangle for which it was pushed */
+    size_t top, room;
+} descent;
+
+static bool fail(task *t)
+{
+    t->failed = true;
+    return false;
+}
+
+static bool reserve(descent *d, size_t count)
+{
+    if (d->top + count <= d->room) return true;
+    size_t room = 2 * (d->top + count);
+    uint32_t *list = mem_array(room, sizeof *list, what, &d->to->why);
+    corner_distances *square = mem_array(room, sizeof *square, what, &d->to->why);
+    if (!list || !square) {
+        free(list);
+        free(square);
+        return fail(d->to);
+    }
+    if (d->top > 0) {
+        memcpy(list, d->list, d->top * sizeof *list);
+        memcpy(square, d->square, d->top * sizeof *square);
+    }
+    free(d->list);
+    free(d->square);
+    d->list = list;
+    d->square = square;
+    d->room = room;
+    return true;
+}
+
+static bool add_area(descent *d, uint32_t site, double area)
+{
+    task *t = d->to;
+    if (t->area_count > 0 && t->area[t->area_count - 1].site == site) {
+        t->area[t->area_count - 1].area += area;
+        return true;
+    }
+    area_record *grown = mem_grow(t->area, t->area_count, &t->area_room, sizeof *grown, what, &t->why);
+    if (!grown) return fail(t);
+    t->area = grown;
+    t->area[t->area_count++] = (area_record){site, area};
+    return true;
+}
+
+static bool add_side(descent *d, uint32_t a, uint32_t b, double length)
+{
+    task *t = d->to;
+    voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
+    if (!grown) return fail(t);
+    t->side = grown;
+    t->side[t->side_count++] = (voronoi_side){a, b, length};
+    return true;
+}
+
+/* ---- candidates of a node */
+
+typedef enum facing { FACING_NONE, FACING_SOME, FACING_ALL } facing;
+
+/* For a node: how the cosine between its axis and a normal decides whether the normal faces the items. */
+typedef struct node_facing {
+    vec3 axis;
+    double none, all; /* none of the items below, all of them above */
+    uint32_t patch;
+} node_facing;
+
+static node_facing facing_of_node(const facets_node *n)
+{
+    const double limit = acos(SITES_OPPOSITE), wide = n->angle;
+    return (node_facing){vec3_make(n->axis[0], n->axis[1], n->axis[2]),
+                         limit + wide < M_PI ? cos(limit + wide) : -2,
+                         limit - wide > 0 ? cos(limit - wide) : 2, n->patch};
+}
+
+static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)
+{
+    facing best = FACING_NONE;
+    if (s->patch_labels && n->patch == FACETS_MIXED) return FACING_SOME;
+    for (uint32_t k = s->side[i]; k < s->side[i + 1]; k++) {
+        if (s->one_sided[k]) return FACING_ALL;
+        const double c = sites_cosine(s, k, n->axis, n->patch == FACETS_MIXED ? s->patch[k] : n->patch);
+        if (c > n->all) return FACING_ALL;
+        if (c >= n->none) best = FACING_SOME;
+    }
+    return best;
+}
+
+/* Pushes the candidates of a node, chosen from those of its parent. *certain: each of them faces all items. False: failed. */
+static bool choose_candidates(descent *d, const facets_node *n, const candidates *from, vec3 from_centre,
+                              candidates *out, bool *certain)
+{
+    const sites *s = d->s;
+    const node_facing turn = facing_of_node(n);
+    double facing_all = INFINITY, any = INFINITY;
+    if (!reserve(d, from->count)) return false;
+    uint32_t *list = d->list + d->top, *const given = d->list + from->first;
+    size_t kept = 0;
+    *certain = n->piece != FACETS_MIXED;
+    for (size_t k = 0; k < from->count; k++) {
+        const uint32_t i = given[k];
+        if (n->piece != FACETS_MIXED && s->piece[i] != n->piece) continue;
+        const double distance = vec3_norm(vec3_sub(s->position[i], n->centre));
+        if (distance > facing_all + 2 * n->radius) continue;
+        const facing at = facing_at_node(s, &turn, i);
+        if (at == FACING_NONE) continue;
+        list[kept++] = i;
+        *certain &= at == FACING_ALL;
+        any = fmin(any, distance + COLLECTED * s->spacing[i]);
+        if (at == FACING_ALL && n->piece != FACETS_MIXED) facing_all = fmin(facing_all, distance);
+    }
+    const double reach = (fmin(facing_all, any) + 2 * n->radius) * (1 + MARGIN), reach2 = reach * reach;
+    *out = (candidates){d->top, 0, facing_all <= any ? INFINITY : reach};
+    out->complete = fmin(out->complete, from->complete - vec3_norm(vec3_sub(n->centre, from_centre)));
+    for (size_t k = 0; k < kept; k++)
+        if (vec3_norm2(vec3_sub(s->position[list[k]], n->centre)) <= reach2) list[out->count++] = list[k];
+    d->top += out->count;
+    return true;
+}
+
+/* ---- polygons */
+
+typedef struct polygon {
+    int count;
+    vec3 corner[MOST_CORNERS]; /* relative to the site */
+    uint32_t behind
+        [MOST_CORNERS]; /* of the edge from this corner to the next: the site behind its bisector, or NO_SITE */
+} polygon;
+
+/* Keeps what has dot(normal, x) <= offset. */
+static void clip(polygon *p, vec3 normal, double offset, uint32_t site)
+{
+    double height[MOST_CORNERS];
+    bool cut = false;
+    for (int k = 0; k < p->count; k++) {
+        height[k] = vec3_dot(normal, p->corner[k]) - offset;
+        cut |= height[k] > 0;
+    }
+    if (!cut) return;
+    polygon out;
+    out.count = 0;
+    for (int k = 0; k < p->count; k++) {
+        const int next = k + 1 < p->count ? k + 1 : 0;
+        const bool in = height[k] <= 0, next_in = height[next] <= 0;
+        if (in) {
+            out.corner[out.count] = p->corner[k];
+            out.behind[out.count++] = p->behind[k];
+        }
+        if (in == next_in) continue;
+        const double t = height[k] / (height[k] - height[next]);
+        out.corner[out.count] = vec3_axpy(t, vec3_sub(p->corner[next], p->corner[k]), p->corner[k]);
+        out.behind[out.count++] = in ? site : p->behind[k];
+    }
+    p->count = out.count;
+    memcpy(p->corner, out.corner, (size_t)out.count * sizeof *out.corner);
+    memcpy(p->behind, out.behind, (size_t)out.count * sizeof *out.behind);
+}
+
+static double polygon_area(const polygon *p)
+{
+    vec3 sum = {0, 0, 0};
+    for (int k = 2; k < p->count; k++)
+        sum = vec3_add(
+            sum, vec3_cross(vec3_sub(p->corner[k - 1], p->corner[0]), vec3_sub(p->corner[k], p->corner[0])));
+    return 0.5 * vec3_norm(sum);
+}
+
+/* A triangle of the surface, or a part of one. */
+typedef struct part {
+    vec3 corner[3];
+    const facet *of;
+} part;
+
+/* What lies beyond the faces that cut the surface is not part of it. */
+static void clip_by_domain(const descent *d, const part *t, vec3 origin, polygon *p)
+{
+    const field *f = d->f->in.triangle_count == 0 ? d->f->in.scan->field : NULL;
+    if (!f || !f->open) return;
+    bool inside = true;
+    for (int k = 0; k < 3; k++) inside &= bbox_contains(f->boundary_box, t->corner[k]);
+    for (int axis = 0; !inside && axis < 3; axis++) {
+        vec3 n = {0, 0, 0};
+        vec3_set(&n, axis, 1);
+        const double low = vec3_get(f->boundary_box.min, axis), high = vec3_get(f->boundary_box.max, axis),
+                     at = vec3_get(origin, axis);
+        if (isfinite(high)) clip(p, n, high - at, NO_SITE);
+        if (isfinite(low)) clip(p, vec3_scale(n, -1), at - low, NO_SITE);
+    }
+}
+
+static void whole_part(const descent *d, const part *t, vec3 origin, polygon *p)
+{
+    p->count = 3;
+    for (int k = 0; k < 3; k++) {
+        p->corner[k] = vec3_sub(t->corner[k], origin);
+        p->behind[k] = NO_SITE;
+    }
+    clip_by_domain(d, t, origin, p);
+}
+
+/* ---- distances */
+
+static double distance_at(const sites *s, vec3 x)
+{
+    double distance;
+    const uint32_t nearest = cell_list_nearest(s->near, x, 0, &distance);
+    return distance / s->spacing[nearest];
+}
+
+/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of the surface
+ * next to x: points lie on the surface, which x lies beside. */
+static void raise_to_place(const descent *d, const facet *of, vec3 x, double *known)
+{
+    if (distance_at(d->s, x) > *known) *known = fmax(*known, distance_at(d->s, facets_onto(d->f, of, x)));
+}
+
+static void search_polygon(descent *d, const polygon *p, vec3 origin, const facet *of, double *farthest,
+                           bool missing)
+{
+    for (int k = 2; k < p->count; k++) {
+        const vec3 c[3] = {vec3_add(p->corner[0], origin), vec3_add(p->corner[k - 1], origin),
+                           vec3_add(p->corner[k], origin)};
+        *farthest = coverage_search_farthest(d->f, d->s, c, of, *farthest);
+        if (missing) d->to->missing += coverage_search_missing(d->f, d->s, c, of);
+    }
+}
+
+/* Distances of a polygon of the cell of `site`. The largest is at a corner where no other point is nearer. */
+static void measure_distances(descent *d, const polygon *p, uint32_t site, const facet *of)
+{
+    double *farthest = &d->farthest[of->patch];
+    const vec3 origin = d->s->position[site];
+    const double h = d->s->spacing[site];
+    double most = 0;
+    for (int k = 0; k < p->count; k++) {
+        const double own = vec3_norm(p->corner[k]) / h;
+        most = own > most ? own : most;
+        if (own > *farthest) raise_to_place(d, of, vec3_add(p->corner[k], origin), farthest);
+    }
+    if (most * (1 - MARGIN) > *farthest || most > COVERAGE_MISSING)
+        search_polygon(d, p, origin, of, farthest, most > COVERAGE_MISSING);
+}
+
+/* ---- triangles */
+
+/* How many corners are nearer to one site than to another. */
+static int nearer_corners(const corner_distances *one, const corner_distances *other)
+{
+    return (one->of[0] < other->of[0]) + (one->of[1] < other->of[1]) + (one->of[2] < other->of[2]);
+}
+
+/* Whether two sites are equally far from every place of the triangle: the first of them has the places. */
+static bool is_same(const corner_distances *a, const corner_distances *b)
+{
+    return a->of[0] == b->of[0] && a->of[1] == b->of[1] && a->of[2] == b->of[2];
+}
+
+/* The part of the triangle in the cell of candidate `own` of `count` from `base` on; false if there is none. */
+static bool cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own, polygon *p)
+{
+    const uint32_t *list = d->list + base, site = list[own];
+    const corner_distances *square = d->square + base;
+    const vec3 origin = d->s->position[site];
+    for (size_t k = 0; k < count; k++)
+        if (nearer_corners(&square[k], &square[own]) == 3 ||
+            (list[k] < site && is_same(&square[k], &square[own])))
+            return false;
+    whole_part(d, t, origin, p);
+    for (size_t k = 0; k < count && p->count > 0; k++) {
+        const vec3 to = vec3_sub(d->s->position[list[k]], origin);
+        if (k != own && nearer_corners(&square[k], &square[own]) > 0)
+            clip(p, to, 0.5 * vec3_norm2(to), list[k]);
+    }
+    return p->count > 0;
+}
+
+static bool is_equally_far(const corner_distances *a, const corner_distances *b, int c)
+{
+    return fabs(a->of[c] - b->of[c]) <= MARGIN * (a->of[c] + b->of[c]);
+}
+
+/* At how many corners two sites are as far as each other. */
+static int equal_corners(const corner_distances *a, const corner_distances *b)
+{
+    int count = 0;
+    for (int c = 0; c < 3; c++) count += is_equally_far(a, b, c);
+    return count;
+}
+
+static bool has_own_edge(const polygon *p)
+{
+    bool found = false;
+    for (int c = 0; c < p->count; c++) found |= p->behind[c] == NO_SITE;
+    return found;
+}
+
+/* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off there. */
+static void mark_sides_on_edges(const descent *d, size_t base, size_t count, size_t own, polygon *p)
+{
+    const uint32_t *list = d->list + base;
+    const corner_distances *square = d->square + base;
+    if (!has_own_edge(p)) return;
+    for (size_t k = 0; k < count; k++) {
+        if (k == own || equal_corners(&square[k], &square[own]) != 2) continue;
+        const vec3 to = vec3_sub(d->s->position[list[k]], d->s->position[list[own]]);
+        const double half = 0.5 * vec3_norm2(to), least = half * (1 - MARGIN);
+        for (int c = 0; c < p->count; c++)
+            if (p->behind[c] == NO_SITE && vec3_dot(to, p->corner[c]) >= least &&
+                vec3_dot(to, p->corner[c + 1 < p->count ? c + 1 : 0]) >= least)
+                p->behind[c] = list[k];
+    }
+}
+
+static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size_t own)
+{
+    const uint32_t site = d->list[base + own];
+    polygon p;
+    if (!cell_part(d, t, base, count, own, &p)) return true;
+    mark_sides_on_edges(d, base, count, own, &p);
+    const double area = polygon_area(&p);
+    if (area <= MARGIN * t->of->area * LEAST_PART)
+        return true; /* an edge in a bisector: the triangle beyond it has the side */
+    if (!add_area(d, site, area)) return false;
+    for (int k = 0; k < p.count; k++) {
+        if (p.behind[k] == NO_SITE || p.behind[k] < site) continue;
+        const double length = vec3_norm(vec3_sub(p.corner[k + 1 < p.count ? k + 1 : 0], p.corner[k]));
+        if (!add_side(d, site, p.behind[k], length)) return false;
+    }
+    measure_distances(d, &p, site, t->of);
+    return true;
+}
+
+static void measure_uncovered(descent *d, const part *t)
+{
+    polygon p;
+    whole_part(d, t, (vec3){0, 0, 0}, &p);
+    search_polygon(d, &p, (vec3){0, 0, 0}, t->of, &d->farthest[t->of->patch], true);
+}
+
+/* One half of a triangle, divided at the middle of its longest edge. */
+static part half_of(const part *t, int longest, int k)
+{
+    part out = *t;
+    const int a = longest, b = (longest + 1) % 3;
+    out.corner[k == 0 ? b : a] = vec3_scale(vec3_add(t->corner[a], t->corner[b]), 0.5);
+    return out;
+}
+
+static int longest_edge(const part *t, double *length)
+{
+    int longest = 0;
+    double most2 = -1;
+    for (int k = 0; k < 3; k++) {
+        const double length2 = vec3_norm2(vec3_sub(t->corner[(k + 1) % 3], t->corner[k]));
+        if (length2 <= most2) continue;
+        most2 = length2;
+        longest = k;
+    }
+    *length = sqrt(most2);
+    return longest;
+}
+
+/* Whether a site is farther from all corners than another one: it is then farther from every place of the triangle,
+ * since the difference of the squares is linear. */
+static bool is_dominated(const corner_distances *d, const corner_distances *by)
+{
+    return d->of[0] > by->of[0] * (1 + MARGIN) && d->of[1] > by->of[1] * (1 + MARGIN) &&
+           d->of[2] > by->of[2] * (1 + MARGIN);
+}
+
+/* The site that is nearest to a corner, or to all of them. */
+typedef struct judge {
+    uint32_t site;
+    double least;
+    corner_distances at;
+} judge;
+
+/* Sites in one place do not dominate each other, and no division separates them. All but the first are discarded. */
+static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
+{
+    return by->site < site && is_equally_far(at, &by->at, 0) && is_equally_far(at, &by->at, 1) &&
+           is_equally_far(at, &by->at, 2);
+}
+
+/* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new one. */
+enum { ALL_CORNERS = 3 };
+
+/* Pushes those of `count` candidates from `from` on that the sites nearest to each corner, and to all three, do not dominate. */
+static void push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
+{
+    enum { JUDGES = 4 };
+    judge by[JUDGES] = {{.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}};
+    const size_t base = d->top;
+    for (size_t k = 0; k < count; k++) {
+        corner_distances own = d->square[from + k];
+        for (int c = 0; c < 3; c++)
+            if (changed == c || changed == ALL_CORNERS)
+                own.of[c] = vec3_norm2(vec3_sub(d->s->position[d->list[from + k]], t->corner[c]));
+        const double value[JUDGES] = {own.of[0], own.of[1], own.of[2], own.of[0] + own.of[1] + own.of[2]};
+        for (int j = 0; j < JUDGES; j++) {
+            const uint32_t site = d->list[from + k];
+            if (value[j] < by[j].least || (value[j] == by[j].least && site < by[j].site))
+                by[j] = (judge){site, value[j], own};
+        }
+        d->list[base + k] = d->list[from + k];
+        d->square[base + k] = own;
+    }
+    for (size_t k = 0; k < count; k++) {
+        const corner_distances own = d->square[base + k];
+        const uint32_t site = d->list[base + k];
+        bool discarded = false;
+        for (int j = 0; j < JUDGES && !discarded; j++)
+            discarded =
+                is_dominated(&own, &by[j].at) || (count > MOST_CANDIDATES && is_repeated(site, &own, &by[j]));
+        if (discarded) continue;
+        d->list[d->top] = site;
+        d->square[d->top++] = own;
+    }
+}
+
+/* `count` candidates from `from` on, which all belong to the triangle's piece and do not lie on opposite walls. */
+static bool visit_part(descent *d, const part *t, int changed, size_t from, size_t count)
+{
+    const size_t base = d->top;
+    if (!reserve(d, count)) return false;
+    push_undominated(d, t, changed, from, count);
+    const size_t chosen = d->top - base;
+    bool ok = true;
+    double length;
+    const int longest = longest_edge(t, &length);
+    if (chosen > MOST_CANDIDATES && length > LEAST_PART * d->s->spacing[d->list[base]]) {
+        for (int k = 0; ok && k < 2; k++) {
+            const part half = half_of(t, longest, k);
+            ok = visit_part(d, &half, k == 0 ? (longest + 1) % 3 : longest, base, chosen);
+        }
+    } else { /* of more candidates the first are used */
+        const size_t used = chosen < MOST_CANDIDATES ? chosen : MOST_CANDIDATES;
+        for (size_t k = 0; ok && k < used; k++) ok = clip_cell(d, t, base, used, k);
+    }
+    d->top = base;
+    return ok;
+}
+
+static bool is_candidate(const sites *s, uint32_t i, const facet *t)
+{
+    return s->piece[i] == t->piece && sites_facing(s, i, t->normal, t->patch) > SITES_OPPOSITE;
+}
+
+typedef struct collection {
+    descent *d;
+    const facet *of; /* NULL: every point */
+    bool ok;
+} collection;
+
+static void collect(void *context, uint32_t i)
+{
+    collection *c = context;
+    if (!c->ok || (c->of && !is_candidate(c->d->s, i, c->of))) return;
+    c->ok = reserve(c->d, 1);
+    if (c->ok) c->d->list[c->d->top++] = i;
+}
+
+/* Pushes the points within `reach` of x: all, or the candidates of a triangle. */
+static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
+{
+    collection c = {d, of, true};
+    cell_list_within(d->s->near, x, reach, collect, &c);
+    return c.ok;
+}
+
+/* The distance from the centroid of the nearest of the candidates from `base` on. */
+static double nearest_candidate(const descent *d, size_t base, vec3 centroid)
+{
+    double nearest2 = INFINITY;
+    for (size_t k = base; k < d->top; k++)
+        nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(d->s->position[d->list[k]], centroid)));
+    return sqrt(nearest2);
+}
+
+/* Removes the candidates from `base` on that are farther than `reach` from the centroid. */
+static void remove_far_candidates(descent *d, size_t base, vec3 centroid, double reach)
+{
+    const double reach2 = reach * reach * (1 + MARGIN);
+    const size_t end = d->top;
+    d->top = base;
+    for (size_t k = base; k < end; k++)
+        if (vec3_norm2(vec3_sub(d->s->position[d->list[k]], centroid)) <= reach2)
+            d->list[d->top++] = d->list[k];
+}
+
+/* The radius of a sphere around a part of the surface, and the point nearest to its centre. */
+typedef struct surroundings {
+    double radius, nearest, spacing;
+} surroundings;
+
+static surroundings surroundings_at(const descent *d, vec3 centre, double radius)
+{
+    surroundings out = {.radius = radius};
+    out.spacing = d->s->spacing[cell_list_nearest(d->s->near, centre, 0, &out.nearest)];
+    return out;
+}
+
+static double part_radius(const part *t, vec3 centroid)
+{
+    double radius = 0;
+    for (int k = 0; k < 3; k++) radius = fmax(radius, vec3_norm(vec3_sub(t->corner[k], centroid)));
+    return radius;
+}
+
+/* Finishes a part whose candidates, from `base` on, are complete within `complete` of its centroid. */
+static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centroid, double radius,
+                             double complete)
+{
+    bool ok = true;
+    const double reach = nearest_candidate(d, base, centroid) + 2 * radius;
+    if (reach <= complete)
+        remove_far_candidates(d, base, centroid, reach);
+    else {
+        d->top = base;
+        ok = collect_within(d, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, t->of);
+    }
+    if (ok && d->top == base)
+        measure_uncovered(d, t);
+    else if (ok)
+        ok = visit_part(d, t, ALL_CORNERS, base, d->top - base);
+    d->top = base;
+    return ok;
+}
+
+/* A part without candidates: a large one is divided first, along the surface. */
+static bool visit_large_part(descent *d, const part *t)
+{
+    const vec3 centroid = field_triangle_middle(t->corner);
+    const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
+    if (at.radius > SMALL * at.spacing) {
+        double length;
+        const int longest = longest_edge(t, &length);
+        part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
+        one.corner[(longest + 1) % 3] = other.corner[longest] =
+            facets_middle(d->f, t->of->patch, t->corner[longest], t->corner[(longest + 1) % 3]);
+        return visit_large_part(d, &one) && visit_large_part(d, &other);
+    }
+    const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+    const size_t base = d->top;
+    return collect_within(d, centroid, reach, t->of) &&
+           visit_candidates(d, t, base, centroid, at.radius, reach);
+}
+
+/* `from` NULL: there are no candidates yet. */
+static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
+{
+    const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
+    if (!from) return visit_large_part(d, &whole);
+    const vec3 centroid = field_triangle_middle(t->corner);
+    const size_t base = d->top;
+    if (!reserve(d, from->count)) return false;
+    for (size_t k = 0; k < from->count; k++)
+        if (is_candidate(d->s, d->list[from->first + k], t)) d->list[d->top++] = d->list[from->first + k];
+    const double complete = from->complete - vec3_norm(vec3_sub(centroid, from_centre));
+    return visit_candidates(d, &whole, base, centroid, part_radius(&whole, centroid), complete);
+}
+
+/* ---- nodes */
+
+/* Whether every place of a sphere is so near to the site of its cell that its distances change nothing. */
+static bool is_covered(const descent *d, uint32_t patch, vec3 centre, double radius, uint32_t site)
+{
+    const double most = (vec3_norm(vec3_sub(d->s->position[site], centre)) + radius) / d->s->spacing[site];
+    return most <= COVERAGE_MISSING && patch != FACETS_MIXED && most <= d->farthest[patch];
+}
+
+/* Whether an item lies in one cell, of *site, as the candidates show that face all of it. */
+static bool is_in_one_cell(const descent *d, const candidates *from, const facets_item *item, uint32_t *site)
+{
+    double nearest2 = INFINITY, second2 = INFINITY;
+    for (size_t k = 0; k < from->count; k++) {
+        const uint32_t i = d->list[from->first + k];
+        const double distance2 = vec3_norm2(vec3_sub(d->s->position[i], item->centre));
+        if (distance2 < nearest2) {
+            second2 = nearest2;
+            nearest2 = distance2;
+            *site = i;
+        } else
+            second2 = fmin(second2, distance2);
+    }
+    return sqrt(second2) > (sqrt(nearest2) + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest2);
+}
+
+static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_centre, bool certain)
+{
+    const facets_item item = facets_item_at(d->f, k);
+    uint32_t site = 0;
+    if (certain && is_in_one_cell(d, from, &item, &site) &&
+        is_covered(d, item.patch, item.centre, item.radius, site))
+        return add_area(d, site, item.area);
+    facet t[FIELD_CELL_TRIANGLES];
+    const int triangles = facets_expand(d->f, k, !from, t);
+    bool ok = true;
+    for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], from, from_centre);
+    return ok;
+}
+
+static bool visit_small_node(descent *d, uint32_t node, const candidates *from, vec3 from_centre)
+{
+    const facets_node *n = &d->f->node[node];
+    const size_t base = d->top;
+    candidates own;
+    bool certain;
+    if (!choose_candidates(d, n, from, from_centre, &own, &certain)) return false;
+    bool ok = true;
+    if (certain && own.count == 1 && is_covered(d, n->patch, n->centre, n->radius, d->list[base]))
+        ok = add_area(d, d->list[base], n->area);
+    else if (n->right > 0)
+        ok = visit_small_node(d, node + 1, &own, n->centre) && visit_small_node(d, n->right, &own, n->centre);
+    else
+        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, &own, n->centre, certain);
+    d->top = base;
+    return ok;
+}
+
+/* A node without candidates. */
+static bool visit_node(descent *d, uint32_t node)
+{
+    const facets_node *n = &d->f->node[node];
+    const surroundings at = surroundings_at(d, n->centre, n->radius);
+    bool ok = true;
+    if (at.radius <= SMALL * at.spacing) {
+        const size_t base = d->top;
+        const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+        ok = collect_within(d, n->centre, reach, NULL) &&
+             visit_small_node(d, node, &(candidates){base, d->top - base, reach}, n->centre);
+        d->top = base;
+    } else if (n->right > 0)
+        ok = visit_node(d, node + 1) && visit_node(d, n->right);
+    else
+        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, NULL, n->centre, false);
+    return ok;
+}
+
+/* ---- the first bound of the distances */
+
+/* Whether a place is part of the surface (clip_by_domain). */
+static bool is_in_domain(const facets *f, vec3 x)
+{
+    const field *of = f->in.triangle_count == 0 ? f->in.scan->field : NULL;
+    return !of || !of->open || bbox_contains(of->boundary_box, x);
+}
+
+/* Raises the bound of an item's patch by one of its places. */
+static void probe_item(const build_job *job, size_t k, double *known)
+{
+    facet t[FIELD_CELL_TRIANGLES];
+    if (facets_expand(job->f, k, false, t) == 0) return;
+    const vec3 middle = field_triangle_middle(t[0].corner);
+    double *most = &known[t[0].patch];
+    if (!(distance_at(job->s, middle) > *most) || !is_in_domain(job->f, middle)) return;
+    const vec3 place = facets_onto(job->f, &t[0], middle);
+    *most = fmax(*most, fmin(distance_at(job->s, place), distance_at(job->s, middle)));
+}
+
+static size_t probe_count(const build_job *job)
+{
+    const size_t most = PROBES_OF_POINT * job->s->count;
+    return job->f->item_count < most ? job->f->item_count : most;
+}
+
+static void probe_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    const size_t count = probe_count(job);
+    double *known = job->farthest + 2 * job->f->in.patch_count * (size_t)worker;
+    for (size_t k = begin; k < end; k++) probe_item(job, k * job->f->item_count / count, known);
+}
+
+/* The largest distance at places of some items. With it as a lower bound, tasks discard most searches immediately. */
+static void probe(const build_job *job, size_t workers, threads *pool, double *known)
+{
+    const size_t patches = job->f->in.patch_count;
+    threads_run(pool, probe_count(job), 256, probe_chunk, (void *)job);
+    for (size_t w = 0; w < workers; w++)
+        for (size_t p = 0; p < patches; p++) known[p] = fmax(known[p], job->farthest[2 * w * patches + p]);
+}
+
+/* ---- tasks */
+
+/* What a task finds must not depend on those before it on the same thread, so each begins with the same known distances. */
+static void run_tasks(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    const size_t patches = job->f->in.patch_count;
+    double *own = job->farthest + 2 * patches * (size_t)worker, *all = own + patches;
+    for (size_t k = begin; k < end; k++) {
+        task *t = &job->task[k];
+        descent d = {.f = job->f, .s = job->s, .to = t, .farthest = own};
+        memcpy(own, job->known, patches * sizeof *own);
+        visit_node(&d, t->node);
+        for (size_t p = 0; p < patches; p++) all[p] = fmax(all[p], own[p]);
+        free(d.list);
+        free(d.square);
+    }
+}
+
+/* ---- sums */
+
+/* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three quarters full. */
+typedef struct side_table {
+    voronoi_side *entry; /* b == 0: free */
+    size_t room, count;  /* room: a power of two */
+} side_table;
+
+static bool table_init(side_table *t, size_t expected, error *e)
+{
+    *t = (side_table){.room = 64};
+    while (3 * t->room < 4 * expected) t->room *= 2;
+    t->entry = mem_array(t->room, sizeof *t->entry, what, e);
+    return t->entry != NULL;
+}
+
+static voronoi_side *table_find(const side_table *t, uint32_t a, uint32_t b)
+{
+    const uint64_t key = ((uint64_t)a << 32 | b) * UINT64_C(0x9E3779B97F4A7C15);
+    size_t at = (size_t)(key >> 20) & (t->room - 1);
+    while (t->entry[at].b != 0 && (t->entry[at].a != a || t->entry[at].b != b)) at = (at + 1) & (t->room - 1);
+    return &t->entry[at];
+}
+
+static bool table_add(side_table *t, const voronoi_side *s, error *e)
+{
+    if (4 * t->count >= 3 * t->room) {
+        side_table larger;
+        if (!table_init(&larger, 2 * t->count, e)) return false;
+        for (size_t k = 0; k < t->room; k++)
+            if (t->entry[k].b != 0) *table_find(&larger, t->entry[k].a, t->entry[k].b) = t->entry[k];
+        larger.count = t->count;
+        free(t->entry);
+        *t = larger;
+    }
+    voronoi_side *to = table_find(t, s->a, s->b);
+    if (to->b == 0) {
+        *to = (voronoi_side){s->a, s->b, 0};
+        t->count++;
+    }
+    to->length += s->length;
+    return true;
+}
+
+static bool settle_task(task *t, restricted_voronoi *out, side_table *table, error *e)
+{
+    bool ok = !t->failed;
+    if (!ok && e) *e = t->why;
+    for (size_t k = 0; ok && k < t->area_count; k++) out->area[t->area[k].site] += t->area[k].area;
+    for (size_t k = 0; ok && k < t->side_count; k++) ok = table_add(table, &t->side[k], e);
+    out->missing += t->missing;
+    free(t->area);
+    free(t->side);
+    t->area = NULL;
+    t->side = NULL;
+    return ok;
+}
+
+/* ---- the division into tasks */
+
+/* Descends to nodes of at most `most` items; returns the number of tasks. */
+static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
+{
+    const facets_node *n = &f->node[node];
+    if (n->right == 0 || n->end - n->begin <= most) {
+        *out = (task){.node = node};
+        return 1;
+    }
+    const size_t count = divide(f, node + 1, most, out);
+    return count + divide(f, n->right, most, out + count);
+}
+
+bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
+                              error *e)
+{
+    const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
+    const size_t wanted = s->count / POINTS_OF_TASK + 1,
+                 most = f->item_count / (wanted < TASKS ? wanted : TASKS) + 1;
+    side_table table = {0};
+    double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);
+    task *all = mem_array(4 * TASKS, sizeof *all, what, e);
+    *out = (restricted_voronoi){0};
+    out->area = mem_array(s->count, sizeof *out->area, what, e);
+    out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
+    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * s->count, e);
+    const size_t tasks = ok ? divide(f, 0, most, all) : 0;
+    build_job job = {f, s, all, farthest, out->farthest};
+    const size_t at_once = TASKS_OF_THREAD * workers;
+    if (ok) probe(&job, workers, pool, out->farthest);
+    for (size_t k = 0; k < tasks; k += at_once) {
+        const size_t count = tasks - k < at_once ? tasks - k : at_once;
+        job.task = all + k;
+        if (ok) threads_run(pool, count, 1, run_tasks, &job);
+        for (size_t i = 0; i < count; i++) ok = settle_task(&all[k + i], out, &table, ok ? e : NULL) && ok;
+    }
+    for (size_t w = 0; ok && w < workers; w++)
+        for (size_t p = 0; p < patches; p++)
+            out->farthest[p] = fmax(out->farthest[p], farthest[(2 * w + 1) * patches + p]);
+    for (size_t k = 0; ok && k < table.room; k++)
+        if (table.entry[k].b != 0) table.entry[out->side_count++] = table.entry[k];
+    out->side = table.entry;
+    free(all);
+    free(farthest);
+    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+}
+
+void restricted_voronoi_free(restricted_voronoi *v)
+{
+    free(v->area);
+    free(v->side);
+    free(v->farthest);
+    *v = (restricted_voronoi){0};
+}

@@ -1,0 +1,37 @@
+/* restricted_voronoi: the Voronoi diagram of points, restricted to the surface on which they lie.
+ *
+ * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece that
+ * are not of an opposite wall, is this one. Triangles are clipped by the bisectors of the points near them (Yan,
+ * Levy, Liu, Sun and Wang 2009, "Isotropic remeshing with fast and exact computation of restricted Voronoi
+ * diagram"). Those points are found by descending the hierarchy of facets: a node keeps the points that can be
+ * nearest to a place in its sphere.
+ */
+#ifndef HEXAD_SAMPLING_MEASURES_RESTRICTED_VORONOI_H
+#define HEXAD_SAMPLING_MEASURES_RESTRICTED_VORONOI_H
+
+#include "base/core/error.h"
+#include "base/core/threads.h"
+#include "sampling/measures/facets.h"
+#include "sampling/measures/sites.h"
+
+/* Two cells that share a side. */
+typedef struct voronoi_side {
+    uint32_t a, b; /* a < b */
+    double length; /* of all sides that they share */
+} voronoi_side;
+
+typedef struct restricted_voronoi {
+    double *area;       /* of the cell of each point */
+    voronoi_side *side; /* each pair of cells once, in a fixed order */
+    size_t side_count;
+    /* of each patch: the largest distance of a place from its nearest point, over that point's spacing */
+    double *farthest;
+    double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
+} restricted_voronoi;
+
+/* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory, cancelled. */
+bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
+                              error *e);
+void restricted_voronoi_free(restricted_voronoi *v); /* accepts a zeroed object */
+
+#endif

@@ -1,0 +1,277 @@
+#include "sampling/packing/neighbour_bins.h"
+
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+
+static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
+/* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room
+ * for more. */
+static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
+enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
+enum { BLOCK_CHUNK = 64 };                     /* of blocks */
+
+/* Bins with points are no more than points; those above them rarely as many again. */
+static bool reserve_bins(neighbours *n, size_t bins, error *e)
+{
+    const char *what = "neighbour lists";
+    if (bins < FEWEST_BINS) bins = FEWEST_BINS;
+    free(n->bin_begin);
+    free(n->bin_cell);
+    n->bin_capacity = bins;
+    n->bin_begin = mem_array(bins + 1, sizeof *n->bin_begin, what, e);
+    n->bin_cell = mem_array(bins, sizeof *n->bin_cell, what, e);
+    return n->bin_begin && n->bin_cell;
+}
+
+static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
+{
+    const char *what = "neighbour lists";
+    if (blocks < FEWEST_BLOCKS) blocks = FEWEST_BLOCKS;
+    n->table_size = 2 * FEWEST_BLOCKS;
+    while (n->table_size < 2 * blocks) n->table_size *= 2;
+    free(n->table);
+    free(n->block_key);
+    free(n->block_first);
+    free(n->block_size);
+    free(n->block_begin);
+    free(n->cell);
+    n->block_capacity = blocks;
+    n->table = mem_array(n->table_size, sizeof *n->table, what, e);
+    n->block_key = mem_array(blocks, sizeof *n->block_key, what, e);
+    n->block_first = mem_array(blocks, sizeof *n->block_first, what, e);
+    n->block_size = mem_array(blocks, sizeof *n->block_size, what, e);
+    n->block_begin = mem_array(blocks + 1, sizeof *n->block_begin, what, e);
+    n->cell = mem_array(blocks, BLOCK_CELLS * sizeof *n->cell, what, e);
+    return n->table && n->block_key && n->block_first && n->block_size && n->block_begin && n->cell;
+}
+
+bool neighbour_bins_reserve(neighbours *n, size_t points, error *e)
+{
+    return reserve_bins(n, points / POINTS_PER_BIN, e) && reserve_blocks(n, points / POINTS_PER_BLOCK, e);
+}
+
+static place parent_of(const place *p)
+{
+    return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
+}
+
+/* The block of the last lookup: usually the next lookup is of the same block. */
+typedef struct visit {
+    uint64_t key;
+    uint32_t block;
+} visit;
+
+#define NO_CELL UINT32_MAX
+
+/* Where a bin is: its cell, and its block's key above that. */
+static uint64_t spot_of(const place *bin)
+{
+    const place block = block_of(bin);
+    return key_of(&block) << 3 * BLOCK_SHIFT | cell_of(bin);
+}
+
+/* Where in `cell` the cell of a spot is. If it had no bin it has one now; NO_CELL when there is no room for that. */
+static uint32_t cell_at(neighbours *n, uint64_t spot, visit *last)
+{
+    const uint64_t key = spot >> 3 * BLOCK_SHIFT;
+    if (key != last->key) {
+        size_t slot = slot_of(n, key);
+        if (!n->table[slot]) {
+            if (n->blocks == n->block_capacity) return NO_CELL;
+            n->block_key[n->blocks] = key;
+            n->block_size[n->blocks] = 0;
+            memset(n->cell + n->blocks * BLOCK_CELLS, 0, BLOCK_CELLS * sizeof *n->cell);
+            n->table[slot] = (uint32_t)++n->blocks;
+        }
+        *last = (visit){key, n->table[slot] - 1};
+    }
+    const uint32_t at = last->block * BLOCK_CELLS + (uint32_t)(spot & (BLOCK_CELLS - 1));
+    if (!n->cell[at]) {
+        if (n->bin_count == n->bin_capacity) return NO_CELL;
+        n->bin_count++;
+        n->cell[at] = (uint16_t)++n->block_size[last->block];
+    }
+    return at;
+}
+
+/* Where a point's bin is. */
+static place place_at(const neighbours_place *p, double scale, double size_scale)
+{
+    double over = (double)p->size * size_scale;
+    int level = 0;
+    while (level < NEIGHBOURS_LEVELS - 1 && over > (double)(1 << level)) level++;
+    return (place){level,
+                   {(int64_t)(p->x * scale) >> level, (int64_t)(p->y * scale) >> level,
+                    (int64_t)(p->z * scale) >> level}};
+}
+
+/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of
+ * each point its spot's number within the chunk. For the k-th spot of a chunk that begins with point b, `list` holds
+ * its position, as a uint64_t at b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell,
+ * its bin, then where in bin_item the chunk's points of that bin go; bin_item ends with a 0. */
+static void spot_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    uint64_t *spot = (uint64_t *)n->list + begin;
+    uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
+    (void)worker;
+    assert(end - begin <= CHUNK && 2 * end <= n->list_capacity);
+    for (size_t i = begin; i < end; i++) {
+        const place at = place_at(&n->place[i], n->unit / n->edge, n->cutoff / n->edge);
+        const uint64_t own = spot_of(&at);
+        size_t s = own * 0x9e3779b97f4a7c15u >> 32 & (SPOT_SLOTS - 1);
+        while (slot[s] && spot[slot[s] - 1] != own) s = (s + 1) & (SPOT_SLOTS - 1);
+        if (!slot[s]) {
+            n->bin_item[begin + spots] = 0;
+            spot[spots] = own;
+            slot[s] = ++spots;
+        }
+        n->list_begin[i] = slot[s] - 1u;
+        n->bin_item[begin + n->list_begin[i]]++;
+    }
+    if (begin + spots < end) n->bin_item[begin + spots] = 0;
+}
+
+/* Whether the chunk that begins with a point has a spot k. */
+static inline bool has_spot(const neighbours *n, size_t begin, size_t k)
+{
+    return k < n->count && k < begin + CHUNK && n->bin_item[k] > 0;
+}
+
+/* Makes the bins above those of a level; false when there are more than there is room for. */
+static bool split_level(neighbours *n, int level, visit *last)
+{
+    for (size_t b = 0; b < n->blocks; b++) {
+        const place block = place_of_block(n->block_key[b]);
+        if (block.level != level) continue;
+        for (uint32_t c = 0; c < BLOCK_CELLS; c++) {
+            if (!n->cell[b * BLOCK_CELLS + c]) continue;
+            const place bin = place_of_bin(&block, c), parent = parent_of(&bin);
+            const uint32_t at = cell_at(n, spot_of(&parent), last);
+            if (at == NO_CELL) return false;
+            n->cell[at] |= CELL_SPLIT;
+        }
+    }
+    return true;
+}
+
+/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the points; then
+ * come those that have only bins below them. False when there are more than there is room for. */
+static bool number_bins(neighbours *n)
+{
+    memset(n->table, 0, n->table_size * sizeof *n->table);
+    n->bin_count = n->blocks = 0;
+    n->levels = 1;
+    visit last = {NO_KEY, 0};
+    for (size_t begin = 0; begin < n->count; begin += CHUNK)
+        for (size_t k = begin; has_spot(n, begin, k); k++) {
+            const uint64_t spot = ((const uint64_t *)n->list)[k];
+            const int level = (int)(spot >> 3 * (BLOCK_SHIFT + BLOCK_BITS));
+            if ((n->list_count[k] = cell_at(n, spot, &last)) == NO_CELL) return false;
+            if (level >= n->levels) n->levels = level + 1;
+        }
+    for (int level = 0; level < n->levels - 1; level++)
+        if (!split_level(n, level, &last)) return false;
+    return true;
+}
+
+static int colour_of(uint64_t key)
+{
+    return (int)((key & 1) | (key >> BLOCK_BITS & 1) << 1 | (key >> 2 * BLOCK_BITS & 1) << 2 |
+                 (key >> 3 * BLOCK_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
+}
+
+/* Puts the blocks in the order of their colours, and their bins one after the other. */
+static void sort_blocks(neighbours *n)
+{
+    n->colours = 8 * n->levels;
+    memset(n->colour_begin, 0, sizeof n->colour_begin);
+    for (size_t b = 0; b < n->blocks; b++) n->colour_begin[colour_of(n->block_key[b]) + 1]++;
+    uint32_t next[NEIGHBOURS_COLOURS];
+    for (int c = 0; c < n->colours; c++) {
+        n->colour_begin[c + 1] += n->colour_begin[c];
+        next[c] = n->colour_begin[c];
+    }
+    for (size_t b = 0; b < n->blocks; b++) {
+        n->block_first[b] = next[colour_of(n->block_key[b])]++; /* its place among the blocks */
+        n->block_begin[n->block_first[b]] = n->block_size[b];
+    }
+    uint32_t total = 0;
+    for (size_t k = 0; k <= n->blocks; k++) {
+        const uint32_t bins = k < n->blocks ? n->block_begin[k] : 0;
+        n->block_begin[k] = total;
+        total += bins;
+    }
+    for (size_t b = 0; b < n->blocks; b++) n->block_first[b] = n->block_begin[n->block_first[b]];
+}
+
+/* Stores the cells of the bins of blocks; most cells have none. */
+static void cell_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const neighbours *n = context;
+    (void)worker;
+    for (size_t b = begin; b < end; b++) {
+        const uint16_t *cell = n->cell + b * BLOCK_CELLS;
+        for (uint32_t c = 0; c < BLOCK_CELLS; c += 4) {
+            uint64_t four;
+            memcpy(&four, cell + c, sizeof four);
+            for (uint32_t k = c; four != 0 && k < c + 4; k++)
+                if (cell[k] & CELL_BIN)
+                    n->bin_cell[n->block_first[b] + (cell[k] & CELL_BIN) - 1] = (uint16_t)k;
+        }
+    }
+}
+
+/* Turns the cells of a chunk's spots into bins. */
+static void bin_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    (void)worker, (void)end;
+    for (size_t k = begin; has_spot(n, begin, k); k++) {
+        const uint32_t at = n->list_count[k];
+        n->list_count[k] = n->block_first[at / BLOCK_CELLS] + (n->cell[at] & CELL_BIN) - 1;
+    }
+}
+
+/* Turns the bins of all spots into where the chunk's points of a bin go: the first chunk's first. */
+static void place_spots(neighbours *n)
+{
+    memset(n->bin_begin, 0, (n->bin_count + 1) * sizeof *n->bin_begin);
+    for (size_t begin = 0; begin < n->count; begin += CHUNK)
+        for (size_t k = begin; has_spot(n, begin, k); k++) n->bin_begin[n->list_count[k]] += n->bin_item[k];
+    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
+    for (size_t b = 0; b <= n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
+    for (size_t begin = n->count / CHUNK * CHUNK + CHUNK; begin >= CHUNK;)
+        for (size_t k = begin -= CHUNK; has_spot(n, begin, k); k++)
+            n->list_count[k] = n->bin_begin[n->list_count[k]] -= n->bin_item[k];
+}
+
+/* Puts a chunk's points into their bins, behind those of the chunks before. */
+static void item_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    neighbours *n = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) n->bin_item[n->list_count[begin + n->list_begin[i]]++] = (uint32_t)i;
+}
+
+bool neighbour_bins_fill(neighbours *n, threads *pool, error *e)
+{
+    for (;;) {
+        threads_run(pool, n->count, CHUNK, spot_chunk, n);
+        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (number_bins(n)) break;
+        if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
+            return false;
+    }
+    sort_blocks(n);
+    threads_run(pool, n->blocks, BLOCK_CHUNK, cell_chunk, n);
+    threads_run(pool, n->count, CHUNK, bin_chunk, n);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    place_spots(n);
+    threads_run(pool, n->count, CHUNK, item_chunk, n);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return true;
+}

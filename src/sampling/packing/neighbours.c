@@ -1,0 +1,539 @@
+#include "sampling/packing/neighbours.h"
+
+#include <assert.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
+
+#include "base/core/isa.h"
+#include "base/core/memory.h"
+#include "geometry/space/bbox.h"
+#include "sampling/packing/neighbour_bins.h"
+
+static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
+/* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
+static const size_t FIRST_ENTRIES = 20;
+/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a point to
+ * the next level. */
+static const double BIN_HAIR = 1e-6;
+enum { LANES = 16 };
+enum { CHUNK = 4096 }; /* of points */
+/* A block with the bins next to it: cells along each axis. */
+enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
+
+neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
+{
+    neighbours *n = mem_alloc(sizeof *n);
+    n->capacity = capacity;
+    n->list_limit = list_limit;
+    const char *what = "neighbour lists";
+    if (!neighbour_bins_reserve(n, capacity, e) ||
+        !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
+        !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
+        !(n->list = mem_array(n->list_capacity = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
+        !(n->list_begin = mem_array(capacity, sizeof *n->list_begin, what, e)) ||
+        !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
+        neighbours_free(n);
+        return NULL;
+    }
+    return n;
+}
+
+void neighbours_free(neighbours *n)
+{
+    if (!n) return;
+    free(n->place);
+    free(n->bin_begin);
+    free(n->bin_item);
+    free(n->bin_cell);
+    free(n->table);
+    free(n->block_key);
+    free(n->block_first);
+    free(n->block_size);
+    free(n->block_begin);
+    free(n->cell);
+    free(n->list);
+    free(n->list_begin);
+    free(n->list_count);
+    free(n);
+}
+
+/* Points in arrays for the vector unit. */
+typedef struct candidates {
+    size_t count, capacity;
+    int32_t *x, *y, *z;
+    float *size;
+    uint32_t *item;
+} candidates;
+
+typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
+                         uint32_t *found);
+
+/* The cells of a block, and the first of its bins. */
+typedef struct block_cells {
+    const uint16_t *cell;
+    uint32_t first;
+} block_cells;
+
+/* What one worker needs to list the neighbours of a block's points; no two share a cache line. */
+typedef struct list_search {
+    _Alignas(64) neighbours *n;
+    block_cells around[27]; /* the blocks around the bin's own, and its own in the middle */
+    struct {
+        uint64_t key;
+        block_cells cells;
+    } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks of the last lookups */
+    place at;                  /* of the bin at hand */
+    candidates near;           /* points that may be neighbours of its points */
+    candidates
+        all; /* where bins are of one level, the points of the block and of the bins next to it, cell after cell */
+    uint32_t cell_begin[WIDE_CELLS + 1]; /* of these */
+    size_t entries, entry_capacity;      /* the lists, one after the other */
+    uint32_t *entry;
+} list_search;
+
+typedef struct build_job {
+    neighbours *n;
+    const vec3 *x;
+    const double *size;
+    finder find;
+    list_search *searches;                       /* one per worker */
+    _Alignas(64) atomic_size_t longest, entries; /* that all write */
+} build_job;
+
+/* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
+ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t count, uint32_t *found)
+{
+    for (int l = 0; l < LANES; l++) {
+        found[count] = item[l];
+        count += hit[l];
+    }
+    return count;
+}
+
+#ifdef __x86_64__
+/* The entries of which the bit is set, first. */
+static const int32_t packed[16][4] = {{0, 0, 0, 0}, {0, 0, 0, 0}, {1, 0, 0, 0}, {0, 1, 0, 0},
+                                      {2, 0, 0, 0}, {0, 2, 0, 0}, {1, 2, 0, 0}, {0, 1, 2, 0},
+                                      {3, 0, 0, 0}, {0, 3, 0, 0}, {1, 3, 0, 0}, {0, 1, 3, 0},
+                                      {2, 3, 0, 0}, {0, 2, 3, 0}, {1, 2, 3, 0}, {0, 1, 2, 3}};
+
+ISA_TARGET_AVX2 static inline size_t pack_avx2(const uint32_t hit[LANES], const uint32_t *item, size_t count,
+                                               uint32_t *found)
+{
+    for (int l = 0; l < LANES; l += 4) {
+        const __m128i hits = _mm_slli_epi32(_mm_loadu_si128((const __m128i *)(hit + l)), 31);
+        const int mask = _mm_movemask_ps(_mm_castsi128_ps(hits));
+        const __m128 items = _mm_loadu_ps((const float *)(item + l));
+        _mm_storeu_ps((float *)(found + count),
+                      _mm_permutevar_ps(items, _mm_loadu_si128((const __m128i *)packed[mask])));
+        count += (size_t)__builtin_popcount((unsigned)mask);
+    }
+    return count;
+}
+
+/* One instruction, which no compiler makes of the above. */
+ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], const uint32_t *item,
+                                                   size_t count, uint32_t *found)
+{
+    __m512i hits = _mm512_loadu_si512(hit);
+    __mmask16 mask = _mm512_test_epi32_mask(hits, hits);
+    _mm512_storeu_si512(found + count, _mm512_maskz_compress_epi32(mask, _mm512_loadu_si512(item)));
+    return count + (size_t)__builtin_popcount(mask);
+}
+#else
+#define pack_avx2 pack
+#define pack_avx512 pack
+#endif
+
+/* Which of the candidates are neighbours of point i; returns how many. */
+#define VERSION(name, target, pack)                                                                 \
+    target static size_t name(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, \
+                              uint32_t *found)                                                      \
+    {                                                                                               \
+        size_t count = 0;                                                                           \
+        for (size_t b = 0; b < s->count; b += LANES) {                                              \
+            uint32_t hit[LANES];                                                                    \
+            for (int l = 0; l < LANES; l++) {                                                       \
+                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),           \
+                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);  \
+                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i); \
+            }                                                                                       \
+            count = pack(hit, s->item + b, count, found);                                           \
+        }                                                                                           \
+        return count;                                                                               \
+    }
+VERSION(find_portable, , pack)
+VERSION(find_avx2, ISA_TARGET_AVX2, pack_avx2)
+VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512)
+
+static finder best_finder(void)
+{
+    static const finder versions[ISA_COUNT] = {find_portable, find_avx2, find_avx512};
+    return versions[isa_best()];
+}
+
+/* Room for more, and for what a vector holds beyond. */
+static void reserve_candidates(candidates *c, size_t more)
+{
+    if (c->count + more + LANES <= c->capacity) return;
+    c->capacity = 2 * (c->count + more + LANES);
+    c->x = mem_resize(c->x, c->capacity * sizeof *c->x);
+    c->y = mem_resize(c->y, c->capacity * sizeof *c->y);
+    c->z = mem_resize(c->z, c->capacity * sizeof *c->z);
+    c->size = mem_resize(c->size, c->capacity * sizeof *c->size);
+    c->item = mem_resize(c->item, c->capacity * sizeof *c->item);
+}
+
+static void free_candidates(candidates *c)
+{
+    free(c->x);
+    free(c->y);
+    free(c->z);
+    free(c->size);
+    free(c->item);
+}
+
+/* The points of a block's cell; none where it has no bin. */
+static void add_bin(const neighbours *n, candidates *c, const block_cells *block, uint32_t cell)
+{
+    const uint32_t number = block->cell[cell] & CELL_BIN;
+    if (!number) return;
+    const uint32_t bin = block->first + number - 1, end = n->bin_begin[bin + 1];
+    reserve_candidates(c, end - n->bin_begin[bin]);
+    for (uint32_t b = n->bin_begin[bin]; b < end; b++) {
+        const neighbours_place *p = &n->place[n->bin_item[b]];
+        c->x[c->count] = p->x;
+        c->y[c->count] = p->y;
+        c->z[c->count] = p->z;
+        c->size[c->count] = p->size;
+        c->item[c->count++] = n->bin_item[b];
+    }
+}
+
+/* Adds the points of `from` from `begin` to `end`, vectors at a time. */
+ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t end, candidates *to)
+{
+    for (size_t b = begin; b < end; b += LANES) {
+        const size_t at = to->count + b - begin;
+        memcpy(to->x + at, from->x + b, LANES * sizeof *to->x);
+        memcpy(to->y + at, from->y + b, LANES * sizeof *to->y);
+        memcpy(to->z + at, from->z + b, LANES * sizeof *to->z);
+        memcpy(to->size + at, from->size + b, LANES * sizeof *to->size);
+        memcpy(to->item + at, from->item + b, LANES * sizeof *to->item);
+    }
+    to->count += end - begin;
+}
+
+/* No block: no bins. */
+static block_cells find_cells(const neighbours *n, uint64_t key)
+{
+    static const uint16_t none[BLOCK_CELLS];
+    const uint32_t block = n->table[slot_of(n, key)];
+    return block ? (block_cells){n->cell + (block - 1) * (size_t)BLOCK_CELLS, n->block_first[block - 1]}
+                 : (block_cells){none, 0};
+}
+
+/* The same for the block of a bin on another level than the one at hand. */
+static const block_cells *cells_of(list_search *s, const place *bin)
+{
+    place block = block_of(bin);
+    uint64_t key = key_of(&block);
+    if (s->last[bin->level].key != key) {
+        s->last[bin->level].key = key;
+        s->last[bin->level].cells = find_cells(s->n, key);
+    }
+    return &s->last[bin->level].cells;
+}
+
+/* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
+static void search_coarser(list_search *s, int up)
+{
+    int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
+    for (int a = 0; a < 3; a++) {
+        low[a] = (s->at.at[a] - reach) >> up;
+        high[a] = (s->at.at[a] + reach) >> up;
+    }
+    place p = {.level = s->at.level + up};
+    for (p.at[2] = low[2]; p.at[2] <= high[2]; p.at[2]++)
+        for (p.at[1] = low[1]; p.at[1] <= high[1]; p.at[1]++)
+            for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++)
+                add_bin(s->n, &s->near, cells_of(s, &p), cell_of(&p));
+}
+
+static void search_finer(list_search *s, const place *parent);
+
+/* A cell's bin and what lies below it. */
+static void search_cell(list_search *s, const block_cells *block, const place *bin)
+{
+    const uint32_t cell = cell_of(bin);
+    add_bin(s->n, &s->near, block, cell);
+    if (block->cell[cell] & CELL_SPLIT) search_finer(s, bin);
+}
+
+/* Likewise those of the levels below, down from a bin that has some. */
+static void search_finer(list_search *s, const place *parent)
+{
+    int down = s->at.level - parent->level + 1;
+    int64_t reach = ((1 << down) + 2) / 2;
+    for (int k = 0; k < 8; k++) {
+        place p = {
+            parent->level - 1,
+            {2 * parent->at[0] + (k & 1), 2 * parent->at[1] + (k >> 1 & 1), 2 * parent->at[2] + (k >> 2)}};
+        bool inside = true;
+        for (int a = 0; a < 3; a++) {
+            int64_t low = s->at.at[a] << down, high = (s->at.at[a] + 1) << down;
+            inside = inside && p.at[a] >= low - reach && p.at[a] < high + reach;
+        }
+        if (inside) search_cell(s, cells_of(s, &p), &p);
+    }
+}
+
+/* The bins around the bin at hand, of its own level. */
+static void search_level(list_search *s)
+{
+    int low[3]; /* the least of them, from the lowest of the blocks around */
+    for (int a = 0; a < 3; a++) low[a] = (int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + BLOCK_WIDTH - 1;
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++)
+            for (int i = 0; i < 3; i++) {
+                const place p = {s->at.level,
+                                 {s->at.at[0] + i - 1, s->at.at[1] + j - 1, s->at.at[2] + k - 1}};
+                const int z = (low[2] + k) >> BLOCK_SHIFT, y = (low[1] + j) >> BLOCK_SHIFT;
+                search_cell(s, &s->around[(z * 3 + y) * 3 + ((low[0] + i) >> BLOCK_SHIFT)], &p);
+            }
+}
+
+/* The points of a block and of the bins next to it, where all bins are of one level: each bin is looked up once, and points of
+ * successive bins are contiguous. */
+static void gather_block(list_search *s)
+{
+    const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1; /* from the lowest of the blocks around */
+    uint32_t *begin = s->cell_begin;
+    s->all.count = 0;
+    for (int z = mask; z < end; z++)
+        for (int y = mask; y < end; y++) {
+            const block_cells *along = &s->around[((z >> BLOCK_SHIFT) * 3 + (y >> BLOCK_SHIFT)) * 3];
+            const int row = ((z & mask) << BLOCK_SHIFT | (y & mask)) << BLOCK_SHIFT;
+            for (int x = mask; x < end; x++) {
+                const block_cells *block = &along[x >> BLOCK_SHIFT];
+                *begin++ = (uint32_t)s->all.count;
+                if (block->cell[row | (x & mask)])
+                    add_bin(s->n, &s->all, block, (uint32_t)(row | (x & mask)));
+            }
+        }
+    *begin = (uint32_t)s->all.count;
+    reserve_candidates(&s->all, 0);
+}
+
+/* The points of the bins around the bin at hand, in the order of search_level. */
+static void search_gathered(list_search *s)
+{
+    const int mask = BLOCK_WIDTH - 1;
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++) {
+            const int z = (int)(s->at.at[2] & mask) + k, y = (int)(s->at.at[1] & mask) + j;
+            const uint32_t *row = s->cell_begin + (z * WIDE_BLOCK + y) * WIDE_BLOCK + (s->at.at[0] & mask);
+            reserve_candidates(&s->near, row[3] - row[0] + LANES);
+            add_range(&s->all, row[0], row[3], &s->near);
+        }
+}
+
+/* Leaves those of i's label; returns how many. */
+static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32_t *found)
+{
+    size_t kept = 0;
+    for (size_t k = 0; k < count; k++)
+        if (label[found[k]] == label[i]) found[kept++] = found[k];
+    return kept;
+}
+
+/* The lists of the points of the bin at hand, which begin where they do among those of the block. What there is no room
+ * for is counted, not kept. */
+static size_t list_bin(list_search *s, finder find, size_t bin)
+{
+    neighbours *n = s->n;
+    const double cutoff = n->cutoff / n->unit;
+    candidates *c = &s->near;
+    c->count = 0;
+    if (n->levels == 1)
+        search_gathered(s);
+    else
+        search_level(s);
+    for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
+    for (; c->count % LANES; c->count++) { /* unused entries */
+        c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
+        c->item[c->count] = UINT32_MAX;
+        c->size[c->count] = NAN;
+    }
+    size_t longest = 0;
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
+        uint32_t i = n->bin_item[a];
+        size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
+        if (begin + c->count + LANES > s->entry_capacity) {
+            s->entry_capacity = 2 * (begin + c->count + LANES);
+            s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
+        }
+        size_t count = find(c, n->place[i], i, (float)(cutoff * cutoff), s->entry + begin);
+        if (n->label) count = keep_label(n->label, i, count, s->entry + begin);
+        n->list_begin[i] = (uint32_t)begin;
+        n->list_count[i] = (uint32_t)count;
+        s->entries += count;
+        longest = count > longest ? count : longest;
+    }
+    return longest;
+}
+
+/* Where a block's lists are among all is a matter of chance, what they hold is not. */
+static void keep_lists(build_job *job, const list_search *s, uint32_t first, uint32_t last)
+{
+    neighbours *n = job->n;
+    size_t begin = atomic_fetch_add(&job->entries, s->entries);
+    if (begin + s->entries > n->list_capacity) return;
+    memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
+    for (uint32_t a = n->bin_begin[first]; a < n->bin_begin[last]; a++)
+        n->list_begin[n->bin_item[a]] += (uint32_t)begin;
+}
+
+/* The lists of a block's points. */
+static size_t list_block(build_job *job, list_search *s, size_t block)
+{
+    neighbours *n = s->n = job->n;
+    const uint32_t begin = n->block_first[block], end = begin + n->block_size[block];
+    size_t longest = 0;
+    if (n->bin_begin[begin] == n->bin_begin[end]) return 0;
+    for (int l = 0; l < n->levels; l++) s->last[l].key = NO_KEY;
+    const place own = place_of_block(n->block_key[block]);
+    for (int k = 0; k < 27; k++) {
+        place p = {own.level, {own.at[0] + k % 3 - 1, own.at[1] + k / 3 % 3 - 1, own.at[2] + k / 9 - 1}};
+        s->around[k] = find_cells(n, key_of(&p));
+    }
+    if (n->levels == 1) gather_block(s);
+    s->entries = 0;
+    for (uint32_t bin = begin; bin < end; bin++) {
+        if (n->bin_begin[bin] == n->bin_begin[bin + 1]) continue; /* all are in bins below it */
+        s->at = place_of_bin(&own, n->bin_cell[bin]);
+        size_t l = list_bin(s, job->find, bin);
+        if (l > longest) longest = l;
+    }
+    keep_lists(job, s, begin, end);
+    return longest;
+}
+
+/* Blocks in the order of points: what one reads the next one reads, too. */
+static void list_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    build_job *job = context;
+    size_t longest = 0;
+    for (size_t block = begin; block < end; block++) {
+        size_t l = list_block(job, &job->searches[worker], block);
+        if (l > longest) longest = l;
+    }
+    size_t seen = atomic_load(&job->longest);
+    while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
+}
+
+/* Allocates lists for `entries` entries; their previous content is discarded. */
+static bool reserve_lists(neighbours *n, size_t entries, error *e)
+{
+    double bytes = (double)entries * sizeof *n->list;
+    if (bytes > (double)n->list_limit || entries > UINT32_MAX)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "within %g of a point there are up to %zu others: lists of that take %.0f MiB, %.0f are "
+            "left: lower solver.sigma, or raise limits.memory_mb",
+            n->cutoff, n->longest, bytes / (1 << 20), (double)n->list_limit / (1 << 20));
+    uint32_t *list = mem_array(entries, sizeof *list, "neighbour lists", e);
+    if (!list) return false;
+    free(n->list);
+    n->list = list;
+    n->list_capacity = entries;
+    return true;
+}
+
+#ifdef __SANITIZE_ADDRESS__
+/* Too slow for all builds: every entry is another point. */
+static void check_lists(const neighbours *n)
+{
+    for (size_t i = 0; i < n->count; i++) {
+        assert(n->list_count[i] <= n->longest);
+        const uint32_t *list = neighbours_list(n, i);
+        for (uint32_t k = 0; k < n->list_count[i]; k++) assert(list[k] < n->count && list[k] != i);
+    }
+}
+#else
+#define check_lists(n) (void)(n)
+#endif
+
+static bool fill_lists(neighbours *n, threads *pool, error *e)
+{
+    size_t workers = (size_t)threads_count(pool);
+    build_job job = {.n = n, .find = best_finder()};
+    if (!(job.searches = mem_array(workers, sizeof *job.searches, "neighbour lists", e))) return false;
+    threads_run(pool, n->blocks, 1, list_chunk, &job);
+    n->longest = atomic_load(&job.longest);
+    size_t entries = atomic_load(&job.entries);
+    bool ok = true;
+    if (entries + n->longest > n->list_capacity) {
+        ok = reserve_lists(n, entries + entries / 8 + n->longest, e);
+        atomic_store(&job.entries, 0);
+        if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
+    }
+    if (ok) {
+        assert(entries + n->longest <= n->list_capacity);
+        memset(n->list + entries, 0, n->longest * sizeof *n->list);
+    }
+    if (ok && threads_stopped(pool))
+        ok = error_set(e, ERROR_CANCELLED, "stopped"); /* lists of some are none */
+    if (ok) check_lists(n);
+    for (list_search *s = job.searches; s < job.searches + workers; s++) {
+        free_candidates(&s->near);
+        free_candidates(&s->all);
+        free(s->entry);
+    }
+    free(job.searches);
+    return ok;
+}
+
+static void place_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        neighbours_move(job->n, i, job->x[i]);
+        job->n->place[i].size = job->size ? (float)job->size[i] : 1;
+    }
+}
+
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
+                      threads *pool, error *e)
+{
+    const bbox box = bbox_of_points(x, count, pool);
+    double least = size && count > 0 ? size[0] : 1, largest = least;
+    for (size_t i = 0; size && i < count; i++) {
+        least = size[i] < least ? size[i] : least;
+        largest = size[i] > largest ? size[i] : largest;
+    }
+    assert(count <= n->capacity && cutoff > 0);
+    n->count = count;
+    n->cutoff = cutoff;
+    /* the largest fill their level: sizes within a factor of two are of one */
+    const int halves = ilogb(largest / least), most = NEIGHBOURS_LEVELS - 1;
+    n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
+    /* one bin of margin on any level, so that the bins around one have no negative coordinate */
+    double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
+    /* and blocks beside the last have coordinates of as many bits */
+    if (span / n->edge > (1 << (BLOCK_BITS + BLOCK_SHIFT)) - 2 * BLOCK_WIDTH)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "the support %g is too small for a surface of size %g: ask for fewer points",
+                         cutoff * least, bbox_longest(box));
+    n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
+    n->unit = ldexp(span, -PLACE_BITS);
+    n->per_unit = 1 / n->unit;
+    build_job job = {.n = n, .x = x, .size = size};
+    threads_run(pool, count, CHUNK, place_chunk, &job);
+    return neighbour_bins_fill(n, pool, e) && fill_lists(n, pool, e);
+}

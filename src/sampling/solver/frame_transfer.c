@@ -1,0 +1,904 @@
+#include "sampling/solver/frame_transfer.h"
+
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "base/core/rng.h"
+#include "surface/field/projection.h"
+#include "geometry/space/morton.h"
+#include "geometry/space/point_tree.h"
+#include "sampling/packing/neighbours.h"
+#include "geometry/space/packing.h"
+#include "sampling/solver/curves/quota.h"
+#include "sampling/solver/particles/particles.h"
+#include "sampling/solver/particles/random_streams.h"
+#include "sampling/solver/passes/relax.h"
+#include "sampling/solver/schedule.h"
+
+/* A point whose projection is farther outside of the surface's box than this, in spacings, is discarded. */
+static const double FARTHEST = 1;
+/* Two points, or a point and its projection, are on opposite walls if the cosine between their normals is below this. */
+static const double OTHER_SHEET = 0.5;
+/* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
+static const double CROWDED = 0.6;
+/* A position farther than this from every point, in spacings, is a hole. Corners of ideal cells are at 0.58,
+ * the middle of a vacancy is at 1. An area filled at random with points at this minimum distance is as dense as a packing. */
+static const double HOLE = 0.78;
+/* A place on a curve so near to a carried point, of the spacing, continues it. */
+static const double CONTINUED = 0.5;
+/* A fixed point nearer than this to a place on a curve, in spacings, takes its place: both would be too near. */
+static const double REPLACED = 0.3;
+/* When fewer than this share can be carried the surface is another one. */
+static const double SAME_SURFACE = 0.5;
+/* Within this, of the spacing, lie the neighbours of a point and no others. */
+static const double NEAR = 1.3;
+/* Places that are looked at for births, of the count. */
+static const size_t PLACES = 2;
+/* Draws for one of them. */
+static const int DRAWS = 20;
+/* Distances, of the spacing, that births of one frame keep, the next one when there is no more room. */
+static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
+enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
+/* Births and deaths come in portions of one in PORTION points, with sweeps between them, so that each
+ * portion meets a packing in which the previous portions have converged: a birth beside the core of a dislocation moves it
+ * by a row, and the next portion uses its new position. Those of a portion keep SCATTER of the distance that they
+ * would have if they were spread evenly: points that are born in excess in one place must move to other places. On a
+ * torus with 2 % more points in each frame hex_fraction is 0.95, and 0.92 with all at once. More portions and
+ * sweeps give a better order and longer ways: 0.94 and 0.068 of the spacing in the median with half as many of
+ * both, 0.95 and 0.080 with these. */
+static const double PORTION = 600, SCATTER = 0.56;
+enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
+/* A component exchanges points with other components if its number of points differs from the number for its area by more than
+ * PART_SLACK of it, and by more than PART_SLACK_POINTS. */
+static const double PART_SLACK = 0.02, PART_SLACK_POINTS = 2;
+/* Candidates for each change of a portion: several of the densest or emptiest positions belong to one dislocation core. */
+static const size_t CANDIDATES = 32;
+
+/* Candidates for the points of the new frame: first the points that were carried over, then places where points may
+ * be born. */
+typedef struct candidates {
+    const field *f;
+    const surface *scan;
+    const frame_transfer_params *params;
+    threads *pool;
+    registration motion;
+    bbox box; /* projections outside of it are discarded */
+    double h; /* of an even packing */
+    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles, or the fixed
+     * points, are the first `fixed` candidates, are taken, and stay where they are. */
+    quota allotted;
+    size_t fixed;
+    size_t wanted; /* particles: points, and on curves one for each patch there */
+    size_t carried, count;
+    vec3 *position, *normal;
+    double *spacing;
+    vec3 *landed;     /* where one was carried to */
+    uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
+    uint32_t *row;    /* number of the place on a curve that holds it, or PARTICLES_FREE */
+    uint32_t *
+        own; /* of the first `fixed`: the fixed point there, or FRAME_TRANSFER_NONE; NULL without fixed points */
+    bool *taken;    /* is one of the points */
+    uint32_t *part; /* connected part of the surface, or its patch; not kept where there is but one */
+    int64_t *
+        missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes and gives */
+    /* of a surface with patches, while points are carried: places all over it, their patches, and a tree of the places */
+    vec3 *place;
+    uint32_t *place_patch;
+    point_tree *tree;
+    double *rank; /* density at a point, emptiness of a place: the largest first */
+    uint32_t *order;
+    neighbours *near;
+} candidates;
+
+void frame_transfer_free(frame_transfer *c)
+{
+    if (!c) return;
+    free(c->position);
+    free(c->normal);
+    free(c->landed);
+    free(c->origin);
+    free(c->parent);
+    free(c->patch);
+    free(c->place);
+    free(c->fixed);
+    *c = (frame_transfer){0};
+}
+
+static void candidates_free(candidates *c)
+{
+    quota_free(&c->allotted);
+    free(c->position);
+    free(c->normal);
+    free(c->spacing);
+    free(c->row);
+    free(c->own);
+    free(c->landed);
+    free(c->parent);
+    free(c->taken);
+    free(c->part);
+    free(c->missing);
+    free(c->place);
+    free(c->place_patch);
+    point_tree_free(c->tree);
+    free(c->rank);
+    free(c->order);
+    neighbours_free(c->near);
+}
+
+static bool candidates_make(candidates *c, error *e)
+{
+    const char *what = "carried points";
+    size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
+    size_t room = most + PLACES * c->params->count + c->allotted.samples.copies + c->params->fixed_count;
+    return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
+           (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
+           (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
+           (c->landed = mem_array(room, sizeof *c->landed, what, e)) &&
+           (c->parent = mem_array(room, sizeof *c->parent, what, e)) &&
+           (c->row = mem_array(room, sizeof *c->row, what, e)) &&
+           (c->params->fixed_count == 0 || (c->own = mem_array(room, sizeof *c->own, what, e))) &&
+           (c->taken = mem_array(room, sizeof *c->taken, what, e)) &&
+           (c->part = mem_array(room, sizeof *c->part, what, e)) &&
+           (c->rank = mem_array(room, sizeof *c->rank, what, e)) &&
+           (c->order = mem_array(room, sizeof *c->order, what, e)) &&
+           (c->near = neighbours_new(room, SIZE_MAX, e));
+}
+
+/* Onto the surface, from anywhere; of one with patches onto this one. */
+static bool land(const candidates *c, uint32_t patch, vec3 *x, vec3 *normal)
+{
+    const projection_limits limits = projection_draft(c->h);
+    const field *f = field_of_patch(c->f, patch);
+    return projection_find(f, &limits, x, normal) && bbox_contains(c->box, *x) &&
+           (!c->f->patches || field_is_within(f, *x));
+}
+
+/* A point that lay in a face of the domain stays in it. Points were written in single precision, perhaps. */
+static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
+{
+    for (int axis = 0; f->open && axis < 3; axis++) {
+        float v = (float)vec3_get(before, axis);
+        double low = vec3_get(f->boundary_box.min, axis), high = vec3_get(f->boundary_box.max, axis);
+        if (v == (float)low) vec3_set(&x, axis, low);
+        if (v == (float)high) vec3_set(&x, axis, high);
+    }
+    return x;
+}
+
+/* Whether two normals are of one sheet of a patch. */
+static bool faces(const candidates *c, uint32_t patch, vec3 one, vec3 other)
+{
+    const bool one_sided = c->f->patches && c->f->patches->patch[patch].one_sided;
+    const double cosine = vec3_dot(one, other);
+    return (one_sided ? fabs(cosine) : cosine) > OTHER_SHEET;
+}
+
+static void carry_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        const size_t i = c->fixed + k;
+        vec3 before = c->params->position[k],
+             x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
+        vec3 faced = registration_turn(&c->motion, c->params->normal[k]);
+        bool left = c->f->open && projection_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
+        double distance;
+        if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
+        c->taken[i] =
+            !left && land(c, c->part[i], &x, &c->normal[i]) && faces(c, c->part[i], faced, c->normal[i]);
+        c->position[i] = c->landed[i] = x;
+        c->parent[i] = (uint32_t)k;
+        c->row[i] = PARTICLES_FREE;
+    }
+}
+
+/* The particles on curves, which no carried point has yet. */
+static void place_curve_samples(candidates *c)
+{
+    const curve_samples *rows = &c->allotted.samples;
+    c->fixed = rows->copies;
+    for (size_t i = 0; i < c->fixed; i++) {
+        c->position[i] = c->landed[i] = rows->position[rows->place[i]];
+        c->normal[i] = rows->normal[i];
+        c->part[i] = rows->patch[i];
+        c->row[i] = rows->place[i];
+        c->parent[i] = FRAME_TRANSFER_NONE;
+        c->taken[i] = true;
+    }
+}
+
+/* A fixed point takes the place of a sample of a curve, with all of its copies. */
+static void replace_sample(candidates *c, uint32_t i, uint32_t fixed)
+{
+    const uint32_t row = c->row[i];
+    while (i > 0 && c->row[i - 1] == row) i--;
+    for (; i < c->allotted.samples.copies && c->row[i] == row; i++) {
+        c->position[i] = c->landed[i] = c->params->fixed[fixed];
+        c->own[i] = fixed;
+    }
+}
+
+/* Adds a fixed point beside the samples of curves. */
+static void pin_fixed(candidates *c, uint32_t fixed)
+{
+    const size_t i = c->fixed++;
+    vec3 x = c->params->fixed[fixed];
+    double distance;
+    c->position[i] = c->landed[i] = x;
+    if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
+    if (!c->f->patches || !land(c, c->part[i], &x, &c->normal[i]))
+        c->normal[i] = c->params->fixed_normal[fixed];
+    c->row[i] = PARTICLES_PINNED;
+    c->own[i] = fixed;
+    c->parent[i] = FRAME_TRANSFER_NONE;
+    c->taken[i] = true;
+}
+
+/* The fixed points. */
+static bool place_fixed(candidates *c, error *e)
+{
+    const size_t copies = c->fixed, count = c->params->fixed_count;
+    vec3 *sample = count > 0 ? mem_array(copies + 1, sizeof *sample, "fixed points", e) : NULL;
+    point_tree *tree = NULL;
+    bool ok = count == 0 || sample;
+    for (size_t i = 0; sample && i < copies; i++) {
+        sample[i] = c->position[i];
+        c->own[i] = FRAME_TRANSFER_NONE;
+    }
+    if (sample && copies > 0) ok = (tree = point_tree_new(sample, copies, e)) != NULL;
+    for (uint32_t k = 0; ok && k < count; k++) {
+        double distance = INFINITY;
+        const uint32_t i = tree ? point_tree_nearest(tree, c->params->fixed[k], 0, &distance) : 0;
+        if (distance < REPLACED * c->spacing[i] && c->own[i] == FRAME_TRANSFER_NONE)
+            replace_sample(c, i, k);
+        else
+            pin_fixed(c, k);
+    }
+    point_tree_free(tree);
+    free(sample);
+    return ok;
+}
+
+/* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other place has it. */
+static bool match_curve_samples(candidates *c, error *e)
+{
+    const size_t carried = c->params->previous_count;
+    if (c->allotted.samples.copies == 0) return true;
+    point_tree *tree = point_tree_new(c->position + c->fixed, carried, e);
+    bool *assigned = tree ? mem_array(carried, sizeof *assigned, "points on curves", e) : NULL;
+    for (size_t i = 0; assigned && i < c->allotted.samples.copies; i++) {
+        double distance;
+        const bool again = i > 0 && c->row[i] == c->row[i - 1];
+        const uint32_t nearest = again ? 0 : point_tree_nearest(tree, c->position[i], 0, &distance);
+        if (again) c->parent[i] = c->parent[i - 1];
+        if (again || assigned[nearest] || !(distance < CONTINUED * c->spacing[i])) continue;
+        c->parent[i] = nearest;
+        c->taken[c->fixed + nearest] = false;
+        assigned[nearest] = true;
+    }
+    point_tree_free(tree);
+    const bool ok = assigned != NULL;
+    free(assigned);
+    return ok;
+}
+
+/* The requested spacing where the points from `first` on are. */
+static void set_spacings(candidates *c, size_t first)
+{
+    for (size_t i = first; i < c->count; i++)
+        c->spacing[i] =
+            c->params->sizing ? sizing_field_spacing(c->params->sizing, c->position[i], NULL) : c->h;
+}
+
+/* Only those that are taken stay, without gaps between them. */
+static void close_gaps(candidates *c)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < c->count; i++) {
+        if (!c->taken[i]) continue;
+        c->position[kept] = c->position[i];
+        c->normal[kept] = c->normal[i];
+        c->spacing[kept] = c->spacing[i];
+        c->landed[kept] = c->landed[i];
+        c->parent[kept] = c->parent[i];
+        c->part[kept] = c->part[i];
+        c->row[kept] = c->row[i];
+        c->taken[kept++] = true;
+    }
+    for (size_t i = kept; i < c->count; i++) c->taken[i] = false;
+    c->carried = c->count = kept;
+}
+
+/* A stopped pool is an error also without points. */
+static bool build_lists(candidates *c, double reach, error *e)
+{
+    if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
+        return false;
+    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+/* The distance of two candidates in their spacings; INFINITY: on opposite walls or different patches. */
+static double distance(const candidates *c, size_t i, size_t j)
+{
+    if (c->f->patches && c->part[i] != c->part[j]) return INFINITY;
+    if (!faces(c, c->part[i], c->normal[i], c->normal[j])) return INFINITY;
+    return vec3_norm(vec3_sub(c->position[i], c->position[j])) / (0.5 * (c->spacing[i] + c->spacing[j]));
+}
+
+/* Whether a point from `first` on that is taken lies within `reach` of i. */
+static bool has_near(const candidates *c, size_t i, double reach, size_t first)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++)
+        if (list[k] >= first && c->taken[list[k]] && distance(c, i, list[k]) < reach) return true;
+    return false;
+}
+
+/* One draw of place k of `places`, near the surface, and the part there. */
+static vec3 draw_place(const candidates *c, size_t k, size_t places, rng *r, surface_last_cell *last,
+                       uint32_t *part)
+{
+    const double where = ((double)k + rng_uniform(r)) / (double)places;
+    const vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, r, last);
+    const size_t *begin = c->scan->parts.begin;
+    while (begin && last->cell < begin[*part]) --*part; /* a second draw may be before the first */
+    while (begin && last->cell >= begin[*part + 1]) ++*part;
+    return x;
+}
+
+/* Samples of all patches, for finding the nearest patch. */
+static bool spread_places(candidates *c, error *e)
+{
+    const char *what = "places on patches";
+    const size_t places = PLACES * c->params->count;
+    rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
+    uint32_t part = 0;
+    surface_last_cell last = {.known = false};
+    if (!c->f->patches) return true;
+    if (!(c->place = mem_array(places, sizeof *c->place, what, e)) ||
+        !(c->place_patch = mem_array(places, sizeof *c->place_patch, what, e)))
+        return false;
+    for (size_t k = 0; k < places; k++) {
+        c->place[k] = draw_place(c, k, places, &r, &last, &part);
+        c->place_patch[k] = part;
+    }
+    return (c->tree = point_tree_new(c->place, places, e)) != NULL;
+}
+
+/* Whether the points around i are all fixed, and too near for one more among them. */
+static bool is_trapped(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    double nearest = INFINITY;
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+        const double d = c->taken[list[k]] ? distance(c, i, list[k]) : INFINITY;
+        if (list[k] >= c->fixed && d < NEAR) return false;
+        nearest = fmin(nearest, d);
+    }
+    return nearest < HOLE;
+}
+
+/* Projects the points; discards those that miss the surface or are over-dense. */
+static bool carry_all(candidates *c, error *e)
+{
+    const frame_transfer_params *p = c->params;
+    if (!spread_places(c, e)) return false;
+    place_curve_samples(c);
+    c->count = c->fixed;
+    set_spacings(c, 0);
+    if (!place_fixed(c, e)) return false;
+    c->count = c->fixed;
+    set_spacings(c, 0);
+    if (!p->is_still) c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
+    threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
+    if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!match_curve_samples(c, e)) return false;
+    c->count = c->fixed + p->previous_count;
+    close_gaps(c);
+    set_spacings(c, 0);
+    if (!build_lists(c, p->fixed_count > 0 ? NEAR : CROWDED, e)) return false;
+    for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
+    for (int inner = 0; inner <= 1; inner++) /* points on boundaries first: boundaries must stay closed */
+        for (size_t i = c->fixed; i < c->count; i++)
+            if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
+                c->taken[i] = !has_near(c, i, CROWDED, 0);
+    for (size_t i = c->fixed; p->fixed_count > 0 && i < c->count; i++)
+        c->taken[i] = c->taken[i] && !is_trapped(c, i);
+    close_gaps(c);
+    return true;
+}
+
+/* The three points nearest to a place; false: there are fewer. */
+static bool find_corners(const candidates *c, size_t place, uint32_t corner[3])
+{
+    const uint32_t *list = neighbours_list(c->near, place);
+    double least[3] = {INFINITY, INFINITY, INFINITY};
+    for (uint32_t k = 0; k < c->near->list_count[place]; k++) {
+        if (!c->taken[list[k]]) continue;
+        double d = distance(c, place, list[k]);
+        if (!(d < least[2])) continue;
+        int at = 2;
+        for (; at > 0 && d < least[at - 1]; at--) {
+            least[at] = least[at - 1];
+            corner[at] = corner[at - 1];
+        }
+        least[at] = d;
+        corner[at] = list[k];
+    }
+    return least[2] < INFINITY;
+}
+
+/* Places go to the middle between the points around them: as far from all as can be, which at the core of a
+ * dislocation is farther than elsewhere. Those by which there are fewer, or that would go far, stay. */
+static void centre_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin + c->carried; i < end + c->carried; i++) {
+        uint32_t corner[3];
+        if (!find_corners(c, i, corner)) continue;
+        vec3 a = c->position[corner[0]], ab = vec3_sub(c->position[corner[1]], a),
+             ac = vec3_sub(c->position[corner[2]], a), n = vec3_cross(ab, ac), normal;
+        vec3 to = vec3_add(vec3_scale(vec3_cross(n, ab), vec3_norm2(ac)),
+                           vec3_scale(vec3_cross(ac, n), vec3_norm2(ab)));
+        vec3 x = vec3_axpy(1 / (2 * vec3_norm2(n)), to, a);
+        if (!(vec3_norm(vec3_sub(x, c->position[i])) < c->spacing[i]) || !land(c, c->part[i], &x, &normal))
+            continue;
+        c->position[i] = x;
+        c->normal[i] = normal;
+    }
+}
+
+/* Ranks a place by its distance from the nearest point, and a point by the density around it. A place among fixed points, which would not make
+ * room, comes last unless it is a hole. */
+static void rank_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(c->near, i);
+        double nearest = NEAR, crowding = 0;
+        for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+            if (!c->taken[list[k]]) continue;
+            double d = fmin(distance(c, i, list[k]), NEAR);
+            nearest = fmin(nearest, d);
+            crowding += (NEAR - d) * (NEAR - d);
+        }
+        if (c->params->fixed_count > 0 && i >= c->carried && is_trapped(c, i)) nearest = 0;
+        c->rank[i] = i < c->carried ? crowding : nearest;
+    }
+}
+
+static int compare_rank(const void *a, const void *b, void *ranks)
+{
+    const uint32_t i = *(const uint32_t *)a, j = *(const uint32_t *)b;
+    const double *rank = ranks;
+    if (rank[i] != rank[j]) return rank[i] > rank[j] ? -1 : 1;
+    return (i > j) - (i < j);
+}
+
+/* Ranks all, and orders those from `first` to before `end`, the largest first. */
+static void rank_all(candidates *c, size_t first, size_t end)
+{
+    threads_run(c->pool, c->count, 256, rank_chunk, c);
+    for (size_t i = first; i < end; i++) c->order[i] = (uint32_t)i;
+    qsort_r(c->order + first, end - first, sizeof *c->order, compare_rank, c->rank);
+}
+
+/* The places to where the points leave most room, and their order. */
+static bool centre_places(candidates *c, error *e)
+{
+    set_spacings(c, c->carried);
+    if (!build_lists(c, NEAR, e)) return false;
+    threads_run(c->pool, c->count - c->carried, 256, centre_chunk, c);
+    if (!build_lists(c, NEAR, e)) return false;
+    rank_all(c, c->carried, c->count);
+    return true;
+}
+
+/* Places all over the surface, PLACES for each point that there is to be. */
+static bool draw_places(candidates *c, error *e)
+{
+    rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
+    size_t places = PLACES * c->params->count;
+    uint32_t part = 0;
+    surface_last_cell last = {.known = false};
+    for (size_t k = 0; k < places; k++) {
+        if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        for (int draw = 0; draw < DRAWS; draw++) {
+            vec3 x = draw_place(c, k, places, &r, &last, &part), n;
+            if (!land(c, part, &x, &n)) continue;
+            assert(c->count < c->near->capacity);
+            c->position[c->count] = c->landed[c->count] = x;
+            c->parent[c->count] = FRAME_TRANSFER_NONE;
+            c->row[c->count] = PARTICLES_FREE;
+            c->part[c->count] = part;
+            c->normal[c->count++] = n;
+            break;
+        }
+    }
+    return centre_places(c, e);
+}
+
+/* Whether the part of i may take a point, or give one. */
+static bool may_change(const candidates *c, size_t i, bool lives)
+{
+    return !c->missing || (lives ? c->missing[c->part[i]] > 0 : c->missing[c->part[i]] < 0);
+}
+
+static void change(candidates *c, size_t i, bool lives)
+{
+    c->taken[i] = lives;
+    if (c->missing) c->missing[c->part[i]] += lives ? -1 : 1;
+}
+
+/* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
+ * each other. Returns how many. */
+static size_t give_birth(candidates *c, double gap, double apart, size_t most)
+{
+    size_t born = 0;
+    for (size_t k = c->carried; k < c->count && born < most; k++) {
+        uint32_t i = c->order[k];
+        if (c->rank[i] < gap) break;
+        if (c->taken[i] || !may_change(c, i, true) || has_near(c, i, apart, c->carried)) continue;
+        change(c, i, true);
+        born++;
+    }
+    return born;
+}
+
+/* Whether a neighbour of i was let go just now. */
+static bool has_lost(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++)
+        if (list[k] < c->carried && !c->taken[list[k]]) return true;
+    return false;
+}
+
+/* Deletes at most `most` of the carried points, the densest first; no two neighbours if `spread`. Returns their number. */
+static size_t let_go(candidates *c, bool spread, size_t most)
+{
+    size_t died = 0;
+    for (size_t k = c->fixed; k < c->carried && died < most; k++) {
+        uint32_t i = c->order[k];
+        if (!c->taken[i] || !may_change(c, i, false) || (spread && has_lost(c, i))) continue;
+        change(c, i, false);
+        died++;
+    }
+    return died;
+}
+
+/* Takes or deletes at most `most` candidates of `among`, in the order from `first` on, most urgent first,
+ * that are far from each other. *there is the number of taken ones. */
+static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool lives, size_t *there,
+                    error *e)
+{
+    const char *what = "births and deaths";
+    const uint32_t *order = c->order + first;
+    vec3 *place = mem_array(among, sizeof *place, what, e);
+    double *spacing = mem_array(among, sizeof *spacing, what, e);
+    bool *chosen = mem_array(among, sizeof *chosen, what, e);
+    neighbours *near = neighbours_new(among, SIZE_MAX, e);
+    double apart = SCATTER * sqrt((double)c->params->count / (double)most);
+    bool ok = place && spacing && chosen && near;
+    for (size_t k = 0; ok && k < among; k++) {
+        place[k] = c->position[order[k]];
+        spacing[k] = c->spacing[order[k]];
+    }
+    ok = ok && neighbours_build(near, among, place, spacing, apart, c->pool, e);
+    for (size_t k = 0; ok && k < among && most > 0; k++) {
+        const uint32_t *list = neighbours_list(near, k);
+        bool free_to = c->taken[order[k]] != lives && may_change(c, order[k], lives) &&
+                       !(lives && has_near(c, order[k], NEAR, c->carried));
+        for (uint32_t n = 0; free_to && n < near->list_count[k]; n++) free_to = !chosen[list[n]];
+        if (!free_to) continue;
+        chosen[k] = true;
+        change(c, order[k], lives);
+        *there = lives ? *there + 1 : *there - 1;
+        most--;
+    }
+    free(place);
+    free(spacing);
+    free(chosen);
+    neighbours_free(near);
+    return ok;
+}
+
+/* `most` births: as they fit with room around them, or, if these are the last, all. */
+static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
+{
+    size_t wanted = *there + most, places = c->count - c->carried;
+    size_t among = places < CANDIDATES * most ? places : CANDIDATES * most;
+    if (!scatter(c, c->carried, among, most, true, there, e)) return false;
+    for (int k = 0; last && k < BIRTH_DISTANCES && *there < wanted; k++)
+        *there += give_birth(c, 0, birth_distance[k], wanted - *there);
+    return true;
+}
+
+static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error *e)
+{
+    const size_t wanted = *there - most, free_count = c->carried - c->fixed,
+                 among = free_count < CANDIDATES * most ? free_count : CANDIDATES * most;
+    rank_all(c, c->fixed, c->carried);
+    if (!scatter(c, c->fixed, among, most, false, there, e)) return false;
+    for (int spread = 1; last && spread >= 0; spread--) *there -= let_go(c, spread, *there - wanted);
+    return true;
+}
+
+static void swap_entries(candidates *c, size_t i, size_t j)
+{
+    const vec3 position = c->position[i], normal = c->normal[i];
+    const uint32_t parent = c->parent[i];
+    const bool taken = c->taken[i];
+    const uint32_t part = c->part[i];
+    c->position[i] = c->position[j];
+    c->normal[i] = c->normal[j];
+    c->parent[i] = c->parent[j];
+    c->taken[i] = c->taken[j];
+    c->part[i] = c->part[j];
+    c->part[j] = part;
+    c->position[j] = position;
+    c->normal[j] = normal;
+    c->parent[j] = parent;
+    c->taken[j] = taken;
+}
+
+/* Places that are taken join the carried; the others stay places. */
+static void settle_born(candidates *c)
+{
+    for (size_t i = c->carried; i < c->count; i++)
+        if (c->taken[i]) swap_entries(c, i, c->carried++);
+    set_spacings(c, 0);
+}
+
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next build of lists
+ * reports it. */
+static bool ease(candidates *c, error *e)
+{
+    size_t n = c->carried;
+    particles *p = particles_new(n, e);
+    relax *r = relax_new(n, &energy_cotangent, fast_kernel_for(c->params->isa), SIZE_MAX, c->pool, e);
+    relax_params params = {.field = c->f,
+                           .sigma = packing_support(c->h),
+                           .spacing = c->h,
+                           .omega = schedule_continued.omega,
+                           .fast_step = schedule_continued.longest_step,
+                           .gain = schedule_continued.gain};
+    bool ok = p && r;
+    ok = ok && particles_set_patches(p, c->f->patches, n, e) &&
+         (c->params->fixed_count == 0 || particles_add_places(p, e));
+    for (size_t i = 0; ok && i < n; i++) {
+        if (p->patch) p->patch[i] = c->part[i];
+        if (p->place) p->place[i] = c->row[i];
+        p->position[i] = c->position[i];
+        p->normal[i] = c->normal[i];
+        p->size[i] = c->spacing[i] / c->h;
+        p->lambda[i] = 0;
+    }
+    if (ok) particles_mark_boundary(p, c->f, c->h);
+    ok = ok && relax_build(r, p, params.sigma, schedule_continued.skin_wide * c->h, e);
+    for (int k = 0; ok && k < PORTION_SWEEPS && !threads_stopped(c->pool); k++) {
+        relax_sums sums;
+        relax_sweep(r, p, &params, &sums);
+    }
+    for (size_t i = 0; ok && i < n; i++) {
+        c->position[i] = p->position[i];
+        c->normal[i] = p->normal[i];
+    }
+    if (ok) set_spacings(c, 0);
+    particles_free(p);
+    relax_free(r);
+    return ok;
+}
+
+/* In how many portions `wanted` points are come to from those `there`. */
+static size_t count_portions(const candidates *c, size_t there, size_t wanted)
+{
+    const double changes = fabs((double)there - (double)wanted);
+    const double portions = ceil(changes * PORTION / (double)c->params->count);
+    return c->params->eased ? (size_t)fmin(fmax(portions, 1), PORTIONS_MOST) : 1;
+}
+
+/* The part of each carried point is that of the nearest place; one past the last: there is no place near. */
+static void part_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(c->near, i);
+        double least = INFINITY;
+        c->part[i] = (uint32_t)c->scan->parts.count;
+        for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+            const double d = list[k] >= c->carried ? distance(c, i, list[k]) : INFINITY;
+            if (!(d < least)) continue;
+            least = d;
+            c->part[i] = c->part[list[k]];
+        }
+    }
+}
+
+/* Finds how many points each connected part is to take or to give, since its area has changed against the others': *take
+ * and *give in all. The number of places on a part determines how many points it should have. */
+static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
+{
+    const size_t parts = c->scan->parts.count;
+    *take = *give = 0;
+    if (parts < 2) return true;
+    size_t *places = mem_array(parts + 1, sizeof *places, "parts", e),
+           *fixed = mem_array(parts + 1, sizeof *fixed, "parts", e);
+    c->missing = mem_array(parts + 1, sizeof *c->missing, "parts", e);
+    if (!places || !fixed || !c->missing) {
+        free(places);
+        free(fixed);
+        return false;
+    }
+    if (!c->f->patches) threads_run(c->pool, c->carried, 256, part_chunk, c);
+    for (size_t i = c->carried; i < c->count; i++) places[c->part[i]]++;
+    for (size_t i = 0; i < c->allotted.samples.copies; i++) fixed[c->part[i]]++;
+    for (size_t i = 0; i < c->count; i++) c->missing[c->part[i]] -= c->taken[i];
+    for (size_t k = 0; k <= parts; k++) {
+        const double should = c->f->patches && k < parts ? (double)c->allotted.free[k] + (double)fixed[k]
+                                                         : (double)places[k] / (double)PLACES,
+                     off = should + (double)c->missing[k];
+        const bool is_off = k < parts && fabs(off) > fmax(PART_SLACK_POINTS, PART_SLACK * should);
+        c->missing[k] = is_off ? llround(off) : 0;
+        *(c->missing[k] > 0 ? take : give) += (size_t)llabs(c->missing[k]);
+    }
+    free(places);
+    free(fixed);
+    return true;
+}
+
+/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more. `ends`:
+ * nothing follows. */
+static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, error *e)
+{
+    for (size_t left = count_portions(c, *there, wanted); left > 0 && *there != wanted; left--) {
+        const bool last = left == 1, missing = *there < wanted;
+        const size_t most = ((missing ? wanted - *there : *there - wanted) + left - 1) / left;
+        if (!(missing ? bear : thin_out)(c, most, last, there, e)) return false;
+        if ((last || *there == wanted) && ends) break;
+        (missing ? settle_born : close_gaps)(c);
+        if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
+    }
+    return true;
+}
+
+/* Fills the holes and comes to the exact count, in each connected part and in all. Deaths come after births, as they drop the
+ * places. */
+static bool populate(candidates *c, error *e)
+{
+    enum { STEPS = 4 };
+    const size_t count = c->wanted;
+    size_t take, give;
+    if (!draw_places(c, e)) return false;
+    size_t there = c->carried + give_birth(c, HOLE, HOLE, c->params->count);
+    if (!find_missing(c, &take, &give, e)) return false;
+    const size_t taken = there + take, most = taken > count + give ? taken : count + give;
+    const size_t wanted[STEPS] = {taken, most, most - give, count};
+    int64_t *const missing = c->missing;
+    bool ok = true;
+    for (int k = 0; ok && k < STEPS; k++) {
+        bool ends = true;
+        for (int later = k + 1; later < STEPS; later++) ends = ends && wanted[later] == wanted[k];
+        c->missing = k % 2 == 0 ? missing : NULL;
+        ok = approach(c, wanted[k], ends, &there, e);
+    }
+    c->missing = missing;
+    if (!ok || there == count) return ok;
+    return error_set(e, ERROR_NO_SURFACE,
+                     "point %zu of %zu was not projected onto the surface in %d attempts: reduce the "
+                     "motion between frames, or ask for fewer points",
+                     there + 1, count, DRAWS);
+}
+
+/* The carried point that is nearest to one; FRAME_TRANSFER_NONE: none is near. */
+static uint32_t nearest_carried(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    uint32_t nearest = FRAME_TRANSFER_NONE;
+    double least = INFINITY;
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+        double d = c->parent[list[k]] != FRAME_TRANSFER_NONE ? distance(c, i, list[k]) : INFINITY;
+        if (d > least || d == INFINITY || (d == least && list[k] > nearest)) continue;
+        least = d;
+        nearest = list[k];
+    }
+    return nearest;
+}
+
+/* Position of a point in the previous frame. For a born point: moved back as the nearest carried point, or
+ * else by the motion of the whole surface. */
+static vec3 origin_of(const candidates *c, size_t i)
+{
+    uint32_t guide = c->parent[i] == FRAME_TRANSFER_NONE ? nearest_carried(c, i) : (uint32_t)i;
+    vec3 x = c->position[i];
+    if (guide == FRAME_TRANSFER_NONE) return vec3_sub(vec3_scale(x, 2), registration_apply(&c->motion, x));
+    vec3 origin = c->params->position[c->parent[guide]];
+    return guide == i ? origin : vec3_sub(x, vec3_sub(c->position[guide], origin));
+}
+
+/* Those that are taken, in the order in which they are to be kept. */
+static bool hand_over(candidates *c, frame_transfer *out, error *e)
+{
+    const char *what = "carried points";
+    close_gaps(c);
+    size_t n = c->count;
+    uint32_t *order = mem_array(n, sizeof *order, what, e);
+    bool *seen = mem_array(c->allotted.samples.count + 1, sizeof *seen, what, e);
+    bool ok = order && seen && (out->position = mem_array(n, sizeof *out->position, what, e)) &&
+              (out->normal = mem_array(n, sizeof *out->normal, what, e)) &&
+              (out->landed = mem_array(n, sizeof *out->landed, what, e)) &&
+              (out->origin = mem_array(n, sizeof *out->origin, what, e)) &&
+              (out->parent = mem_array(n, sizeof *out->parent, what, e)) &&
+              morton_order(c->position, n, c->pool, order, e) && build_lists(c, NEAR, e);
+    if (ok && c->f->patches) ok = (out->patch = mem_array(n, sizeof *out->patch, what, e)) != NULL;
+    if (ok && (c->f->patches || c->params->fixed_count > 0))
+        ok = (out->place = mem_array(n, sizeof *out->place, what, e)) != NULL;
+    if (ok && c->params->fixed_count > 0)
+        ok = (out->fixed = mem_array(n, sizeof *out->fixed, what, e)) != NULL;
+    for (size_t k = 0; ok && k < n; k++) {
+        uint32_t i = order[k];
+        const bool is_on_curve = c->row[i] < c->allotted.samples.count;
+        out->position[k] = c->position[i];
+        out->normal[k] = c->normal[i];
+        if (out->patch) out->patch[k] = c->part[i];
+        if (out->place) out->place[k] = c->row[i];
+        if (is_on_curve && seen[c->row[i]]) continue;
+        if (is_on_curve) seen[c->row[i]] = true;
+        const size_t point = out->count++;
+        if (out->fixed) out->fixed[point] = i < c->fixed ? c->own[i] : FRAME_TRANSFER_NONE;
+        out->landed[point] = c->landed[i];
+        out->parent[point] = c->parent[i];
+        out->origin[point] = origin_of(c, i);
+        out->born += c->parent[i] == FRAME_TRANSFER_NONE;
+    }
+    free(order);
+    free(seen);
+    if (!ok) return false;
+    out->particles = n;
+    out->motion = c->motion;
+    out->died = c->params->previous_count - (out->count - out->born);
+    return true;
+}
+
+/* Shares the points out among patches and curves, as the solve will. */
+static bool allot(candidates *c, error *e)
+{
+    const quota_input in = {c->f, c->scan, c->params->sizing, c->h, false};
+    if (!c->f->patches) return true;
+    if (!quota_for_count(&in, c->params->count, &c->allotted, e)) return false;
+    c->wanted = quota_particles(&c->allotted);
+    c->h = c->allotted.spacing;
+    return true;
+}
+
+/* Points of the frame before that are still there; a few on curves count more than once. */
+static size_t count_survivors(const candidates *c)
+{
+    size_t count = c->carried - c->fixed;
+    for (size_t i = 0; i < c->fixed; i++) count += c->parent[i] != FRAME_TRANSFER_NONE;
+    return count;
+}
+
+bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
+                           threads *pool, frame_transfer *out, error *e)
+{
+    candidates c = {.f = f, .scan = scan, .params = params, .pool = pool};
+    c.h = packing_spacing(scan->area, (double)params->count);
+    c.wanted = params->count;
+    c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
+    *out = (frame_transfer){0};
+    bool ok = allot(&c, e) && candidates_make(&c, e) && carry_all(&c, e);
+    if (ok && !params->is_still &&
+        (double)count_survivors(&c) < SAME_SURFACE * (double)params->previous_count)
+        out->died = params->previous_count;
+    else
+        ok = ok && populate(&c, e) && hand_over(&c, out, e);
+    candidates_free(&c);
+    return ok;
+}

@@ -1,0 +1,107 @@
+/* relax_fast: fast steps in SIMD lanes, without an energy test (relax_internal.h). */
+#include "sampling/solver/passes/relax_internal.h"
+
+#include <math.h>
+
+/* Maximum distance from the surface before the Newton step that ends a fast step, over h. The error of a Newton step is about the square
+ * of this distance times the curvature. */
+static const double FAST_STEP_DISTANCE = 0.05;
+/* The same over grid cells, divided by FAST_STEP_DISTANCE: 1.5 cells. A level set has distances for three voxels on either side. */
+static const double FAST_STEP_CELLS = 30;
+
+/* Parameters of the fast kernel for a sweep. */
+static fast_kernel_params fast_step_params(const relax *r, const relax_params *params)
+{
+    return (fast_kernel_params){
+        .unit = r->near->unit,
+        .support = params->sigma,
+        .omega = params->omega,
+        .longest = params->fast_step * params->spacing,
+        .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
+}
+
+/* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal, the hint is outdated and has
+ * led to the opposite wall: samples again without a hint. */
+static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size_t count,
+                               fast_kernel_way *way)
+{
+    const field *f = job->params->field;
+    uint32_t patch[VEC3_LANES] = {0}, hint[VEC3_LANES] = {0};
+    for (size_t l = 0; l < count; l++) {
+        patch[l] = job->p->patch[items[l]];
+        hint[l] = job->p->hint[items[l]];
+    }
+    f->ops->sample_patch_lanes(f, patch, &way->to, way->ends_well, hint, way->value, &way->gradient);
+    bool again[VEC3_LANES] = {false}, any = false;
+    for (size_t l = 0; l < count; l++) {
+        const vec3 gradient = {way->gradient.x[l], way->gradient.y[l], way->gradient.z[l]};
+        if (!way->ends_well[l] || !(vec3_dot(gradient, job->p->normal[items[l]]) < 0)) continue;
+        hint[l] = FIELD_NO_HINT;
+        again[l] = any = true;
+    }
+    if (any) f->ops->sample_patch_lanes(f, patch, &way->to, again, hint, way->value, &way->gradient);
+    for (size_t l = 0; l < count; l++) job->p->hint[items[l]] = hint[l];
+}
+
+/* Samples the field at the targets of the particles, with patches that of each particle's patch. */
+static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_way *way)
+{
+    const field *f = job->params->field;
+    if (!job->p->patch) {
+        field_sample_lanes(f, &way->to, way->ends_well, way->value, &way->gradient);
+        return;
+    }
+    if (f->ops->sample_patch_lanes) {
+        sample_patch_lanes(job, items, count, way);
+        return;
+    }
+    for (size_t l = 0; l < count; l++) {
+        field_sample s = {0};
+        vec3 x = {way->to.x[l], way->to.y[l], way->to.z[l]};
+        way->ends_well[l] =
+            way->ends_well[l] && field_sample_at(particles_field(job->p, f, items[l]), x, FIELD_GRADIENT, &s);
+        way->value[l] = s.value;
+        way->gradient.x[l] = s.gradient.x;
+        way->gradient.y[l] = s.gradient.y;
+        way->gradient.z[l] = s.gradient.z;
+    }
+}
+
+void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
+                      const fast_kernel_particles *own, const fast_kernel_forces *forces,
+                      bool stays[FAST_KERNEL_LANES], block_sums *sums)
+{
+    const fast_kernel *k = job->r->fast;
+    const fast_kernel_params params = fast_step_params(job->r, job->params);
+    fast_kernel_way way;
+    block_sums more = *sums; /* a local copy stays in registers */
+    k->step(own, forces, &params, &way);
+    for (size_t l = 0; l < first; l++) way.ends_well[l] = false;
+    for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
+    sample_lanes(job, items, count, &way);
+    k->land(own, &params, &way);
+    for (size_t l = first; l < count; l++) {
+        stays[l] = !way.ends_well[l];
+        if (stays[l]) continue;
+        relax_add_energy(job, items[l], (double)forces->energy[l], &more);
+        more.lambda += RELAX_LAMBDA_FLOOR;
+        relax_take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
+                        way.length[l], (double)own->allowed_step[l], &more);
+    }
+    *sums = more;
+}
+
+size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums)
+{
+    const fast_kernel_params params = fast_step_params(job->r, job->params);
+    fast_kernel_particles own;
+    fast_kernel_forces forces;
+    bool stays[FAST_KERNEL_LANES];
+    relax_fill_lanes(job->r, job->p, items, count, &own);
+    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
+    relax_fast_steps(job, items, 0, count, &own, &forces, stays, sums);
+    size_t left = 0;
+    for (size_t l = 0; l < count; l++)
+        if (stays[l]) items[left++] = items[l];
+    return left;
+}
