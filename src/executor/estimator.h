@@ -29,7 +29,7 @@ typedef enum estimator_outcome {
 /* Runs a worker. `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT with a `spec` that contains a path
  * (base/core/worker_contract.h). The worker is stopped after `within_s` seconds, or after the time of the setting if that
  * is shorter or `within_s` is 0. `threads` and `memory_mb` are limits as of an attempt. `frame` may be
- * QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (run/run.h, inspect/inspection.h), which the
+ * QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is one JSON object (job/phases/run.h, job/inspect/inspection.h), which the
  * caller frees. */
 estimator_outcome estimator_run(estimator *m, const char *command, const char *spec,
                                 const char *const *inputs, size_t input_count, int frame, int threads,

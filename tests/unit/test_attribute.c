@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "attribute/attribute.h"
+#include "job/attributes/attribute.h"
 #include "io/vdb/vdb.h"
 
 enum { SIDE = 4, VOXELS = SIDE * SIDE * SIDE, PLACES = 27 };

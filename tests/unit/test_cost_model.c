@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "base/core/rng.h"
-#include "run/cost_model.h"
+#include "job/phases/cost_model.h"
 
 /* Seconds of a run: a constant part and a power of the count, with noise. */
 typedef struct cost {

@@ -16,7 +16,7 @@
 #include "surface/field/patches.h"
 #include "surface/labels/label_majority.h"
 #include "surface/labels/label_thinness.h"
-#include "source/label_source.h"
+#include "job/source/label_source.h"
 #include "io/vdb/vdb.h"
 
 enum { SIDE = 8, VOXELS = SIDE * SIDE * SIDE };

@@ -10,8 +10,8 @@
 
 #include "close.h"
 #include "lattice_scenes.h"
-#include "run/advice.h"
-#include "run/outcome.h"
+#include "job/phases/advice.h"
+#include "job/phases/outcome.h"
 
 static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
 

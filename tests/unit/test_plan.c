@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "geometry/space/packing.h"
-#include "source/plan.h"
+#include "job/source/plan.h"
 
 static const double AREA = 12.5;
 

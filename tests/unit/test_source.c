@@ -17,8 +17,8 @@
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
 #include "io/meshes/mesh_reader.h"
-#include "source/mesh_projection.h"
-#include "source/source.h"
+#include "job/source/mesh_projection.h"
+#include "job/source/source.h"
 #include "volume_fixture.h"
 
 enum { MEMORY = 1 << 30, PLACES = 400 };

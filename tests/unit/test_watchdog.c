@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "run/watchdog.h"
+#include "job/phases/watchdog.h"
 
 enum { LEFT = 42 };
 

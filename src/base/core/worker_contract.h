@@ -2,7 +2,7 @@
  * script.
  *
  * hexad-worker and src/executor both include this header, so that the two sides agree. ARCHITECTURE.md describes the
- * contract. run/progress.h lists the phases of progress lines. These values are public: changing one breaks callers of
+ * contract. job/phases/progress.h lists the phases of progress lines. These values are public: changing one breaks callers of
  * hexad-worker.
  */
 #ifndef HEXAD_BASE_CORE_WORKER_CONTRACT_H

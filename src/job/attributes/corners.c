@@ -1,0 +1,114 @@
+#include "job/attributes/corners.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "job/attributes/lattice.h"
+#include "base/core/memory.h"
+#include "geometry/space/affine.h"
+#include "io/meshes/mesh_file.h"
+#include "surface/triangles/triangle_tree.h"
+
+static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {
+    [MESH_VALUES_NUMBER] = POINT_ATTRIBUTE_FLOAT,  [MESH_VALUES_WHOLE] = POINT_ATTRIBUTE_INT,
+    [MESH_VALUES_NORMAL] = POINT_ATTRIBUTE_NORMAL, [MESH_VALUES_COLOR] = POINT_ATTRIBUTE_COLOR,
+    [MESH_VALUES_UV] = POINT_ATTRIBUTE_UV,
+};
+
+static bool missing(const attribute_request *request, const mesh_values *v, error *e)
+{
+    char list[600] = "";
+    for (size_t k = 0; k < v->count; k++) {
+        size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", v->head[k].name);
+    }
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s",
+                     request->name ? request->name : "",
+                     *list ? list : "none (its vertices have positions only)");
+}
+
+struct attribute_mesh {
+    char *path;
+    mesh m;
+    mesh_values values;
+    triangle_tree *tree; /* once it is needed */
+};
+
+void corners_forget(attribute_mesh **last)
+{
+    attribute_mesh *kept = *last;
+    *last = NULL;
+    if (!kept) return;
+    triangle_tree_free(kept->tree);
+    mesh_values_free(&kept->values);
+    mesh_free(&kept->m);
+    free(kept->path);
+    free(kept);
+}
+
+/* The mesh, which is read unless it was the last one, and the index of its requested array. */
+static bool find_mesh(const attribute_request *request, attribute_mesh **out, size_t *which, error *e)
+{
+    const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
+    attribute_mesh *kept = *request->last;
+    if (!kept || strcmp(kept->path, request->path) != 0) {
+        corners_forget(request->last);
+        attribute_mesh read = {0};
+        if (!mesh_file_read_values(&file, &read.m, &read.values, e)) return false;
+        kept = *request->last = mem_alloc(sizeof *kept);
+        *kept = read;
+        kept->path = mem_strdup(request->path);
+    }
+    *out = kept;
+    for (*which = 0; *which < kept->values.count; ++*which)
+        if (request->name && strcmp(kept->values.head[*which].name, request->name) == 0) return true;
+    return missing(request, &kept->values, e);
+}
+
+bool corners_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e)
+{
+    attribute_mesh *kept;
+    size_t which;
+    if (!find_mesh(request, &kept, &which, e)) return false;
+    *kind = kinds[kept->values.head[which].kind];
+    *components = (int)kept->values.head[which].components;
+    return true;
+}
+
+/* Between the corners, each by its weight; whole numbers are the same at all of them. */
+static void mix(const float *value, int components, const uint32_t corner[3], const double weight[3],
+                bool whole, double *out)
+{
+    for (int c = 0; c < components; c++) {
+        out[c] = whole ? (double)value[(size_t)components * corner[0] + (size_t)c] : 0;
+        for (int k = 0; !whole && k < 3; k++)
+            out[c] += weight[k] * (double)value[(size_t)components * corner[k] + (size_t)c];
+    }
+}
+
+bool corners_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
+                  attribute_counts *counts, error *e)
+{
+    attribute_mesh *kept;
+    size_t which;
+    double to_file[3][4];
+    if (!find_mesh(request, &kept, &which, e)) return false;
+    if (!kept->tree && !(kept->tree = triangle_tree_new(&kept->m, e))) return false;
+    const mesh_reader_values *head = &kept->values.head[which];
+    const int components = (int)head->components;
+    affine_invert(request->from_file, to_file);
+    for (size_t i = 0; i < count; i++) {
+        double weight[3], *out = values + (size_t)components * i;
+        vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
+        const uint32_t *corner = kept->m.triangle[triangle_tree_find(kept->tree, x, weight)];
+        bool finite = true;
+        mix(kept->values.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
+        for (int c = 0; c < components; c++) finite &= isfinite(out[c]);
+        for (int c = 0; c < components && !finite; c++) out[c] = 0;
+        if (finite) lattice_turn(request->kind, request->from_file, out);
+        counts->not_finite += !finite;
+    }
+    return true;
+}

@@ -1,0 +1,157 @@
+#include "job/inspect/suggestion.h"
+
+#include <math.h>
+
+#include "base/core/memory.h"
+#include "surface/field/patches.h"
+#include "geometry/space/packing.h"
+#include "job/phases/advice.h"
+#include "job/phases/job.h"
+#include "job/source/plan.h"
+#include "job/source/source_report.h"
+#include "job/phases/report.h"
+#include "sampling/measures/measures.h"
+#include "sampling/sizing/clearance.h"
+
+/* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
+static const double FEWEST = 2000, MOST = 100000;
+/* Work limits of an inspection, on any machine: cells scanned over all surfaces, as many as a cube of 256 voxels has,
+ * and voxels read to open them. */
+static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;
+/* Cells that a plane passes, for each square of their side: the mean over its directions. */
+static const double CELLS_OF_A_PLANE = 1.5;
+/* Cells at which the gradient is measured. */
+static const size_t SLOPES = 256;
+
+/* NAN when nothing is known of the field there. */
+static double mean_slope(const surface *scan)
+{
+    double sum = 0, count = 0;
+    size_t step = scan->cells / SLOPES + 1;
+    for (size_t k = 0; k < scan->cells; k += step) {
+        field_cell cell;
+        field_sample s;
+        surface_cell(scan, k, &cell);
+        vec3 middle = field_cell_middle(&cell);
+        if (!field_sample_at(scan->field, middle, FIELD_GRADIENT, &s)) continue;
+        sum += vec3_norm(s.gradient);
+        count++;
+    }
+    return count > 0 ? sum / count : NAN;
+}
+
+static json *spec_of(const json *shape, double count)
+{
+    json *document = json_new_object();
+    json_put_integer(document, "version", 1);
+    json_put(document, "surface", json_copy(shape));
+    json_put_integer(json_put_object(document, "sampling"), "count", (int64_t)count);
+    return document;
+}
+
+/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches of any
+ * size, so their number does not give the area. */
+static double estimate_area(const field *f)
+{
+    if (f->patches) return field_patches_area(f->patches);
+    return (double)f->ops->cell_count(f) * f->cell_size * f->cell_size / CELLS_OF_A_PLANE;
+}
+
+/* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even opened. */
+static void describe_unseen(const field *f, const json *shape, json *item)
+{
+    json_put_number(item, "cells", f ? (double)f->ops->cell_count(f) : NAN);
+    json_put_bool(item, "measured", false);
+    json_put_number(item, "area", f ? estimate_area(f) : NAN);
+    json_put_null(item, "count");
+    json_put_null(item, "spacing");
+    json_put_null(item, "slope");
+    json_put(item, "spec", spec_of(shape, MOST));
+}
+
+/* The job's points may show thinner walls than an inspection measures, and its report may then ask for more points. */
+static void warn_of_thinner_walls(const clearance *room, json *warnings)
+{
+    if (room->factor > room->least_factor || room->least_factor >= 1) return;
+    json_append_string(
+        warnings, "walls may be thinner than the smallest distance that an inspection measures: they take "
+                  "more points than stated");
+}
+
+static bool describe(job *j, const json *shape, json *item, json *warnings, error *e)
+{
+    clearance room;
+    if (!job_survey(j, e)) return false;
+    double area = j->scan->area;
+    if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, MEASURES_THIN_SHARE, &room,
+                           e))
+        return false;
+    advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
+    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
+    warn_of_thinner_walls(&room, warnings);
+    json_put_integer(item, "cells", (int64_t)j->scan->cells);
+    json_put_bool(item, "measured", true);
+    json_put_number(item, "area", area);
+    report_put_box(item, source_box(&j->source, j->scan));
+    json_put_number(item, "count", to.count <= PLAN_COUNT_MAX ? to.count : NAN);
+    json_put_number(item, "spacing", to.spacing);
+    json_put_number(item, "slope", mean_slope(j->scan));
+    json_put(item, "spec", spec_of(shape, fmin(to.count, MOST)));
+    return true;
+}
+
+/* Cells of the surfaces in the list that were scanned. */
+static double cells_scanned(const json *list)
+{
+    double cells = 0;
+    json_at root = json_root(list);
+    for (json_at item = json_first(&root); item.node; item = json_next(&item)) {
+        if (json_bool(json_member(&item, "measured"), false))
+            cells += json_number(json_member(&item, "cells"), 0);
+    }
+    return cells;
+}
+
+/* `cells`: how many may be scanned. */
+static bool look(job *j, const json *shape, double cells, json *item, error *e)
+{
+    static job_phase *const phases[] = {job_load};
+    if (!job_run_phases(j, phases, 1, e)) return false;
+    const field *f = j->source.field;
+    bool seen = (double)f->ops->cell_count(f) <= cells;
+    json *warnings = json_put_array(item, "warnings");
+    if (!seen) describe_unseen(f, shape, item);
+    if (seen && !describe(j, shape, item, warnings, e)) return false;
+    json *unused = json_new_object();
+    source_describe(&j->source, unused, unused, warnings);
+    json_free(unused);
+    return true;
+}
+
+bool suggestion_append(json *list, json *shape, double voxels, const run_options *options, error *e)
+{
+    error fault = {0};
+    json *document = spec_of(shape, FEWEST), *item = json_new_object();
+    spec *s = spec_parse(document, NULL, &fault);
+    job j = {.spec = s, .options = options};
+    progress_begin(&j.progress, options->progress_fd, false);
+    bool unopened = voxels * (double)(json_size(json_root(list)) + 1) > MOST_VOXELS;
+    if (unopened) describe_unseen(NULL, shape, item);
+    bool ok = unopened || (s && look(&j, shape, MOST_CELLS - cells_scanned(list), item, &fault));
+    progress_end(&j.progress);
+    job_free(&j);
+    spec_free(s);
+    json_free(document);
+    if (!ok) {
+        json *told = json_put_object(item, "error");
+        json_put_string(told, "code", error_code_name(fault.code));
+        json_put_string(told, "message", fault.message);
+        json_put(item, "surface", shape);
+    } else {
+        json_free(shape);
+    }
+    json_append(list, item);
+    if (fault.code != ERROR_CANCELLED && fault.code != ERROR_LIMIT_TIME) return true;
+    if (e) *e = fault;
+    return false;
+}

@@ -1,0 +1,567 @@
+#include "job/phases/attributes.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "base/core/memory.h"
+#include "base/core/precision.h"
+#include "io/points/column.h"
+#include "io/points/property.h"
+#include "geometry/space/affine.h"
+#include "job/phases/instances.h"
+#include "files/inputs.h"
+
+struct attributes_entry {
+    const spec_attribute *spec; /* NULL: a property of points on patches, or given */
+    bool is_given;              /* its values are known */
+    char *name;
+    int fd; /* descriptor of its file, or -1 */
+    attribute_request request;
+    exr_stack_params stack; /* if the surface is an EXR stack */
+    slices_files files;
+    attribute_counts counts;
+    int place;          /* of the place on a mesh: which array, ATTACHMENT_MESH ...; else -1 */
+    double distance;    /* of places on meshes: the largest of a point from its place, in spacings */
+    double least, most; /* range of the components; for vectors, of each component */
+};
+
+/* ---- files and their transforms ---- */
+
+static const char *file_of(const spec_surface *s)
+{
+    return s->exr.count > 0                 ? s->exr.path
+           : s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
+           : s->kind == SPEC_SURFACE_MESH   ? s->mesh.path
+           : s->kind == SPEC_SURFACE_VOLUME ? s->volume.path
+                                            : NULL;
+}
+
+/* The first part of the surface with this file (NULL: any), and the map from its space to the world. */
+static const spec_surface *find_part(const spec_surface *s, const char *path, double m[3][4])
+{
+    const char *own = file_of(s);
+    if (own && (!path || strcmp(own, path) == 0)) return s;
+    if (s->kind == SPEC_SURFACE_TRANSFORM) surface_append_transform(s, m);
+    for (size_t k = 0; k < s->part_count; k++) {
+        double below[3][4];
+        memcpy(below, m, sizeof below);
+        const spec_surface *found = find_part(s->parts[k], path, below);
+        if (!found) continue;
+        memcpy(m, below, sizeof below);
+        return found;
+    }
+    return NULL;
+}
+
+/* The map of a file that no part of the surface uses: the transforms outside any combination, which move the whole
+ * surface. */
+static void place_beside(const spec_surface *s, double m[3][4])
+{
+    for (; s->part_count == 1; s = s->parts[0])
+        if (s->kind == SPEC_SURFACE_TRANSFORM) surface_append_transform(s, m);
+}
+
+/* Opens a file that another file refers to, relative to that file. */
+static int open_beside(void *context, const char *path, error *e)
+{
+    return source_open_file(context, path, e);
+}
+
+static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+
+static bool open_file(const spec_attribute *a, const spec *s, source *from, attributes_entry *out, error *e)
+{
+    bool beside = spec_attribute_has_file(a);
+    memcpy(out->request.from_file, world, sizeof world);
+    const spec_surface *part = find_part(&s->surface, beside ? a->from : NULL, out->request.from_file);
+    if (!part) memcpy(out->request.from_file, world, sizeof world);
+    if (!part && !beside)
+        return error_set(
+            e, ERROR_ATTRIBUTE_MISSING,
+            "the surface has no file with an attribute \"%s\": give the path of the file as `from`",
+            a->name ? a->name : "");
+    if (!part) place_beside(&s->surface, out->request.from_file);
+    out->request.path = part ? file_of(part) : a->from;
+    out->files = (slices_files){open_beside, from};
+    out->request.files = &out->files;
+    if (part && part->kind == SPEC_SURFACE_VOLUME && part->exr.has_voxel_size)
+        out->request.voxel_size = &part->exr.voxel_size;
+    if (part && part->exr.count > 0) {
+        out->stack = source_stack(&part->exr, &out->files);
+        out->request.stack = &out->stack;
+        return true;
+    }
+    out->fd = out->request.fd = source_open_file(from, out->request.path, e);
+    return out->fd >= 0;
+}
+
+/* Whether an attribute is the place on a mesh. */
+static bool is_place(const spec_attribute *a)
+{
+    return strcmp(a->from, SPEC_FROM_GEOMETRY) == 0 && strcmp(a->name, SPEC_GEOMETRY_SOURCE) == 0;
+}
+
+/* ---- locating ---- */
+
+static char *name_of(const spec_attribute *a, int place)
+{
+    const char *base = a->as ? a->as : a->name;
+    char *name = place < 0 ? mem_strdup(base) : mem_printf("%s_%s", base, attachment_arrays[place].suffix);
+    for (char *c = name; *c; c++)
+        if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9'))) *c = '_';
+    return name;
+}
+
+/* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also the two
+ * labels. */
+static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
+/* Property of points if some are given and kept. */
+static const char kept_name[] = "kept";
+enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
+
+static size_t place_count(const source *from)
+{
+    if (from->whole.labels) return PLACES_OF_LABELS;
+    return from->field && from->field->patches ? PLACES : 0;
+}
+
+static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
+{
+    const char *name = a->entries[index].name;
+    /* the points have these of their own */
+    bool moves = s->coherent && strcmp(name, "velocity") == 0;
+    bool has_row = s->coherent && s->has_order && strcmp(name, "row") == 0;
+    bool turns = s->has_orient && columns_is_of_orient(name);
+    if (columns_is_own(name) || moves || has_row || turns || strlen(name) > 63 ||
+        (*name >= '0' && *name <= '9'))
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "the attribute name \"%.80s\" is reserved or empty: give another one as `as`", name);
+    for (size_t k = 0; k < index; k++)
+        if (strcasecmp(a->entries[k].name, name) == 0) /* glTF converts names to upper case */
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "two attributes have the name \"%s\": give one of them another name as `as`",
+                             name);
+    return true;
+}
+
+static bool find_geometry(const spec_attribute *a, const source *from, point_attribute *out, error *e)
+{
+    bool part = strcmp(a->name, "part") == 0;
+    out->kind = part ? POINT_ATTRIBUTE_INT : POINT_ATTRIBUTE_VECTOR;
+    out->components = part ? 1 : 3;
+    return !part || source_part_count(from) > 1 ||
+           error_set(e, ERROR_ATTRIBUTE_MISSING,
+                     "the surface is not a combination, so its points have no part: remove this attribute");
+}
+
+static bool find_one(const spec *s, source *from, size_t memory_limit, attributes_entry *entry,
+                     point_attribute *out, error *e)
+{
+    static const stencil_kind stencils[] = {[SPEC_INTERPOLATION_LINEAR] = STENCIL_LINEAR,
+                                            [SPEC_INTERPOLATION_CUBIC] = STENCIL_CUBIC,
+                                            [SPEC_INTERPOLATION_NEAREST] = STENCIL_NEAREST};
+    static const point_attribute_kind kinds[] = {
+        [SPEC_ATTRIBUTE_FLOAT] = POINT_ATTRIBUTE_FLOAT,   [SPEC_ATTRIBUTE_INT] = POINT_ATTRIBUTE_INT,
+        [SPEC_ATTRIBUTE_VECTOR] = POINT_ATTRIBUTE_VECTOR, [SPEC_ATTRIBUTE_NORMAL] = POINT_ATTRIBUTE_NORMAL,
+        [SPEC_ATTRIBUTE_COLOR] = POINT_ATTRIBUTE_COLOR,   [SPEC_ATTRIBUTE_UV] = POINT_ATTRIBUTE_UV};
+    const spec_attribute *a = entry->spec;
+    attribute_request *r = &entry->request;
+    out->name = entry->name;
+    if (entry->place >= 0) {
+        const attachment_array *array = &attachment_arrays[entry->place];
+        out->kind = array->kind;
+        out->components = array->components;
+        out->is_double = array->is_double;
+        return true;
+    }
+    if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
+    if (!open_file(a, s, from, entry, e)) return false;
+    r->memory_limit = entry->stack.memory_limit = memory_limit;
+    r->name = a->name;
+    r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
+    if (r->has_kind) r->kind = kinds[a->type];
+    r->stencil = r->has_kind && r->kind == POINT_ATTRIBUTE_INT ? STENCIL_NEAREST : stencils[a->interpolation];
+    if (!attribute_find(r, &out->kind, &out->components, e)) {
+        if (r->path) store_inputs_explain_header(r->path, e);
+        return false;
+    }
+    r->kind = out->kind;
+    return true;
+}
+
+bool attributes_check_named(const spec *s, const points *set, error *e)
+{
+    if (s->has_preview && s->preview_attribute &&
+        !property_find_attribute(set->attributes, set->attribute_count, s->preview_attribute))
+        return property_refuse_missing(set->attributes, set->attribute_count, "/output/preview/attribute",
+                                       s->preview_attribute, e);
+    return instances_check(s, set, e);
+}
+
+/* Checks that the points will have what the outputs require, by a set of zero points with the same arrays. */
+static bool check_outputs(const spec *s, const attributes *a, error *e)
+{
+    static const vec3 vector;
+    static const double number;
+    static const uint32_t whole;
+    columns unused;
+    points set = {.position = &vector,
+                  .normal = &vector,
+                  .kappa = &number,
+                  .kappa1 = &number,
+                  .kappa2 = &number,
+                  .alpha = &number,
+                  .energy = &number,
+                  .spacing = &number,
+                  .spacing_local = &number,
+                  .color = &vector};
+    if (s->coherent) {
+        set.id = &whole;
+        set.velocity = &vector;
+    }
+    if (s->has_alpha && !(s->alpha.has_scale && s->alpha.scale.world == 0 && s->alpha.scale.spacings == 0))
+        set.kappa_scale = &number;
+    set.attribute_count = a->count;
+    set.attributes = a->values;
+    for (size_t k = 0; k < a->count; k++)
+        if (a->values[k].kind == POINT_ATTRIBUTE_UV) set.uv = &number;
+    static const double turn[4];
+    if (s->has_orient) set.orient = turn;
+    if (!attributes_check_named(s, &set, e)) return false;
+    return columns_choose(&set, (const char *const *)s->ply_properties, s->ply_property_count, &unused, e) ||
+           error_prefix(e, "/output/ply/properties");
+}
+
+bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e)
+{
+    const size_t of_patches = place_count(from),
+                 places = of_patches + (s->has_points && s->points.mode == SPEC_POINTS_KEEP);
+    out->count = places + s->attribute_count;
+    for (size_t k = 0; k < s->attribute_count; k++)
+        if (is_place(&s->attributes[k])) out->count += ATTACHMENT_ARRAYS - 1;
+    out->entries = mem_alloc(out->count * sizeof *out->entries);
+    out->values = mem_alloc(out->count * sizeof *out->values);
+    for (size_t k = 0; k < places; k++) {
+        const char *name = k < of_patches ? place_names[k] : kept_name;
+        out->entries[k] = (attributes_entry){.name = mem_strdup(name), .fd = -1, .place = -1};
+        out->values[k] = (point_attribute){out->entries[k].name, POINT_ATTRIBUTE_INT, 1, NULL, false};
+    }
+    for (size_t i = 0, k = places; i < s->attribute_count; i++) {
+        const spec_attribute *a = &s->attributes[i];
+        const int begin = is_place(a) ? 0 : -1, end = is_place(a) ? ATTACHMENT_ARRAYS : 0;
+        for (int place = begin; place < end; place++)
+            out->entries[k++] =
+                (attributes_entry){.spec = a, .name = name_of(a, place), .fd = -1, .place = place};
+    }
+    attribute_mesh *last = NULL;
+    bool ok = true;
+    for (size_t k = places; ok && k < out->count; k++) {
+        attributes_entry *entry = &out->entries[k];
+        entry->request.last = &last;
+        ok = (check_name(s, out, k, e) &&
+              (entry->place < 0 || out->meshes.file ||
+               surface_meshes_open(&s->surface, from, &out->meshes, e)) &&
+              find_one(s, from, memory_limit, entry, &out->values[k], e)) ||
+             error_prefix(e, "/attributes/%td", entry->spec - s->attributes);
+    }
+    attribute_forget(&last);
+    return ok && check_outputs(s, out, e);
+}
+
+/* The entry with a name, which is not given; a->count: there is none. */
+static size_t find_located(const attributes *a, const char *name)
+{
+    size_t k = 0;
+    while (k < a->count && (!a->entries[k].name || strcmp(a->entries[k].name, name) != 0)) k++;
+    return k;
+}
+
+void attributes_adopt(attributes *a, const point_attribute *given, size_t count)
+{
+    const size_t most = a->count + count;
+    attributes_entry *entries = mem_alloc(most * sizeof *entries);
+    point_attribute *values = mem_alloc(most * sizeof *values);
+    size_t n = 0;
+    for (size_t k = 0; k < count; k++, n++) {
+        const size_t located = find_located(a, given[k].name);
+        if (located < a->count) {
+            entries[n] = a->entries[located];
+            values[n] = a->values[located];
+            a->entries[located].name = NULL;
+            free((char *)given[k].name);
+            free((double *)given[k].values);
+            continue;
+        }
+        entries[n] =
+            (attributes_entry){.is_given = true, .name = (char *)given[k].name, .fd = -1, .place = -1};
+        values[n] = given[k];
+    }
+    for (size_t k = 0; k < a->count; k++) {
+        if (!a->entries[k].name) continue; /* it is among the given ones */
+        entries[n] = a->entries[k];
+        values[n++] = a->values[k];
+    }
+    free(a->entries);
+    free(a->values);
+    a->entries = entries;
+    a->values = values;
+    a->count = n;
+}
+
+/* ---- values ---- */
+
+/* Values of a property of points on patches. */
+static void read_place(const char *name, const source *from, const solver_points *solved, double *values)
+{
+    size_t which = 0;
+    while (strcmp(name, place_names[which]) != 0) which++;
+    for (size_t i = 0; i < solved->count; i++) {
+        int64_t sides[2] = {0, 0};
+        if (which >= PLACES) label_surface_sides(from->whole.labels, solved->patch[i], sides);
+        values[i] = which == 0       ? (double)solved->feature[i]
+                    : which < PLACES ? (double)solved->patch[i]
+                                     : (double)sides[which - PLACES];
+    }
+}
+
+/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary: the first
+ * component that is not nearly zero is positive. */
+static vec3 principal_direction(const field_sample *s, bool larger)
+{
+    static const double zero = 1e-9;
+    vec3 n = vec3_unit(s->gradient), u, v;
+    vec3_frame(n, &u, &v);
+    vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
+    double a = vec3_dot(u, hu), b = vec3_dot(u, hv), c = vec3_dot(v, hv);
+    double turn = 0.5 * atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2);
+    vec3 d = vec3_add(vec3_scale(u, cos(turn)), vec3_scale(v, sin(turn)));
+    for (int axis = 0; axis < 3; axis++) {
+        double component = vec3_get(d, axis);
+        if (fabs(component) > zero) return component < 0 ? vec3_scale(d, -1) : d;
+    }
+    return d;
+}
+
+static void read_geometry(const char *name, const source *from, const points *set, double *values)
+{
+    for (size_t i = 0; i < set->count; i++) {
+        field_sample sample = {0};
+        vec3 d = {0, 0, 0};
+        if (strcmp(name, "part") == 0) {
+            values[i] = (double)source_part_at(from, set->position[i]);
+            continue;
+        }
+        if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
+            d = principal_direction(&sample, strcmp(name, "direction1") == 0);
+        memcpy(values + 3 * i, &d, 3 * sizeof *values);
+    }
+}
+
+static void note_range(attributes_entry *entry, const double *values, size_t count)
+{
+    entry->least = INFINITY;
+    entry->most = -INFINITY;
+    for (size_t i = 0; i < count; i++) {
+        entry->least = fmin(entry->least, values[i]);
+        entry->most = fmax(entry->most, values[i]);
+    }
+}
+
+/* Fills in the arrays of a place, of which entry k is the last. */
+static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const points *set, error *e)
+{
+    const size_t first = k + 1 - ATTACHMENT_ARRAYS;
+    double *values[ATTACHMENT_ARRAYS];
+    attachment_counts counts;
+    for (size_t n = 0; n < ATTACHMENT_ARRAYS; n++) values[n] = (double *)a->values[first + n].values;
+    if (!attachment_find(a->meshes.file, a->meshes.count, memory_limit, set->count, set->position,
+                         set->normal, set->spacing, values, &counts, e))
+        return false;
+    for (size_t n = 0; n < ATTACHMENT_ARRAYS; n++) {
+        attributes_entry *entry = &a->entries[first + n];
+        note_range(entry, values[n], set->count * (size_t)a->values[first + n].components);
+        entry->distance = counts.distance;
+        entry->counts.outside = counts.outside;
+    }
+    return true;
+}
+
+static bool read_one(attributes_entry *entry, const source *from, const solver_points *solved,
+                     const bool *kept, size_t memory_limit, const points *set, point_attribute *out, error *e)
+{
+    size_t numbers = set->count * (size_t)out->components;
+    if (entry->is_given) {
+        note_range(entry, out->values, numbers);
+        return true;
+    }
+    double *values = mem_array(set->count, (size_t)out->components * sizeof *values, "an attribute", e);
+    free((double *)out->values);
+    out->values = values;
+    entry->counts = (attribute_counts){0};
+    entry->request.memory_limit = memory_limit;
+    entry->stack.memory_limit = memory_limit;
+    if (!values) return false;
+    if (entry->place >= 0) return true; /* read_attachment fills it in */
+    if (!entry->spec && strcmp(entry->name, kept_name) == 0)
+        for (size_t i = 0; i < set->count; i++) values[i] = kept[i];
+    else if (!entry->spec)
+        read_place(entry->name, from, solved, values);
+    else if (!entry->request.path)
+        read_geometry(entry->spec->name, from, set, values);
+    else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
+        return false;
+    for (size_t k = 0; out->kind == POINT_ATTRIBUTE_INT && k < numbers; k++) values[k] = round(values[k]);
+    note_range(entry, values, numbers);
+    if (out->kind == POINT_ATTRIBUTE_INT &&
+        (entry->least < -PRECISION_WHOLE_MOST || entry->most > PRECISION_WHOLE_MOST))
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "its whole numbers, from %.0f to %.0f, exceed what a double represents exactly: give "
+            "the type float",
+            entry->least, entry->most);
+    return true;
+}
+
+/* Sets color and uv, which formats need as separate arrays, from the first attribute of each kind. */
+static bool derive(attributes *a, points *set, error *e)
+{
+    free(a->color);
+    free(a->uv);
+    a->color = NULL;
+    a->uv = NULL;
+    for (size_t k = 0; k < a->count; k++) {
+        const point_attribute *v = &a->values[k];
+        bool color = v->kind == POINT_ATTRIBUTE_COLOR && !a->color;
+        if (!color && (v->kind != POINT_ATTRIBUTE_UV || a->uv)) continue;
+        size_t kept = color ? 3 : 2, stride = (size_t)v->components;
+        double *copy = mem_array(set->count, kept * sizeof *copy, "an attribute", e);
+        if (!copy) return false;
+        for (size_t i = 0; i < set->count; i++)
+            memcpy(copy + kept * i, v->values + stride * i, kept * sizeof *copy);
+        if (color)
+            a->color = (vec3 *)copy;
+        else
+            a->uv = copy;
+    }
+    set->attribute_count = a->count;
+    set->attributes = a->values;
+    set->color = a->color;
+    set->uv = a->uv;
+    return true;
+}
+
+bool attributes_read(attributes *a, const source *from, const solver_points *solved, size_t memory_limit,
+                     points *set, error *e)
+{
+    attribute_mesh *last = NULL;
+    bool ok = true;
+    for (size_t k = 0; ok && k < a->count; k++) {
+        a->entries[k].request.last = &last;
+        ok =
+            (read_one(&a->entries[k], from, solved, a->kept, memory_limit, set, &a->values[k], e) &&
+             (a->entries[k].place != ATTACHMENT_ARRAYS - 1 || read_attachment(a, k, memory_limit, set, e))) ||
+            error_prefix(e, "attribute \"%s\"", a->entries[k].name);
+    }
+    attribute_forget(&last);
+    return ok && derive(a, set, e);
+}
+
+bool attributes_permute(attributes *a, const uint32_t *order, points *set, error *e)
+{
+    for (size_t k = 0; k < a->count; k++) {
+        const size_t width = (size_t)a->values[k].components;
+        const double *from = a->values[k].values;
+        double *to = mem_array(set->count, width * sizeof *to, "an attribute", e);
+        if (!to) return false;
+        for (size_t i = 0; i < set->count; i++)
+            memcpy(to + width * i, from + width * order[i], width * sizeof *to);
+        free((double *)from);
+        a->values[k].values = to;
+    }
+    return derive(a, set, e);
+}
+
+/* ---- report ---- */
+
+static void warn(json *warnings, const attributes_entry *entry, size_t count, const char *what)
+{
+    if (count == 0) return;
+    char *text = mem_printf("attribute \"%s\": %zu points %s", entry->name, count, what);
+    json_append_string(warnings, text);
+    free(text);
+}
+
+/* The meshes on which points have places, with what determines their numbers; a later attachment compares it. */
+static void describe_meshes(const attributes *a, const attributes_entry *entry, json *object, json *warnings)
+{
+    json *list = json_put_array(object, "meshes");
+    json_put_number(object, "distance", entry->distance);
+    for (size_t k = 0; k < a->meshes.count; k++) {
+        const attachment_file *file = &a->meshes.file[k];
+        json *of_mesh = json_append_object(list);
+        char *hash = mem_printf("%016" PRIx64, file->topology.hash);
+        json_put_string(of_mesh, "path", file->path);
+        json_put_integer(of_mesh, "vertices", (int64_t)file->topology.vertices);
+        json_put_integer(of_mesh, "faces", (int64_t)file->topology.faces);
+        json_put_integer(of_mesh, "corners", (int64_t)file->topology.corners);
+        json_put_string(of_mesh, "topology", hash);
+        free(hash);
+    }
+    warn(warnings, entry, entry->counts.outside,
+         "lie on no mesh, such as those on caps of a region or on other parts: their numbers are -1");
+}
+
+void attributes_describe(const attributes *a, json *report, json *warnings)
+{
+    static const char *const types[] = {"float", "int", "vector", "normal", "color", "uv"};
+    if (a->count == 0) return;
+    json *list = json_put_array(report, "attributes");
+    for (size_t k = 0; k < a->count; k++) {
+        const attributes_entry *entry = &a->entries[k];
+        json *object = json_append_object(list);
+        json_put_string(object, "name", entry->name);
+        json_put_string(object, "type", types[a->values[k].kind]);
+        json_put_integer(object, "components", a->values[k].components);
+        if (entry->request.path) json_put_string(object, "path", entry->request.path);
+        json_put_number(object, "minimum", entry->least);
+        json_put_number(object, "maximum", entry->most);
+        json_put_integer(object, "outside", (int64_t)entry->counts.outside);
+        if (entry->place == ATTACHMENT_MESH) describe_meshes(a, entry, object, warnings);
+        if (entry->place >= 0) continue;
+        warn(warnings, entry, entry->counts.outside,
+             "are outside the data of the file: they have its background value, or the nearest one");
+        warn(warnings, entry, entry->counts.not_finite,
+             "have a value that is not finite: it is written as 0");
+        for (uint32_t i = 0; i < entry->counts.warnings.count; i++) {
+            char *text = mem_printf("attribute \"%s\": %s", entry->name, entry->counts.warnings.text[i]);
+            json_append_string(warnings, text);
+            free(text);
+        }
+    }
+}
+
+double attributes_bytes_per_point(const attributes *a)
+{
+    size_t numbers = 0;
+    for (size_t k = 0; k < a->count; k++) numbers += (size_t)a->values[k].components;
+    return (double)(numbers * sizeof(double));
+}
+
+void attributes_free(attributes *a)
+{
+    for (size_t k = 0; k < a->count; k++) {
+        free(a->entries[k].name);
+        if (a->entries[k].fd >= 0) close(a->entries[k].fd);
+        free((double *)a->values[k].values);
+    }
+    surface_meshes_close(&a->meshes);
+    free(a->entries);
+    free(a->values);
+    free(a->color);
+    free(a->uv);
+    *a = (attributes){0};
+}

@@ -1,0 +1,177 @@
+/* estimate: the memory, CPU time and count that a job is expected to need, for the command `estimate` (run.h, run_estimate). */
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+#include "geometry/space/packing.h"
+#include "sampling/measures/measures.h"
+#include "job/phases/advice.h"
+#include "job/phases/cost_model.h"
+#include "job/phases/attach.h"
+#include "job/phases/job.h"
+#include "job/source/plan.h"
+#include "job/source/source_report.h"
+#include "job/phases/report.h"
+#include "job/phases/run.h"
+#include "job/phases/outcome.h"
+#include "sampling/sizing/clearance.h"
+#include "surface/scan/surface.h"
+
+/* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the coarsest
+ * level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10 000, and at least
+ * COST_MODEL_FIRST. */
+enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
+/* Limits of CPU time, which does not depend on other processes: for the first trial, and for all trials together.
+ * Trials with fewer points follow only if the first one did not end. Larger: slower jobs get an estimate, which takes
+ * longer. */
+static const double REHEARSAL_S[2] = {3, 4};
+/* Minimum number of points for which threads, used by the finest levels, reduce the total time significantly. */
+static const size_t SHARED_FROM = 20000;
+/* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
+static const double BYTES_WITH_OPENVDB = 37 << 20;
+/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal and part of
+ * the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most LISTED_MOST points at a time
+ * (sampling/voronoi/partitions). */
+static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
+
+/* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on the count. */
+typedef struct run_cost {
+    double relax_s, measure_s;
+} run_cost;
+
+/* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of the job. */
+static bool rehearse_once(job *j, double end_s, run_cost *out)
+{
+    solution s = {0};
+    double begin_s = clock_processor_s();
+    bool ok = job_place(j, &s, NULL);
+    while (ok && !solver_ended(s.solver))
+        ok = job_may_continue(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
+    double relaxed_s = clock_processor_s();
+    ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
+    if (ok) *out = (run_cost){relaxed_s - begin_s, clock_processor_s() - relaxed_s};
+    job_free_solution(&s);
+    return ok;
+}
+
+/* The reason why trial runs cannot predict the job; NULL: they can. */
+static const char *rehearsal_obstacle(const job *j)
+{
+    return j->spec->has_points    ? "points are given, and trial runs would need fewer of them"
+           : j->spec->has_control ? "sampling.control determines the count during the run"
+           : j->options->previous
+               ? "the points of the previous frame are carried over, and trial runs would need fewer "
+                 "of them"
+               : NULL;
+}
+
+/* Predicted seconds from the placement of points to the last measure; NAN if no trial run ended. */
+static double rehearse(job *j)
+{
+    const size_t count = j->count;
+    const bool by_levels = j->spec->method == SPEC_METHOD_SIZED;
+    const double begin_s = clock_processor_s();
+    size_t part = 1;
+    run_cost cost;
+    while ((part == 1 || count / part > REHEARSAL_MOST) &&
+           count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST)
+        part *= REHEARSAL_STRIDE;
+    j->count = count / part;
+    bool ended = rehearse_once(j, begin_s + REHEARSAL_S[0], &cost);
+    while (!ended && j->count / REHEARSAL_STRIDE >= COST_MODEL_FIRST) {
+        j->count /= REHEARSAL_STRIDE;
+        ended = rehearse_once(j, begin_s + REHEARSAL_S[1], &cost);
+    }
+    const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels);
+    j->count = count;
+    if (!ended) return NAN;
+    return (cost.relax_s * more + cost.measure_s) / (count < SHARED_FROM ? 1 : threads_count(j->pool));
+}
+
+static double measuring_memory(const job *j, double count)
+{
+    const mesh *m = source_mesh(&j->source);
+    const size_t faces = m ? m->triangle_count : j->scan->cells;
+    return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
+}
+
+/* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the surface
+ * without points. */
+static double memory_for(const job *j, int64_t held, double count)
+{
+    double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
+    return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
+                                                measuring_memory(j, count) + plan_picture_memory(j->spec));
+}
+
+/* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before the job. */
+static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
+{
+    clearance c;
+    bool even = !spec_is_graded(j->spec);
+    double h = packing_spacing(j->scan->area, (double)j->count);
+    if (j->count == 0 || !even ||
+        !clearance_measure(j->scan, NULL, h, j->pool, MEASURES_THIN_SHARE, &c, NULL) ||
+        c.unresolved_share <= MEASURES_THIN_SHARE)
+        return;
+    const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);
+    char *warning = advice_warn_of_walls(j->spec, c.unresolved_share, true, to);
+    json_append_string(warnings, warning);
+    free(warning);
+    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),
+                             (double)j->memory / (1 << 20));
+}
+
+/* `missing`: the reason why there are no seconds, or NULL. */
+static json *describe_estimate(const job *j, int64_t held, double seconds, const char *missing)
+{
+    json *o = json_new_object();
+    if (j->count > 0)
+        json_put_integer(o, "count", (int64_t)(j->avoided.wanted > 0 ? j->avoided.wanted : j->count));
+    else
+        json_put_null(o, "count");
+    json_put_number(o, "area", j->scan->area);
+    report_put_box(o, source_box(&j->source, j->scan));
+    json_put_integer(o, "memory_bytes", (int64_t)memory_for(j, held, (double)j->count));
+    if (isnan(seconds))
+        json_put_null(o, "seconds");
+    else
+        json_put_number(o, "seconds", clock_seconds(llround(1000 * seconds)));
+    json_put_string(o, "seconds_missing", missing);
+    json_put_integer(o, "threads", threads_count(j->pool));
+    json *warnings = json_put_array(o, "warnings"), *unused = json_new_object();
+    source_describe(&j->source, unused, unused, warnings);
+    json_free(unused);
+    report_warn_of_build(warnings, j->spec);
+    describe_resolution(j, held, warnings, json_put_array(o, "advice"));
+    return o;
+}
+
+json *run_estimate(const spec *s, const run_options *options, error *e)
+{
+    static job_phase *const phases[] = {job_load, job_survey};
+    json *estimate = NULL;
+    job j = {.spec = s, .options = options};
+    if (s->attach) return attach_estimate(s, options, e);
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
+        /* Some work uses all threads, some only one. Its time is at most that of the clock, which other processes
+         * lengthen, and at most the CPU time of all threads. */
+        int64_t held = job_held_memory();
+        double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
+        double opened_s = fmin(clock_processor_s(), passed_s);
+        const char *missing = NULL;
+        double seconds = s->time_s; /* the target limits the whole job */
+        if (s->time_s <= 0) {
+            missing = rehearsal_obstacle(&j);
+            seconds = missing ? NAN : opened_s + rehearse(&j);
+            if (isnan(seconds) && !missing)
+                missing = "a trial run with few points did not end within its time limit";
+        }
+        if (job_may_continue(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
+    }
+    progress_end(&j.progress);
+    job_free(&j);
+    return estimate;
+}

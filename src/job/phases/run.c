@@ -1,0 +1,133 @@
+#include "job/phases/run.h"
+
+#include <math.h>
+
+#include "base/core/clock.h"
+#include "job/phases/attach.h"
+#include "job/phases/job.h"
+#include "job/phases/report.h"
+#include "job/phases/time_target.h"
+#include "files/file.h"
+
+static bool start(job *j, error *e)
+{
+    return job_survey(j, e) && (j->spec->time_s > 0 || job_place(j, &j->solution, e));
+}
+
+static bool relax(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_RELAX);
+    if (j->spec->time_s > 0) return time_target_fill(j, e);
+    for (bool again = true; again;)
+        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
+            !job_pin_unrepresented(j, &j->solution, e) || !job_choose_points(j, &again, e))
+            return false;
+    return !j->spec->coherent || sequence_end(&j->sequence, solver_result_points(j->solution.solver), e);
+}
+
+static bool measure_result(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_MEASURE);
+    return j->spec->time_s > 0 ||
+           job_measure(j, &j->solution, e); /* with a time as target, runs have been measured */
+}
+
+static bool write_results(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_WRITE);
+    return job_write_points(j, e);
+}
+
+/* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean energy is
+ * ideal, unless the count determines it. */
+static outcome_input outcome_input_of(const job *j)
+{
+    const solver *s = j->solution.solver;
+    const solver_points *p = solver_result_points(s);
+    const solver_outcome end = solver_result(s);
+    size_t sweeps;
+    const solver_sweep *sweep = solver_sweeps(s, &sweeps);
+    return (outcome_input){
+        .measures = &j->solution.measures,
+        .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
+        .out_of_time = end == SOLVER_RUNNING,
+        .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
+        .step_left = p->step_without_kinks,
+        .step_tolerance = j->spec->step_tolerance,
+        .is_blue_noise = j->spec->pattern == SPEC_PATTERN_BLUE_NOISE,
+        .gain = solver_gain(s),
+        .gain_tolerance = solver_coarsest_gain(s),
+        .energy_error = j->spec->method == SPEC_METHOD_SIZED ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),
+        .energy_tolerance = j->spec->energy_tolerance,
+        .count_error = j->spec->has_control || j->count == 0 ? 0
+                       : p->count > j->count                 ? p->count - j->count
+                                                             : j->count - p->count,
+        .lost = p->lost,
+        .lost_area = source_missing_share(&j->source),
+        .residual = j->results.max_residual,
+        .rms_residual = j->results.rms_residual,
+        .require = j->spec->require,
+    };
+}
+
+static bool write_report(job *j, outcome_kind *outcome, error *e)
+{
+    const solution *s = &j->solution;
+    const outcome_input judged = outcome_input_of(j);
+    const outcome_result v = outcome_evaluate(&judged);
+    const report_facts facts = {
+        .spec = j->spec,
+        .source = &j->source,
+        .attributes = &j->attributes,
+        .scan = j->scan,
+        .sizing = s->sizing,
+        .curvature = s->curvature,
+        .solver = s->solver,
+        .count = j->avoided.taken ? j->avoided.taken_count : solver_result_points(s->solver)->count,
+        .measures = &s->measures,
+        .farthest = s->farthest,
+        .landed = s->landed,
+        .peak_memory = job_peak_memory(j),
+        .memory_limit = (double)j->memory,
+        .particle_memory = job_particle_memory(j),
+        .bytes_per_particle = job_bytes_per_particle(j),
+        .results = &j->results,
+        .result = &v,
+        .pool = j->pool,
+        .isa = j->isa,
+        .progress = &j->progress,
+    };
+    report_fill(j->report, &facts);
+    given_points_describe(&j->given, j->spec, j->report);
+    avoided_points_describe(&j->avoided, j->report);
+    if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
+    *outcome = v.outcome;
+    return job_may_continue(j, e) && results_write_report(j->options->output, j->report, e);
+}
+
+/* Removes the results of an earlier run, which would not belong to this run's report. */
+static bool prepare_output(const char *directory, error *e)
+{
+    return store_directory_create(directory, e) && results_remove(directory, e);
+}
+
+bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
+{
+    static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
+    job j = {.spec = s, .options = options};
+    if (s->attach) return attach_run(s, options, outcome, report, e);
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    snapshot_begin(&j.snapshot, options->progress_fd >= 0 ? options->output : NULL);
+    j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
+    bool ok =
+        prepare_output(options->output, e) && job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
+    progress_end(&j.progress);
+    snapshot_end(&j.snapshot);
+    ok = ok && write_report(&j, outcome, e);
+    if (ok) {
+        *report = j.report;
+        j.report = NULL;
+    }
+    job_free(&j);
+    return ok;
+}

@@ -1,0 +1,28 @@
+/* run_options: what a caller sets beside the spec. */
+#ifndef HEXAD_JOB_PHASES_RUN_OPTIONS_H
+#define HEXAD_JOB_PHASES_RUN_OPTIONS_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/core/error.h"
+#include "job/phases/sequence.h"
+#include "files/root.h"
+
+typedef struct run_options {
+    const char *output;                  /* directory; created if missing */
+    const store_roots *roots;            /* permitted locations of inputs; NULL: anywhere */
+    int64_t memory_mb;                   /* if the spec has no limit, MB */
+    int threads;                         /* maximum, and the default; 0: one per processor */
+    int frame;                           /* the frame to run, if the spec has queue.frames */
+    const sequence_files *previous;      /* previous frame of a coherent sequence, or NULL */
+    int progress_fd;                     /* -1: no progress lines */
+    bool progress_bar;                   /* also draw a bar on standard error */
+    const volatile sig_atomic_t *cancel; /* number of a signal: stop; SIGALRM: time limit; may be NULL */
+    /* Prints e and ends the process. Called on another thread if the job must stop and is in a call that cannot be
+     * interrupted; no incomplete file remains. NULL: the job waits for the call. */
+    void (*leave)(const error *e);
+} run_options;
+
+#endif

@@ -1,0 +1,146 @@
+#include "job/source/plan.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "geometry/space/packing.h"
+
+/* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350 while the
+ * result is measured; lists of over-dense particles are longer. */
+static const double BYTES_PER_PARTICLE = 400;
+/* For the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
+ * kB. */
+static const double BYTES_PER_WITKIN_HECKBERT_PARTICLE = 5000;
+/* For a mesh: two triangles, six corners of the points' one-rings, and the triangles once more while the
+ * array grows. */
+static const double BYTES_PER_VERTEX = 120;
+/* For a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
+static const double BYTES_PER_GRID_POINT = 200;
+/* For a frame with transferred points: places for births and their lists, besides the previous points. */
+static const double BYTES_PER_CARRIED = 800;
+/* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried together. */
+static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
+/* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
+static const double REPAIRED_MAX = 2.4e6;
+/* For points in another order than the solver's: a second copy of their arrays. */
+static const double BYTES_PER_ORDERED = 150;
+/* Orientations and scales of instances. */
+static const double BYTES_PER_INSTANCE = 56;
+/* For each pixel of the preview: two pictures, and what each shows. */
+static const double BYTES_PER_PIXEL = 15;
+
+static const double MIB = 1 << 20; /* bytes */
+
+double plan_picture_memory(const spec *s)
+{
+    return s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
+}
+
+bool plan_repairs_defects(const spec *s)
+{
+    const bool has_patches =
+        s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
+    const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
+    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && !(s->time_s > 0) &&
+           s->method == SPEC_METHOD_SIZED && !((double)s->count > REPAIRED_MAX);
+}
+
+double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
+{
+    return (double)limit - (double)source_bytes - plan_picture_memory(s) -
+           (plan_repairs_defects(s) ? REPAIR_BYTES : 0);
+}
+
+double plan_bytes_per_particle(const spec *s, bool is_continued)
+{
+    /* one after the other */
+    double more = fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
+    if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
+        more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
+    if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
+    if (s->has_orient || s->has_instancer) more += BYTES_PER_INSTANCE;
+    if (s->has_order) more += BYTES_PER_ORDERED;
+    return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_WITKIN_HECKBERT_PARTICLE
+                                                            : BYTES_PER_PARTICLE);
+}
+
+/* Rounded to three digits, up or down. */
+static double rounded(double value, bool up)
+{
+    const double unit = pow(10, floor(log10(value)) - 2);
+    return (up ? ceil(value / unit) : floor(value / unit)) * unit;
+}
+
+bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e)
+{
+    const double each = plan_bytes_per_particle(s, is_continued), particles = count * each,
+                 fitting = memory > 0 ? rounded(memory / each, false) : 0;
+    char fewer[128] = "";
+    if (particles <= memory) return true;
+    if (s->resolve)
+        snprintf(fewer, sizeof fewer, ", or raise /sampling/min_spacing for fewer points");
+    else if (s->count > 0 && fitting >= PLAN_COUNT_MIN)
+        snprintf(fewer, sizeof fewer, ", or lower /sampling/count to at most %.0f", fitting);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave %.0f of "
+        "%.0f MiB: set it to at least %.0f%s",
+        count, ceil(particles / MIB), fmax(memory, 0) / MIB, limit / MIB,
+        ceil((limit + particles - memory) / MIB), fewer);
+}
+
+/* Error: the target, which is not a count, gives too few or too many points. It names the value that gives the least or
+ * the largest count. */
+static bool refuse_count(const spec *s, double area, double count, error *e)
+{
+    const bool high = count > PLAN_COUNT_MAX, by_density = !(s->spacing > 0) && s->density > 0;
+    const double bound = high ? PLAN_COUNT_MAX : PLAN_COUNT_MIN, spacing = packing_spacing(area, bound);
+    const bool smallest = high != by_density; /* the bound is the smallest value that is allowed */
+    return error_set(
+        e, ERROR_SPEC_INVALID,
+        "%s: %g gives %.0f points on the area of %g, and at %s %.0f are allowed: set it to at %s %.3g, in the "
+        "units of the surface",
+        s->spacing > 0 ? "/sampling/spacing"
+        : by_density   ? "/sampling/density"
+                       : "/sampling/control/max_sigma",
+        s->spacing > 0 ? s->spacing
+        : by_density   ? s->density
+                       : s->control.max_sigma,
+        count, area, high ? "most" : "least", bound, smallest ? "least" : "most",
+        rounded(s->spacing > 0 ? spacing
+                : by_density   ? bound / area
+                               : packing_support(spacing),
+                smallest));
+}
+
+double plan_spacing(const spec *s)
+{
+    return s->spacing > 0   ? s->spacing
+           : s->density > 0 ? packing_spacing(1, s->density)
+           : s->has_control ? s->control.max_sigma / packing_support(1)
+           : s->resolve     ? s->min_spacing / s->feature.ratio
+                            : 0;
+}
+
+bool plan_count(const spec *s, double area, double points, size_t *out, error *e)
+{
+    double count = (double)s->count;
+    if (s->spacing > 0) count = round(packing_count(area, s->spacing));
+    if (s->density > 0) count = round(s->density * area);
+    if (s->resolve) count = round(points);
+    /* the packing whose support is max_sigma; "paper" gets there by itself */
+    if (s->has_control)
+        count =
+            fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));
+    if (s->resolve && !(count <= PLAN_COUNT_MAX))
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/sampling/resolve: %.0f points are required on the area of %g, and at most %.0f are allowed: "
+            "raise /sampling/min_spacing, which leaves smaller details unresolved",
+            count, area, PLAN_COUNT_MAX);
+    if (s->resolve) count = fmax(count, PLAN_COUNT_MIN);
+    if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX) return refuse_count(s, area, count, e);
+    *out = (size_t)count;
+    return true;
+}
