@@ -38,7 +38,7 @@ PIECE, SINK_PIECE = 65536, 16384  # of files; of uploads, header_limit_bytes
 LONG_BYTES = 16 << 20  # of a result, and of an upload
 BACKLOG = 50000  # events
 STREAM_BYTES = 1 << 20  # of a stream, after which the client closes it and begins again
-SOURCE = pathlib.Path(__file__).resolve().parent.parent / "src/api/routes.c"
+SOURCE = pathlib.Path(__file__).resolve().parent.parent / "src/service/api/routes.c"
 
 
 # ---- the calls in the serving thread, by the table of routes

@@ -10,7 +10,7 @@
 
 #include "base/core/memory.h"
 #include "durable.h"
-#include "queue/queue.h"
+#include "service/queue/queue.h"
 #include "files/file.h"
 
 enum { CLIENTS = 16, FILLERS = 200, WAITING = 100000, USERS = 1000, ROUNDS = 5, LOOKS = 1000 };

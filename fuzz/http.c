@@ -1,4 +1,4 @@
-/* Bytes to the service as it is, over a Unix socket: http/server with its routes, queries, headers, tokens, ranges and
+/* Bytes to the service as it is, over a Unix socket: service/http/server with its routes, queries, headers, tokens, ranges and
  * bodies, and the handlers behind them. What is held: the first answer is HTTP, and no fault of the service.
  *
  * The queue has a job that waits and one that has a result, whose ids stand in an input as 26 times "0" and "1". The
@@ -14,16 +14,16 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "api/context.h"
-#include "api/openapi.h"
-#include "api/routes.h"
+#include "service/api/context.h"
+#include "service/api/openapi.h"
+#include "service/api/routes.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "executor/local.h"
+#include "service/executor/local.h"
 #include "fuzz/target.h"
-#include "http/server.h"
-#include "results/result.h"
+#include "service/http/server.h"
+#include "service/results/result.h"
 #include "files/file.h"
 
 /* An answer that was asked to wait is not waited for. */

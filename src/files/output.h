@@ -1,4 +1,4 @@
-/* output: copies results into directories of users, below configured roots. results/output_place has the rules for
+/* output: copies results into directories of users, below configured roots. service/results/output_place has the rules for
  * that.
  *
  * A copy is a set of files. Each file is written under a temporary name in its directory, flushed and renamed. The

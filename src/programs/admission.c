@@ -8,11 +8,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "auth/access.h"
+#include "service/auth/access.h"
 #include "files/token.h"
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
-#include "config/config_edit.h"
+#include "service/config/config_edit.h"
 #include "files/file.h"
 
 #define UNITS "/etc/systemd/system"

@@ -4,8 +4,8 @@
 #ifndef HEXAD_PROGRAMS_ADMISSION_H
 #define HEXAD_PROGRAMS_ADMISSION_H
 
-#include "auth/access.h"
-#include "config/config.h"
+#include "service/auth/access.h"
+#include "service/config/config.h"
 
 /* Adds settings->admit, a user or @GROUP, to unix_users or unix_groups of the settings file. If systemd runs the
  * service with this file (there is no --config, or hexad.service names the same file), it also opens the socket to

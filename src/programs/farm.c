@@ -6,12 +6,12 @@
 
 #include "base/core/build_part.h"
 #include "base/core/memory.h"
-#include "executor/local.h"
+#include "service/executor/local.h"
 #include "files/file.h"
 
 #include "config.h"
 #if HEXAD_WITH_SLURM
-#include "slurm/slurm.h"
+#include "service/slurm/slurm.h"
 #endif
 
 char *farm_work_directory(const config *c, const char *state_dir, error *e)

@@ -5,8 +5,8 @@
 #include <stdbool.h>
 
 #include "base/core/error.h"
-#include "config/config.h"
-#include "executor/engine.h"
+#include "service/config/config.h"
+#include "service/executor/engine.h"
 
 struct slurm;
 

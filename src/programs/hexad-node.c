@@ -7,7 +7,7 @@
 #include "config.h"
 
 #include "base/core/terminal_text.h"
-#include "slurm/node.h"
+#include "service/slurm/node.h"
 
 /* Reads the names on standard input, one or more per line. The part of this task is `lines` lines. */
 static void read_names(node_task *task, size_t lines)

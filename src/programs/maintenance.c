@@ -10,11 +10,11 @@
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "client/client.h"
-#include "database/backup.h"
-#include "database/backup_directory.h"
-#include "database/lock.h"
-#include "results/audit.h"
-#include "results/instance.h"
+#include "service/database/backup.h"
+#include "service/database/backup_directory.h"
+#include "service/database/lock.h"
+#include "service/results/audit.h"
+#include "service/results/instance.h"
 #include "files/file.h"
 
 /* The socket of the systemd service. */

@@ -4,7 +4,7 @@
 #ifndef HEXAD_PROGRAMS_MAINTENANCE_H
 #define HEXAD_PROGRAMS_MAINTENANCE_H
 
-#include "config/config.h"
+#include "service/config/config.h"
 
 /* Both return an exit status and print faults. */
 int maintenance_back_up(const config *settings); /* into settings->backup */

@@ -156,7 +156,7 @@ def test_ids_are_completed(complete, queue, monkeypatch):
 
 
 def test_states_are_completed(source, complete):
-    names = re.findall(r'\[QUEUE_\w+\] = "([a-z_]+)"', re.search(r"state_names.*?;", (source / "src/queue/queue.c").read_text(), re.S)[0])
+    names = re.findall(r'\[QUEUE_\w+\] = "([a-z_]+)"', re.search(r"state_names.*?;", (source / "src/service/queue/queue.c").read_text(), re.S)[0])
     assert len(names) == 9
     assert complete("hexadctl", "list", "--state", "") == sorted(names)
     assert complete("hexadctl", "list", "--state", "ca") == ["cancelled", "cancelling"]

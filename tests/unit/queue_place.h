@@ -15,7 +15,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "queue/queue.h"
+#include "service/queue/queue.h"
 #include "files/file.h"
 
 typedef struct place {

@@ -12,7 +12,7 @@
 
 #include "base/core/build_part.h"
 #include "base/core/memory.h"
-#include "config/config.h"
+#include "service/config/config.h"
 #include "spec/spec.h"
 #include "spec_text.h"
 

@@ -14,8 +14,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "executor/cache.h"
-#include "results/own_report.h"
+#include "service/executor/cache.h"
+#include "service/results/own_report.h"
 
 typedef struct place {
     char base[64];

@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "config/config.h"
-#include "config/config_table.h"
+#include "service/config/config.h"
+#include "service/config/config_table.h"
 #include "files/file.h"
 
 #define COUNT(a) ((int)(sizeof(a) / sizeof *(a)))

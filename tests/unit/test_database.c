@@ -16,9 +16,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "database/database.h"
-#include "database/filesystem.h"
-#include "database/lock.h"
+#include "service/database/database.h"
+#include "service/database/filesystem.h"
+#include "service/database/lock.h"
 #include "queue_place.h"
 
 /* Number of further calls that report that another process has the lock. */

@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "api/document_cache.h"
+#include "service/api/document_cache.h"
 #include "queue_place.h"
 
 static const access_caller owner = {.user = "ann", .scopes = SCOPE_USER},

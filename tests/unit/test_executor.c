@@ -21,12 +21,12 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "executor/executor.h"
-#include "executor/host.h"
-#include "executor/local.h"
-#include "executor/settlement.h"
-#include "executor/storage.h"
-#include "results/result.h"
+#include "service/executor/executor.h"
+#include "service/executor/host.h"
+#include "service/executor/local.h"
+#include "service/executor/settlement.h"
+#include "service/executor/storage.h"
+#include "service/results/result.h"
 #include "files/file.h"
 
 /* Time limit for a loaded machine; a passing test never waits for it. */

@@ -7,8 +7,8 @@
 
 #include <stdio.h>
 
-#include "queue/queue.h"
-#include "results/fetches.h"
+#include "service/queue/queue.h"
+#include "service/results/fetches.h"
 
 static fetches_result result_of(int number, int frame)
 {

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "http/forwarded.h"
+#include "service/http/forwarded.h"
 
 /* Trusted proxies in all cases; the last three bits of the second range vary. */
 static const char *const proxies[] = {"127.0.0.1", "10.1.2.8/29", "2001:db8:aa::/48"};

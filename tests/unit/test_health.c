@@ -16,11 +16,11 @@
 #include <unistd.h>
 
 #include "base/core/clock.h"
-#include "database/backup.h"
-#include "database/backup_directory.h"
-#include "database/checker.h"
-#include "database/database.h"
-#include "database/health.h"
+#include "service/database/backup.h"
+#include "service/database/backup_directory.h"
+#include "service/database/checker.h"
+#include "service/database/database.h"
+#include "service/database/health.h"
 #include "queue_place.h"
 
 #define PAGE 4096

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "executor/host.h"
+#include "service/executor/host.h"
 #include "files/file.h"
 
 static void put_bound(const char *base, const char *group, const char *text)

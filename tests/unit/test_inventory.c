@@ -12,8 +12,8 @@
 
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "results/inventory.h"
-#include "results/lost_found.h"
+#include "service/results/inventory.h"
+#include "service/results/lost_found.h"
 #include "files/file.h"
 
 typedef struct place {

@@ -9,11 +9,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "executor/local.h"
+#include "service/executor/local.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "api/job_json.h"
-#include "api/jobs.h"
+#include "service/api/job_json.h"
+#include "service/api/jobs.h"
 #include "files/file.h"
 
 static bool get_fails;

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-#include "api/openapi.h"
+#include "service/api/openapi.h"
 
 static http_handler *const handlers[] = {openapi_show, openapi_show_schema};
 

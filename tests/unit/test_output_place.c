@@ -8,8 +8,8 @@
 #include <unistd.h>
 
 #include "base/core/log.h"
-#include "results/output_place.h"
-#include "results/result.h"
+#include "service/results/output_place.h"
+#include "service/results/result.h"
 
 enum { THREADS = 4, FILES = 3 };
 

@@ -1,5 +1,5 @@
 /* Turns of users within a priority, by weights; holds; numbers of users in settings. */
-#include "queue/user_numbers.h"
+#include "service/queue/user_numbers.h"
 #include "queue_place.h"
 
 static void put_for(place *p, const char *owner, int priority, int count)

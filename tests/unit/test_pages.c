@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "http/pages.h"
+#include "service/http/pages.h"
 
 static const char *const named[] = {"https://gui.example", "http://localhost:3000"};
 

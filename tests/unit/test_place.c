@@ -13,7 +13,7 @@
 
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "database/place.h"
+#include "service/database/place.h"
 #include "files/file.h"
 
 static const char *const files[] = {"queue.db", "queue.db-wal", "lock"};

@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "http/preconditions.h"
+#include "service/http/preconditions.h"
 
 static void test_names(void **state)
 {

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "executor/progress_ring.h"
+#include "service/executor/progress_ring.h"
 
 static void test_lines_of_one_job(void **state)
 {

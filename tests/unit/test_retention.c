@@ -18,8 +18,8 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "results/result.h"
-#include "results/retention.h"
+#include "service/results/result.h"
+#include "service/results/retention.h"
 #include "files/file.h"
 
 #define PATIENCE_MS 30000

@@ -6,11 +6,11 @@
 
 #include <string.h>
 
-#include "api/job_commands.h"
-#include "api/jobs.h"
-#include "api/results.h"
-#include "api/routes.h"
-#include "api/status.h"
+#include "service/api/job_commands.h"
+#include "service/api/jobs.h"
+#include "service/api/results.h"
+#include "service/api/routes.h"
+#include "service/api/status.h"
 
 static void test_parameters(void **state)
 {

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
-#include "http/server.h"
+#include "service/http/server.h"
 #include "files/file.h"
 
 enum { PIECES = 3 };

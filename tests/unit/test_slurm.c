@@ -14,8 +14,8 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "slurm/attempt_files.h"
-#include "slurm/slurm.h"
+#include "service/slurm/attempt_files.h"
+#include "service/slurm/slurm.h"
 #include "files/file.h"
 
 #define PATIENCE_MS 30000

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/core/clock.h"
-#include "http/thread_pool.h"
+#include "service/http/thread_pool.h"
 
 /* Longer than any test takes. */
 #define PATIENT_MS 1000000

@@ -13,8 +13,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "auth/access.h"
-#include "auth/session.h"
+#include "service/auth/access.h"
+#include "service/auth/session.h"
 #include "files/token.h"
 #include "base/core/memory.h"
 #include "files/file.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "webhook/hosts.h"
+#include "service/webhook/hosts.h"
 
 static const char *const table[] = {"farm.example", "Hooks.example:8443", "[::1]:9000", "127.0.0.1:8080"};
 

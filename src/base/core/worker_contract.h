@@ -1,7 +1,7 @@
 /* worker_contract: the public interface of hexad-worker for programs that start it: the executor, a farm manager, a
  * script.
  *
- * hexad-worker and src/executor both include this header, so that the two sides agree. ARCHITECTURE.md describes the
+ * hexad-worker and src/service/executor both include this header, so that the two sides agree. ARCHITECTURE.md describes the
  * contract. job/phases/progress.h lists the phases of progress lines. These values are public: changing one breaks callers of
  * hexad-worker.
  */

@@ -1,0 +1,56 @@
+/* context: the objects and settings that the handlers of all routes use. Pointers are borrowed and outlive the server.
+ * All members are constant while the server runs. */
+#ifndef HEXAD_SERVICE_API_CONTEXT_H
+#define HEXAD_SERVICE_API_CONTEXT_H
+
+#include <stdatomic.h>
+#include <stdint.h>
+
+#include "service/api/document_cache.h"
+#include "service/api/submission_rate.h"
+#include "service/executor/estimator.h"
+#include "service/executor/executor.h"
+#include "service/http/handler.h"
+#include "service/http/wait_list.h"
+#include "service/queue/queue.h"
+#include "service/results/output_place.h"
+#include "files/inputs.h"
+#include "files/path_map.h"
+#include "files/root.h"
+#include "service/webhook/delivery.h"
+#include "service/webhook/hosts.h"
+
+struct http_context {
+    access_control *access;
+    queue *q;
+    executor *x;
+    estimator *estimator;     /* NULL: no estimates */
+    const store_roots *roots; /* directories that jobs may read, with the directory of uploads */
+    store_inputs *inputs;     /* uploaded files */
+    bool share_inputs;        /* jobs may read files that other users have uploaded */
+    output_place *outputs;
+    const path_map *mappings;       /* setting path_mappings; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: jobs may not name webhooks */
+    const char *const *slurm_allow; /* options of sbatch that specs may contain */
+    size_t slurm_allow_count;
+    wait_list *waiting;             /* dismissed when the service stops */
+    const char *work_dir;           /* the directory of results/ and attempts/ */
+    const char *worker;             /* path of hexad-worker */
+    int max_attempts;               /* default for specs without limits.max_attempts */
+    int64_t most_waiting;           /* limit of unfinished jobs of one user; 0: no limit */
+    const user_numbers *priorities; /* highest allowed priority of each user; NULL: no limit */
+    submission_rate *rate;          /* NULL: no limit */
+    int64_t retention_s;            /* default for specs without retention, in seconds */
+    double wait_s;                  /* longest wait that `Prefer: wait` can request, in seconds */
+    double thumbnail_timeout_s;     /* time limit of a process that makes a thumbnail, in seconds */
+    int64_t started_ms;             /* start of the service, wall clock */
+    const http_counters *counters;  /* the server changes them */
+    const delivery_counters *calls; /* calls of webhooks; the delivery thread changes them */
+    atomic_bool *copying;           /* true while a backup is made; the handler of backups changes it */
+    document_cache *documents;      /* NULL: documents are not cached */
+    const struct page *page;        /* service/api/page.h; NULL: no page is served */
+    const struct openapi *openapi;  /* service/api/openapi.h */
+    double session_s;               /* length of a session, in seconds */
+};
+
+#endif

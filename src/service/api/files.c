@@ -1,0 +1,242 @@
+#include "service/api/files.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "service/api/job_json.h"
+#include "base/core/compare.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
+#include "service/http/parameter.h"
+
+/* The first `most` names of a directory behind `after`, sorted. */
+typedef struct names {
+    const char *after;
+    size_t most, count;
+    bool more;
+    char **item;
+} names;
+
+static void names_clear(names *n)
+{
+    for (size_t i = 0; i < n->count; i++) free(n->item[i]);
+    free(n->item);
+}
+
+static void names_add(names *n, const char *name)
+{
+    size_t at = n->count;
+    if (n->after && strcmp(name, n->after) <= 0) return;
+    while (at > 0 && strcmp(name, n->item[at - 1]) < 0) at--;
+    if (n->count == n->most) {
+        n->more = true;
+        if (at == n->most) return;
+        free(n->item[--n->count]);
+    }
+    memmove(n->item + at + 1, n->item + at, (n->count - at) * sizeof *n->item);
+    n->item[at] = mem_strdup(name);
+    n->count++;
+}
+
+static void append(json *list, const char *name, const struct stat *info)
+{
+    json *o = json_append_object(list);
+    json_put_string(o, "name", name);
+    json_put_bool(o, "directory", S_ISDIR(info->st_mode));
+    if (S_ISDIR(info->st_mode))
+        json_put_null(o, "bytes");
+    else
+        json_put_integer(o, "bytes", info->st_size);
+    job_json_put_time(o, "modified", (int64_t)info->st_mtim.tv_sec * 1000);
+}
+
+/* Adds an entry to the list. The target of a symbolic link is examined only if jobs may read it. */
+static void append_found(const http_context *c, int directory, const char *path, const char *name, json *list)
+{
+    struct stat info;
+    if (fstatat(directory, name, &info, AT_SYMLINK_NOFOLLOW) != 0) return;
+    if (S_ISLNK(info.st_mode)) {
+        char *full = mem_printf("%s/%s", path, name);
+        bool found = store_find_input(c->roots, full, &info);
+        free(full);
+        if (!found) return;
+    }
+    if (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode)) append(list, name, &info);
+}
+
+static void list_roots(const http_context *c, json *document)
+{
+    json_put_string(document, "path", "");
+    json_put_null(document, "parent");
+    json *list = json_put_array(document, "files");
+    bool directory;
+    const char *name;
+    struct stat info;
+    for (size_t i = 0; (name = store_roots_name(c->roots, i, &directory)); i++)
+        if (stat(name, &info) == 0) append(list, name, &info);
+    json_put_null(document, "next");
+}
+
+/* Adds `parent`: the parent directory; for an input root the list of roots. */
+static void put_parent(const http_context *c, const char *path, json *document)
+{
+    bool directory;
+    const char *name, *slash = strrchr(path, '/');
+    bool is_root = !slash || slash == path;
+    for (size_t i = 0; (name = store_roots_name(c->roots, i, &directory)); i++)
+        is_root = is_root || strcmp(name, path) == 0;
+    char *above = is_root ? mem_strdup("") : mem_strndup(path, (size_t)(slash - path));
+    json_put_string(document, "parent", above);
+    free(above);
+}
+
+/* Opens a directory below the input roots. Errors: those of store_open_directory; input_missing. */
+static DIR *open_listing(const http_context *c, const char *path, error *e)
+{
+    int fd = store_open_directory(c->roots, path, e);
+    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
+    if (fd >= 0 && !listing) {
+        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(errno));
+        close(fd);
+    }
+    return listing;
+}
+
+void files_list(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    const char *path = parameter_text(request, "path", "");
+    json *document = json_new_object();
+    if (!*path) {
+        list_roots(c, document);
+        reply_set_json(r, 200, document);
+        return;
+    }
+    DIR *listing = open_listing(c, path, &e);
+    if (!listing) {
+        reply_set_error(r, &e, NULL);
+        json_free(document);
+        return;
+    }
+    names found = {.after = parameter_text(request, "cursor", NULL),
+                   .most = (size_t)parameter_integer(request, "limit", 50)};
+    found.item = mem_alloc((found.most + 1) * sizeof *found.item);
+    for (struct dirent *entry; (entry = readdir(listing));)
+        if (entry->d_name[0] != '.') names_add(&found, entry->d_name);
+    json_put_string(document, "path", path);
+    put_parent(c, path, document);
+    json *list = json_put_array(document, "files");
+    for (size_t i = 0; i < found.count; i++) append_found(c, dirfd(listing), path, found.item[i], list);
+    json_put_string(document, "next", found.more ? found.item[found.count - 1] : NULL);
+    closedir(listing);
+    names_clear(&found);
+    reply_set_json(r, 200, document);
+}
+
+/* ---- frames of a sequence */
+
+/* A path with the place of a frame number, cut at the file or directory whose name has it. */
+typedef struct frame_pattern {
+    const char *whole;
+    char *directory; /* "": the path has none */
+    char *name;
+    bool in_directory; /* the name is that of a directory on the way to the files */
+} frame_pattern;
+
+static frame_pattern cut_pattern(const char *pattern)
+{
+    size_t first = frames_shared(pattern), length = strcspn(pattern + first, "/");
+    return (frame_pattern){.whole = pattern,
+                           .directory = mem_strndup(pattern, first),
+                           .name = mem_strndup(pattern + first, length),
+                           .in_directory = pattern[first + length] == '/'};
+}
+
+typedef struct numbers {
+    int *item;
+    size_t count, capacity;
+} numbers;
+
+/* Whether jobs may read the file of the frame. The kind of the directory's entry suffices for most files. */
+static bool is_frame_readable(const http_context *c, const frame_pattern *p, const struct dirent *entry,
+                              int frame)
+{
+    struct stat info;
+    if (!p->in_directory && (entry->d_type == DT_REG || entry->d_type == DT_DIR)) return true;
+    char *path = frames_path(p->whole, frame);
+    bool found = store_find_input(c->roots, path, &info);
+    free(path);
+    return found;
+}
+
+/* Adds the frames in one directory, up to one more than a job may have. */
+static bool add_frames(const http_context *c, const frame_pattern *p, const char *directory, numbers *out,
+                       error *e)
+{
+    int frame = 0;
+    DIR *listing = open_listing(c, directory, e);
+    if (!listing) return false;
+    for (struct dirent *entry; out->count <= FRAMES_MOST && (entry = readdir(listing));) {
+        if (entry->d_name[0] == '.' || !frames_match(p->name, entry->d_name, &frame) ||
+            !is_frame_readable(c, p, entry, frame))
+            continue;
+        if (out->count == out->capacity)
+            out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
+        out->item[out->count++] = frame;
+    }
+    closedir(listing);
+    return true;
+}
+
+/* Adds the frames of a relative path, which is below one or several of the roots. */
+static void add_frames_of_roots(const http_context *c, const frame_pattern *p, numbers *out)
+{
+    bool is_directory;
+    const char *root;
+    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
+        char *directory = mem_printf("%s/%s", root, p->directory);
+        if (is_directory) add_frames(c, p, directory, out, NULL);
+        free(directory);
+    }
+}
+
+static void sort_numbers(numbers *n)
+{
+    size_t kept = 0;
+    if (n->count) qsort(n->item, n->count, sizeof *n->item, compare_ints);
+    for (size_t i = 0; i < n->count; i++)
+        if (!kept || n->item[kept - 1] != n->item[i]) n->item[kept++] = n->item[i];
+    n->count = kept;
+}
+
+bool files_find_frames(const http_context *c, const char *pattern, int **frames, size_t *count, error *e)
+{
+    frame_pattern p = cut_pattern(pattern);
+    numbers found = {0};
+    bool ok = true;
+    if (*pattern == '/')
+        ok = add_frames(c, &p, p.directory, &found, e);
+    else
+        add_frames_of_roots(c, &p, &found);
+    sort_numbers(&found);
+    if (ok && !found.count)
+        ok = error_set(e, ERROR_INPUT_MISSING,
+                       "no file below the input roots matches %s: check the directory and the name", pattern);
+    if (ok && found.count > FRAMES_MOST)
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "more than %d files match %s: write the frame numbers, and submit several jobs",
+                       FRAMES_MOST, pattern);
+    free(p.directory);
+    free(p.name);
+    if (!ok) {
+        free(found.item);
+        return false;
+    }
+    *frames = found.item;
+    *count = found.count;
+    return true;
+}

@@ -1,0 +1,124 @@
+#include "service/api/notifier.h"
+
+#include <inttypes.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "service/executor/progress_ring.h"
+
+/* Events, and progress lines, that one round reads. If there are more, the next round follows without a wait. */
+#define NEWS_MOST 256
+/* Longest wait between rounds, in milliseconds: a round that could not read the database is repeated after it. */
+#define LOOK_MS 1000
+
+struct notifier {
+    queue *q;
+    progress_ring *progress;
+    wait_list *waiting;
+    pthread_t thread;
+    atomic_bool stopping;
+    int64_t event_seq, row_number; /* the last event and the last progress line that were read */
+};
+
+/* The topics of one round: jobs and their owners. */
+typedef struct news {
+    const char *topic[4 * NEWS_MOST];
+    size_t count;
+    char owner_topic[2 * NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event and each line */
+} news;
+
+void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
+{
+    uint64_t hash =
+        14695981039346656037u; /* FNV-1a; a collision of two users causes only needless wake-ups */
+    for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
+    snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
+}
+
+static void add_topic(news *n, const char *topic)
+{
+    for (size_t i = 0; i < n->count; i++)
+        if (strcmp(n->topic[i], topic) == 0) return;
+    n->topic[n->count++] = topic;
+}
+
+/* Reads new events and progress lines and wakes their topics. True if there may be more. */
+static bool wake_waiters(notifier *n)
+{
+    error e = {0};
+    news fresh;
+    fresh.count = 0;
+    queue_event_page page = {0};
+    queue_event_filter filter = {.after_seq = n->event_seq, .limit = NEWS_MOST};
+    if (!queue_list_events(n->q, &filter, &page, &e))
+        log_write(LOG_LEVEL_ERROR, "events cannot be read: %s", e.message);
+    else
+        n->event_seq = page.position;
+    for (size_t i = 0; i < page.count; i++) {
+        notifier_name_topic(page.events[i].owner, fresh.owner_topic[i]);
+        add_topic(&fresh, page.events[i].id);
+        add_topic(&fresh, fresh.owner_topic[i]);
+    }
+    progress_ring_line *lines = NULL;
+    size_t line_count =
+        progress_ring_list(n->progress, NULL, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
+    for (size_t i = 0; i < line_count; i++) {
+        char *owner_topic = fresh.owner_topic[page.count + i];
+        notifier_name_topic(lines[i].owner, owner_topic);
+        add_topic(&fresh, lines[i].id);
+        add_topic(&fresh, owner_topic);
+    }
+    if (fresh.count) wait_list_wake(n->waiting, fresh.topic, fresh.count);
+    free(page.events);
+    progress_ring_lines_free(lines, line_count);
+    return page.more || line_count == NEWS_MOST;
+}
+
+static void *run(void *argument)
+{
+    notifier *n = argument;
+    uint64_t seen = 0;
+    while (!n->stopping) {
+        queue_wait(n->q, &seen, clock_monotonic_ms() + LOOK_MS);
+        while (!n->stopping && wake_waiters(n)) {
+        }
+    }
+    return NULL;
+}
+
+/* Skips the existing events: no connection waits for them. */
+static bool catch_up(notifier *n, error *e)
+{
+    queue_event_page page;
+    queue_event_filter filter = {.after_seq = QUEUE_EVENTS_FROM_NOW};
+    if (!queue_list_events(n->q, &filter, &page, e)) return false;
+    n->event_seq = page.position;
+    return true;
+}
+
+notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e)
+{
+    notifier *n = mem_alloc(sizeof *n);
+    n->q = q;
+    n->progress = executor_progress_ring(x);
+    n->waiting = l;
+    if (catch_up(n, e) && background_start(&n->thread, run, n, "the server", e)) return n;
+    free(n);
+    return NULL;
+}
+
+void notifier_stop(notifier *n)
+{
+    if (!n) return;
+    n->stopping = true;
+    queue_signal(n->q);
+    pthread_join(n->thread, NULL);
+    free(n);
+}

@@ -1,0 +1,597 @@
+#include "service/config/config.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <ini.h>
+
+#include "base/core/denial.h"
+#include "base/core/memory.h"
+#include "base/core/nearest_name.h"
+#include "service/config/config_table.h"
+
+enum { MOST_SETTINGS = 128 };
+
+/* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to restart lists. */
+typedef struct source {
+    config *c;
+    FILE *file;
+    const char *path;
+    int line;
+    bool seen[MOST_SETTINGS];
+    error *e;
+} source;
+
+static const char *default_of(const config_row *row)
+{
+    return row->default_text ? row->default_text : "";
+}
+
+static bool bad(error *e, const config_row *row, const char *value, const char *expected)
+{
+    return error_set(e, ERROR_SPEC_INVALID, "%s: must be %s (given \"%s\")", row->key, expected, value);
+}
+
+static bool set_number(const config_row *row, const char *value, void *at, error *e)
+{
+    char expected[96], *end = NULL;
+    bool whole = row->type == CONFIG_INTEGER;
+    snprintf(expected, sizeof expected, "%sa%s number from %.10g to %.10g%s%s", row->or_zero ? "0 or " : "",
+             whole ? " whole" : "", row->low, row->high, row->unit ? " " : "", row->unit ? row->unit : "");
+    errno = 0;
+    double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
+    if (errno || end == value || *end || !isfinite(number) || number > row->high ||
+        (number < row->low && !(row->or_zero && number == 0)))
+        return bad(e, row, value, expected);
+    if (whole)
+        *(int64_t *)at = (int64_t)number;
+    else
+        *(double *)at = number;
+    return true;
+}
+
+static void list_clear(config_list *list)
+{
+    for (size_t i = 0; i < list->count; i++) free(list->item[i]);
+    free(list->item);
+    *list = (config_list){0};
+}
+
+static bool is_list(const config_row *row)
+{
+    return row->type == CONFIG_LIST || row->type == CONFIG_WORDS;
+}
+
+static void list_append(config_list *list, const char *value, const char *separators)
+{
+    while (*value) {
+        size_t length = strcspn(value, separators);
+        const char *first = value;
+        value += length + (value[length] != '\0');
+        while (length && (*first == ' ' || *first == '\t')) first++, length--;
+        while (length && (first[length - 1] == ' ' || first[length - 1] == '\t')) length--;
+        if (!length) continue;
+        list->item = mem_resize(list->item, (list->count + 1) * sizeof *list->item);
+        list->item[list->count++] = mem_strndup(first, length);
+    }
+}
+
+/* The page is enabled by default: 0 must be permitted. */
+static bool refuse_missing(const config_row *row, const char *value, error *e)
+{
+    const char *why = build_part_missing(row->part);
+    if (!why || strcmp(value, default_of(row)) == 0) return false;
+    if (row->type == CONFIG_INTEGER && strcmp(value, "0") == 0) return false;
+    error_set(e, ERROR_NOT_SUPPORTED, "%s = %s is not supported: %s", row->key, value, why);
+    return true;
+}
+
+static bool set_value(config *c, const config_row *row, const char *value, error *e)
+{
+    void *at = (char *)c + row->offset;
+    switch (row->type) {
+    case CONFIG_TEXT:
+        free(*(char **)at);
+        *(char **)at = mem_strdup(value);
+        return true;
+    case CONFIG_LIST:
+        list_append(at, value, ":,");
+        return true;
+    case CONFIG_WORDS:
+        list_append(at, value, ",");
+        return true;
+    case CONFIG_INTEGER:
+    case CONFIG_REAL:
+        return set_number(row, value, at, e);
+    case CONFIG_SANDBOX:
+        return sandbox_mode_from_name(value, at) || bad(e, row, value, "required, available or off");
+    case CONFIG_LEVEL:
+        return log_level_from_name(value, at) || bad(e, row, value, "error, warning, info or debug");
+    }
+    return false;
+}
+
+static const config_row *find_row(const char *key, size_t length)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        const char *name = config_table[i].key;
+        size_t n = 0;
+        while (n < length && (name[n] == key[n] || (name[n] == '_' && key[n] == '-'))) n++;
+        if (n == length && !name[n]) return &config_table[i];
+    }
+    return NULL;
+}
+
+static void offer_settings(nearest_name *n)
+{
+    for (size_t i = 0; i < config_table_size; i++) nearest_name_offer(n, config_table[i].key);
+}
+
+/* Sets a key from a source; the first value of a list replaces the value of earlier sources. */
+static bool set_from(source *s, const config_row *row, const char *value)
+{
+    assert(config_table_size <= MOST_SETTINGS);
+    bool *seen = &s->seen[row - config_table];
+    if (*seen && !is_list(row))
+        return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice: remove one", row->key);
+    if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
+    *seen = true;
+    char **place = &s->c->place[row - config_table];
+    free(*place);
+    *place = s->path ? mem_printf("%s:%d", s->path, s->line) : NULL;
+    return !refuse_missing(row, value, s->e) && set_value(s->c, row, value, s->e);
+}
+
+/* fgets that counts lines, so that an error can name its line. */
+static char *read_line(char *buffer, int size, void *context)
+{
+    source *s = context;
+    if (s->e->code) return NULL; /* the first error is reported */
+    char *line = fgets(buffer, size, s->file);
+    if (!line) return NULL;
+    s->line++;
+    size_t length = strlen(line);
+    if (length + 1 == (size_t)size && line[length - 1] != '\n') {
+        error_set(s->e, ERROR_SPEC_INVALID,
+                  "%s:%d: the line is longer than %d bytes: repeat the key on a second line", s->path,
+                  s->line, size - 2);
+        return NULL;
+    }
+    return line;
+}
+
+static int take_pair(void *context, const char *section, const char *key, const char *value)
+{
+    source *s = context;
+    if (s->e->code) return 0;
+    const config_row *row = find_row(key, strlen(key));
+    nearest_name nearest = nearest_name_to(key, strlen(key));
+    offer_settings(&nearest);
+    if (*section && strcmp(section, "hexad") != 0)
+        error_set(s->e, ERROR_SPEC_INVALID, "the setting is in the unknown section [%s]: remove the section",
+                  section);
+    else if (!row && nearest.name)
+        error_set(s->e, ERROR_SPEC_INVALID, "unknown setting %s; did you mean %s?", key, nearest.name);
+    else if (!row)
+        error_set(s->e, ERROR_SPEC_INVALID, "unknown setting %s; see hexad --help", key);
+    else
+        set_from(s, row, value);
+    error_prefix(s->e, "%s:%d", s->path, s->line);
+    return !s->e->code;
+}
+
+static bool read_file(config *c, const char *path, error *e)
+{
+    error mine = {0};
+    source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
+    if (!s.file) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_READ, ". Check --config.");
+        error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s%s", path, strerror(fault),
+                  why);
+        free(why);
+        return false;
+    }
+    int line = ini_parse_stream(read_line, &s, take_pair, &s);
+    if (ferror(s.file))
+        error_set(&mine, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s. Check --config.", path,
+                  strerror(errno));
+    fclose(s.file);
+    if (line != 0 && !mine.code)
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: the line is not a setting: write NAME = VALUE", path,
+                  line);
+    if (mine.code && e) *e = mine;
+    return !mine.code;
+}
+
+/* Options that are actions. Those that expect a value store it in the configuration. */
+static const struct action {
+    const char *name;
+    config_action action;
+    const char *expected; /* NULL: no value */
+    size_t offset;        /* in config */
+} actions[] = {
+    {"help", CONFIG_HELP, NULL, 0},
+    {"version", CONFIG_VERSION, NULL, 0},
+    {"adopt", CONFIG_ADOPT, NULL, 0},
+    {"print-config", CONFIG_SAMPLE, NULL, 0},
+    {"check", CONFIG_CHECK, NULL, 0},
+    {"check-settings", CONFIG_CHECK_SETTINGS, NULL, 0},
+    {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
+    {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
+    {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
+};
+enum { ACTION_COUNT = sizeof actions / sizeof *actions };
+
+static bool is_named(const char *key, size_t length, const char *name)
+{
+    return strlen(name) == length && memcmp(key, name, length) == 0;
+}
+
+static const struct action *find_action(const char *key, size_t length)
+{
+    for (size_t i = 0; i < ACTION_COUNT; i++)
+        if (is_named(key, length, actions[i].name)) return &actions[i];
+    return NULL;
+}
+
+/* Whether it is an option with a value. */
+static bool is_option(const char *key, size_t length)
+{
+    const struct action *a = find_action(key, length);
+    return (a && a->expected) || is_named(key, length, "config") || find_row(key, length);
+}
+
+static bool refuse_option(const char *key, size_t length, error *e)
+{
+    nearest_name nearest = nearest_name_to(key, length);
+    for (size_t i = 0; i < ACTION_COUNT; i++) nearest_name_offer(&nearest, actions[i].name);
+    nearest_name_offer(&nearest, "config");
+    offer_settings(&nearest);
+    if (find_action(key, length))
+        return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value: remove it", (int)length, key);
+    if (nearest.name)
+        return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; did you mean --%s?", (int)length, key,
+                         nearest.name);
+    return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; see hexad --help", (int)length, key);
+}
+
+/* Splits an option and its value, `--key VALUE` or `--key=VALUE`, and advances *index. */
+static bool split_option(int argc, char *const *argv, int *index, const char **key, size_t *length,
+                         const char **value, error *e)
+{
+    const char *text = argv[*index];
+    if (strncmp(text, "--", 2) != 0 || !text[2])
+        return error_set(e, ERROR_SPEC_INVALID, "unexpected argument %s; see hexad --help", text);
+    *key = text + 2;
+    *length = strcspn(*key, "=");
+    if (!is_option(*key, *length)) return refuse_option(*key, *length, e);
+    *value = (*key)[*length] ? *key + *length + 1 : NULL;
+    if (*value) return true;
+    if (*index + 1 >= argc)
+        return error_set(e, ERROR_SPEC_INVALID, "%s requires a value: write %s VALUE", text, text);
+    *value = argv[++*index];
+    return true;
+}
+
+/* The action of an argument without a value; NULL: none. */
+static const struct action *find_bare_action(const char *text)
+{
+    if (strcmp(text, "-h") == 0) text = "--help";
+    const struct action *a = strncmp(text, "--", 2) == 0 ? find_action(text + 2, strlen(text + 2)) : NULL;
+    return a && !a->expected ? a : NULL;
+}
+
+/* Sets the action; a command line has at most one. */
+static bool choose(const struct action *a, config_action *action, error *e)
+{
+    for (size_t i = 0; *action != a->action && i < ACTION_COUNT; i++)
+        if (actions[i].action == *action)
+            return error_set(e, ERROR_SPEC_INVALID, "--%s and --%s are both given: give one of them",
+                             actions[i].name, a->name);
+    *action = a->action;
+    return true;
+}
+
+static bool take_action(config *c, const struct action *a, const char *value, config_action *action, error *e)
+{
+    char **kept = (char **)((char *)c + a->offset);
+    if (!*value || strcmp(value, "@") == 0)
+        return error_set(e, ERROR_SPEC_INVALID, "--%s requires a value: give %s", a->name, a->expected);
+    if (!choose(a, action, e)) return false;
+    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: give one", a->name);
+    *kept = mem_strdup(value);
+    return true;
+}
+
+static bool take_file(source *s, const char *path)
+{
+    free(s->c->file);
+    s->c->file = mem_strdup(path);
+    return read_file(s->c, path, s->e);
+}
+
+/* Called twice for the command line: first for the files, then for the options, which take precedence. */
+static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
+{
+    for (int i = 1; i < argc; i++) {
+        const char *key = "", *value = NULL;
+        size_t length = 0;
+        const struct action *a = find_bare_action(argv[i]);
+        if (a) {
+            if (!choose(a, action, s->e)) return false;
+            continue;
+        }
+        if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
+        if (is_named(key, length, "config")) {
+            if (files && !take_file(s, value)) return false;
+            continue;
+        }
+        if (files) continue;
+        a = find_action(key, length);
+        if (a && a->expected) {
+            if (!take_action(s->c, a, value, action, s->e)) return false;
+            continue;
+        }
+        if (!set_from(s, find_row(key, length), value)) return error_prefix(s->e, "command line");
+    }
+    return true;
+}
+
+/* Whether --check, --check-settings or --backup is meant for the installed service: no other settings file or state directory is
+ * given. */
+static bool maintains_service(int argc, char *const *argv)
+{
+    bool maintains = false;
+    for (int i = 1; i < argc; i++) {
+        const char *key = strncmp(argv[i], "--", 2) == 0 ? argv[i] + 2 : "";
+        const size_t length = strcspn(key, "=");
+        if (is_named(key, length, "config") || is_named(key, length, "state_dir")) return false;
+        maintains |= is_named(key, length, "check") || is_named(key, length, "check-settings") ||
+                     is_named(key, length, "backup");
+    }
+    return maintains && access(CONFIG_FILE, F_OK) == 0;
+}
+
+bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e)
+{
+    config read = {0};
+    error mine = {0};
+    source s = {.c = &read, .e = &mine};
+    config_action what = CONFIG_RUN;
+    bool ok = true;
+    read.place = mem_alloc(config_table_size * sizeof *read.place);
+    for (size_t i = 0; ok && i < config_table_size; i++)
+        ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
+    if (ok && maintains_service(argc, argv)) ok = take_file(&s, CONFIG_FILE);
+    ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
+    if (!ok) {
+        config_clear(&read);
+        if (e) *e = mine;
+        return false;
+    }
+    if (!*read.state_dir) {
+        const char *given = getenv("STATE_DIRECTORY"); /* by systemd */
+        free(read.state_dir);
+        read.state_dir = mem_strdup(given && *given ? given : HEXAD_STATEDIR);
+    }
+    *c = read;
+    *action = what;
+    return true;
+}
+
+static size_t size_of(config_type type)
+{
+    switch (type) {
+    case CONFIG_TEXT:
+        return sizeof(char *);
+    case CONFIG_LIST:
+    case CONFIG_WORDS:
+        return sizeof(config_list);
+    case CONFIG_INTEGER:
+        return sizeof(int64_t);
+    case CONFIG_REAL:
+        return sizeof(double);
+    case CONFIG_SANDBOX:
+        return sizeof(sandbox_mode);
+    case CONFIG_LEVEL:
+        return sizeof(log_level);
+    }
+    return 0;
+}
+
+bool config_lists_differ(const config_list *a, const config_list *b)
+{
+    bool equal = a->count == b->count;
+    for (size_t i = 0; equal && i < a->count; i++) equal = strcmp(a->item[i], b->item[i]) == 0;
+    return !equal;
+}
+
+static bool are_equal(const config_row *row, const void *a, const void *b)
+{
+    if (row->type == CONFIG_TEXT) return strcmp(*(char *const *)a, *(char *const *)b) == 0;
+    if (!is_list(row)) return memcmp(a, b, size_of(row->type)) == 0;
+    return !config_lists_differ(a, b);
+}
+
+static void swap(void *a, void *b, size_t size)
+{
+    char kept[sizeof(config_list)]; /* the largest value */
+    memcpy(kept, a, size);
+    memcpy(a, b, size);
+    memcpy(b, kept, size);
+}
+
+void config_take_over(config *c, config *fresh)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        void *at = (char *)c + row->offset;
+        void *from = (char *)fresh + row->offset;
+        if (are_equal(row, at, from)) continue;
+        assert(!row->reloads || row->type != CONFIG_TEXT); /* other modules keep pointers to texts */
+        if (row->reloads) swap(at, from, size_of(row->type));
+        log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
+                  row->reloads ? "has changed" : "has changed: restart hexad to apply it");
+    }
+}
+
+void config_locate_error(const config *c, error *e)
+{
+    const config_row *row = find_row(e->message, strcspn(e->message, ": "));
+    const char *place = row ? c->place[row - config_table] : NULL;
+    if (place) error_prefix(e, "%s", place);
+}
+
+void config_clear(config *c)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        void *at = (char *)c + config_table[i].offset;
+        if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
+        if (is_list(&config_table[i])) list_clear(at);
+        if (c->place) free(c->place[i]);
+    }
+    free(c->place);
+    free(c->file);
+    free(c->backup);
+    free(c->admit);
+    *c = (config){0};
+}
+
+const char *config_unix_address(const config *c)
+{
+    for (size_t i = 0; i < c->listen.count; i++)
+        if (strncmp(c->listen.item[i], "unix:", 5) == 0) return c->listen.item[i];
+    return c->listen.count ? NULL : "unix:";
+}
+
+bool config_shares_socket(const config *c)
+{
+    return c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
+}
+
+static bool find_program(char **path, const char *name, const char *setting, error *e)
+{
+    if (!**path) {
+        char own[4096];
+        ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
+        own[length > 0 ? length : 0] = '\0';
+        char *slash = strrchr(own, '/');
+        if (slash) *slash = '\0';
+        free(*path);
+        *path = mem_printf("%s/%s", own, name);
+        if (access(*path, X_OK) != 0) {
+            free(*path);
+            *path = mem_printf(HEXAD_BINDIR "/%s", name);
+        }
+    }
+    if (access(*path, X_OK) == 0) return true;
+    return error_set(e, ERROR_INPUT_MISSING, "%s: cannot run the program %s: %s. Correct this setting.",
+                     setting, *path, strerror(errno));
+}
+
+bool config_find_worker(config *c, error *e)
+{
+    return find_program(&c->worker, "hexad-worker", "worker", e);
+}
+
+bool config_find_node(config *c, error *e)
+{
+    return find_program(&c->slurm_node, "hexad-node", "slurm_node", e);
+}
+
+/* Prints a text in lines of at most 78 characters after a prefix. */
+static void print_wrapped(FILE *file, const char *prefix, const char *prose)
+{
+    size_t width = 78 - strlen(prefix);
+    while (*prose) {
+        size_t length = strlen(prose);
+        if (length > width) {
+            length = width;
+            while (length > 0 && prose[length] != ' ') length--;
+        }
+        fprintf(file, "%s%.*s\n", prefix, (int)length, prose);
+        prose += length;
+        while (*prose == ' ') prose++;
+    }
+}
+
+static void print_facts(FILE *file, const char *prefix, const config_row *row)
+{
+    fprintf(file, "%sDefault: %s", prefix, row->default_text ? row->default_text : "empty");
+    if (row->unit) fprintf(file, " %s", row->unit);
+    if (row->high > row->low)
+        fprintf(file, " (%s%.10g to %.10g)", row->or_zero ? "0 or " : "", row->low, row->high);
+    fputs(row->reloads ? ". SIGHUP reloads it.\n" : ".\n", file);
+}
+
+void config_print_help(FILE *file)
+{
+    fputs(
+        "usage: hexad [--config FILE] [--KEY VALUE]...\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --check-settings\n"
+        "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
+        "\n"
+        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
+        "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
+        "it at once. SIGHUP reloads the settings.\n"
+        "\n"
+        "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
+        "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
+        "                   creates a new one if it is missing, and registers results that it lacks\n"
+        "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the copy. It works\n"
+        "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
+        "                   otherwise at the address of the settings; over TCP it requires a token with the\n"
+        "                   scope admin in $HEXAD_TOKEN\n"
+        "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
+        "                   jobs. It changes neither and prints a line for each fault.\n"
+        "                   --backup, --check and --check-settings read " CONFIG_FILE " unless --config or\n"
+        "                   --state_dir is given\n"
+        "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
+        "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
+        "                   names, otherwise " CONFIG_FILE "). For\n"
+        "                   the service that systemd runs with this file it also writes the drop-in\n"
+        "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
+        "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"
+        "  --deny USER      revokes this access\n"
+        "  --check-settings checks the settings and starts nothing. It warns of users, groups and\n"
+        "                   directories that do not exist, or that the user of this command cannot use,\n"
+        "                   and of a state directory that other users can write to: run it as the user of\n"
+        "                   the service\n"
+        "  --print-config   prints a sample of the settings file\n"
+        "  --help           prints this text\n"
+        "  --version        prints the version\n"
+        "\n"
+        "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
+        "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
+        "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings.\n"
+        "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
+        "\n"
+        "Settings, as options and as keys of the file; options take precedence:\n",
+        file);
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        fprintf(file, "\n  --%s\n", row->key);
+        print_wrapped(file, "      ", row->help);
+        print_facts(file, "      ", row);
+    }
+}
+
+void config_print_sample(FILE *file)
+{
+    fputs("# Settings of hexad. Lines that are commented out show the defaults.\n"
+          "# Made by `hexad --print-config`.\n",
+          file);
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        fputc('\n', file);
+        print_wrapped(file, "# ", row->help);
+        print_facts(file, "# ", row);
+        fprintf(file, "#%s =%s%s\n", row->key, row->default_text ? " " : "", default_of(row));
+    }
+}

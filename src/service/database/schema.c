@@ -1,0 +1,733 @@
+#include "service/database/schema.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "service/database/health.h"
+
+#define TEXT_OF(x) #x
+#define TEXT(x) TEXT_OF(x)
+
+/* The uploaded files that jobs read. */
+#define INPUTS                                                       \
+    "CREATE TABLE input ("                                           \
+    "  name TEXT NOT NULL,"                                          \
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE," \
+    "  PRIMARY KEY (name, job)"                                      \
+    ") STRICT, WITHOUT ROWID;"                                       \
+    "CREATE INDEX input_by_job ON input (job);"
+
+/* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0: the
+ * service's own. */
+#define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
+#define STALL "stall_ms INTEGER NOT NULL DEFAULT 0"
+#define DIRECTORY "directory TEXT"
+#define CACHE_KEY "cache_key TEXT"
+#define EXECUTION ", " TIMEOUT ", " STALL ", " DIRECTORY ", " CACHE_KEY
+
+/* The highest number of a deleted event, in one row. */
+#define REMOVED_EVENTS                           \
+    "CREATE TABLE removed_events ("              \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1)," \
+    "  up_to INTEGER NOT NULL"                   \
+    ") STRICT;"
+
+/* Temporary files of result copies in output directories. The row is stored before the file is created. */
+#define COPIES                  \
+    "CREATE TABLE copy ("       \
+    "  name TEXT PRIMARY KEY,"  \
+    "  directory TEXT NOT NULL" \
+    ") STRICT, WITHOUT ROWID;"
+
+/* The user for whom the last report was delivered to an output directory. */
+#define OUTPUTS                     \
+    "CREATE TABLE output ("         \
+    "  directory TEXT PRIMARY KEY," \
+    "  owner TEXT NOT NULL"         \
+    ") STRICT, WITHOUT ROWID;"
+
+/* The service instance (one row), and the deleted tasks whose directories must be removed: the directory of the
+ * result, and the directories of the attempts up to the stored number. */
+#define INSTANCE                    \
+    "CREATE TABLE instance ("       \
+    "  id TEXT NOT NULL,"           \
+    "  boot_id TEXT NOT NULL"       \
+    ") STRICT;"                     \
+    "CREATE TABLE removal ("        \
+    "  number INTEGER PRIMARY KEY," \
+    "  id TEXT NOT NULL,"           \
+    "  frame INTEGER,"              \
+    "  attempts INTEGER NOT NULL"   \
+    ") STRICT;"                     \
+    "CREATE INDEX removal_by_id ON removal (id);"
+
+/* Number of jobs in each state, for frequent measurements. */
+#define STATE_COUNT                                                                              \
+    "CREATE TABLE state_count ("                                                                 \
+    "  state TEXT PRIMARY KEY,"                                                                  \
+    "  jobs INTEGER NOT NULL CHECK (jobs >= 0)"                                                  \
+    ") STRICT, WITHOUT ROWID;"                                                                   \
+    "CREATE TRIGGER job_comes AFTER INSERT ON job BEGIN"                                         \
+    "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
+    "END;"                                                                                       \
+    "CREATE TRIGGER job_turns AFTER UPDATE OF state ON job WHEN new.state != old.state BEGIN"    \
+    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
+    "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
+    "END;"                                                                                       \
+    "CREATE TRIGGER job_goes AFTER DELETE ON job BEGIN"                                          \
+    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
+    "END;"
+
+#define OUTCOME "outcome TEXT CHECK (outcome IN ('converged', 'unresolved', 'not_converged'))"
+#define UNRESOLVED "unresolved INTEGER NOT NULL DEFAULT 0"
+
+/* The id of a notification, and the end of the job that it reports. */
+#define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
+#define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
+
+/* Users that have unfinished jobs or owe a turn, in the order of their turns (service/queue/owner). The table service has
+ * one row with the values of the whole queue. */
+#define OWNER                                                       \
+    "CREATE TABLE owner ("                                          \
+    "  name TEXT PRIMARY KEY,"                                      \
+    "  unfinished INTEGER NOT NULL CHECK (unfinished >= 0),"        \
+    "  running INTEGER NOT NULL CHECK (running >= 0),"              \
+    "  pass REAL NOT NULL,"                                         \
+    "  priority INTEGER,"                                           \
+    "  first INTEGER"                                               \
+    ") STRICT, WITHOUT ROWID;"                                      \
+    "CREATE INDEX owner_turn ON owner (priority DESC, pass, first)" \
+    "  WHERE priority IS NOT NULL;"                                 \
+    "CREATE TABLE service ("                                        \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1),"                    \
+    "  turn REAL NOT NULL,"                                         \
+    "  is_held INTEGER NOT NULL"                                    \
+    ") STRICT;"                                                     \
+    "INSERT INTO service VALUES (1, 0, 0);"
+
+/* Whether a dependent job waits for the end only, and not for success. */
+#define ANY_END "any_end INTEGER NOT NULL DEFAULT 0"
+
+/* Whether the owner of a job may learn of the job `cached_from` (service/queue/relation). */
+#define CACHED_SHOWN "cached_shown INTEGER NOT NULL DEFAULT 0"
+
+/* Jobs are found and sorted by name and priority, and found by the time of their submission. */
+#define SORTED                                                    \
+    "CREATE INDEX job_by_name ON job (" SCHEMA_NAME_KEY ", seq);" \
+    "CREATE INDEX job_by_priority ON job (priority, seq);"
+#define FOUND SORTED "CREATE INDEX job_by_time ON job (created_ms);"
+
+/* The results of ended jobs: the sums of each user, and the sums of all users in the table service. The indexes have
+ * the order in which jobs are deleted when a bound is reached (service/queue/usage). */
+#define ADD_TO_USAGE \
+    " ON CONFLICT DO UPDATE SET results = results + excluded.results, bytes = bytes + excluded.bytes;"
+#define USAGE                                                                                            \
+    "CREATE TABLE usage ("                                                                               \
+    "  owner TEXT PRIMARY KEY,"                                                                          \
+    "  results INTEGER NOT NULL,"                                                                        \
+    "  bytes INTEGER NOT NULL"                                                                           \
+    ") STRICT, WITHOUT ROWID;"                                                                           \
+    "ALTER TABLE service ADD COLUMN results INTEGER NOT NULL DEFAULT 0;"                                 \
+    "ALTER TABLE service ADD COLUMN result_bytes INTEGER NOT NULL DEFAULT 0;"                            \
+    "CREATE TRIGGER usage_begins AFTER INSERT ON usage BEGIN"                                            \
+    "  UPDATE service SET results = results + new.results, result_bytes = result_bytes + new.bytes;"     \
+    "END;"                                                                                               \
+    "CREATE TRIGGER usage_changes AFTER UPDATE ON usage BEGIN"                                           \
+    "  UPDATE service SET results = results + new.results - old.results,"                                \
+    "    result_bytes = result_bytes + new.bytes - old.bytes;"                                           \
+    "END;"                                                                                               \
+    "CREATE TRIGGER job_leaves AFTER UPDATE OF succeeded, failed, timed_out, result_bytes ON job"        \
+    "  WHEN new.result_bytes IS NOT old.result_bytes OR"                                                 \
+    "    new.succeeded + new.failed + new.timed_out != old.succeeded + old.failed + old.timed_out BEGIN" \
+    "  INSERT INTO usage VALUES (new.owner,"                                                             \
+    "    new.succeeded + new.failed + new.timed_out - old.succeeded - old.failed - old.timed_out,"       \
+    "    coalesce(new.result_bytes, 0) - coalesce(old.result_bytes, 0))" ADD_TO_USAGE "END;"             \
+    "CREATE TRIGGER job_is_adopted AFTER INSERT ON job WHEN new.succeeded > 0 BEGIN"                     \
+    "  INSERT INTO usage VALUES (new.owner, new.succeeded, 0)" ADD_TO_USAGE "END;"                       \
+    "CREATE TRIGGER job_is_deleted AFTER DELETE ON job BEGIN"                                            \
+    "  UPDATE usage SET results = results - old.succeeded - old.failed - old.timed_out,"                 \
+    "    bytes = bytes - coalesce(old.result_bytes, 0) WHERE owner = old.owner;"                         \
+    "  DELETE FROM usage WHERE owner = old.owner AND results = 0 AND bytes = 0;"                         \
+    "END;"                                                                                               \
+    "CREATE INDEX job_leaving ON job ((delivered_ms IS NULL), coalesce(delivered_ms, finished_ms))"      \
+    "  WHERE " SCHEMA_KEPT ";"                                                                           \
+    "CREATE INDEX job_leaving_of ON job"                                                                 \
+    "  (owner, (delivered_ms IS NULL), coalesce(delivered_ms, finished_ms)) WHERE " SCHEMA_KEPT ";"      \
+    "CREATE INDEX job_unmeasured ON job (seq) WHERE " SCHEMA_UNMEASURED ";"
+#define WAITED_MS "waited_ms INTEGER"
+#define PROCESSOR_MS "processor_ms INTEGER"
+#define RESULT_BYTES "result_bytes INTEGER DEFAULT 0"    /* NULL: not known yet */
+#define DELIVERED "delivered INTEGER NOT NULL DEFAULT 0" /* tasks */
+#define DELIVERED_MS "delivered_ms INTEGER"
+#define IS_DELIVERED "is_delivered INTEGER NOT NULL DEFAULT 0"
+
+/* The wait of a delayed task or a notification that was set when its last try ended (service/queue/running). */
+#define WAIT_MS "wait_ms INTEGER NOT NULL DEFAULT 0"
+/* The periods in which the daemon ran (base/core/running_time), oldest first. */
+#define RUNNING                     \
+    "CREATE TABLE running ("        \
+    "  number INTEGER PRIMARY KEY," \
+    "  from_ms INTEGER NOT NULL,"   \
+    "  length_ms INTEGER NOT NULL"  \
+    ") STRICT;"
+/* copy_state of a job: state of the copy to output.directory. copy_code and copy_message: reason of a failure. A task
+ * has a copy_code if its result could not be copied or must still be copied ('pending'). */
+#define COPY_STATE "copy_state TEXT CHECK (copy_state IN ('delivered', 'failed', 'pending'))"
+#define COPY_CODE "copy_code TEXT"
+#define COPY_MESSAGE "copy_message TEXT"
+#define COPYING "CREATE INDEX job_copying ON job (seq) WHERE copy_state = 'pending';"
+#define UNDELIVERED "CREATE INDEX job_undelivered ON job (seq) WHERE " SCHEMA_UNDELIVERED ";"
+
+/* The outcomes for which dependent jobs start (SCHEMA_ACCEPTED). Default: all. */
+#define ACCEPT "accept INTEGER NOT NULL DEFAULT 14"
+
+/* The maximum number of tasks of a job that run at the same time; 0: any number. */
+#define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
+/* Number of tasks that wait for frames of other jobs (service/queue/frame_needs), and whether the first queued task of an
+ * ordered job waits so. */
+#define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"
+#define FIRST_HELD "first_held INTEGER NOT NULL DEFAULT 0"
+/* Number of tasks of a chunk, and whether every task that is ready is in a chunk with a running task (service/queue/chunks). */
+#define CHUNK "chunk INTEGER NOT NULL DEFAULT 1 CHECK (chunk >= 1)"
+#define CHUNKS_BUSY "chunks_busy INTEGER NOT NULL DEFAULT 0"
+#define WAITS "waits INTEGER NOT NULL DEFAULT 0"
+#define BY_FRAME "by_frame INTEGER NOT NULL DEFAULT 0"
+#define TASK_READY                                                                        \
+    "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued' AND waits = 0;" \
+    "CREATE INDEX task_held ON task (job, number) WHERE state = 'queued' AND waits > 0;"
+#define READY                                                                       \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)" \
+    "  WHERE " SCHEMA_CLAIMABLE ";"
+
+/* Whether reports of jobs that reuse a result may be hard links to the reports of other jobs. */
+#define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
+#define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
+
+/* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
+ * The spec has a table of its own, because it is long and never changes, while the row changes often. */
+static const char tables[] =
+    "CREATE TABLE job ("
+    "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  id TEXT NOT NULL UNIQUE,"
+    "  revision INTEGER NOT NULL DEFAULT 1,"
+    "  owner TEXT NOT NULL,"
+    "  state TEXT NOT NULL CHECK (state IN ('queued', 'blocked', 'paused', 'running', 'cancelling',"
+    "    " SCHEMA_FINAL_STATES ")),"
+    "  " OUTCOME ","
+    "  priority INTEGER NOT NULL,"
+    "  threads INTEGER NOT NULL,"
+    "  memory_mb INTEGER NOT NULL,"
+    "  max_attempts INTEGER NOT NULL,"
+    "  retention_s INTEGER NOT NULL DEFAULT 0,"
+    "  is_array INTEGER NOT NULL DEFAULT 0,"
+    "  is_ordered INTEGER NOT NULL DEFAULT 0,"
+    "  is_paused INTEGER NOT NULL DEFAULT 0,"
+    "  is_cancelled INTEGER NOT NULL DEFAULT 0,"
+    "  pending INTEGER NOT NULL DEFAULT 0 CHECK (pending >= 0),"
+    "  tasks INTEGER NOT NULL,"
+    "  ready INTEGER NOT NULL,"
+    "  delayed INTEGER NOT NULL DEFAULT 0,"
+    "  running INTEGER NOT NULL DEFAULT 0,"
+    "  succeeded INTEGER NOT NULL DEFAULT 0,"
+    "  failed INTEGER NOT NULL DEFAULT 0,"
+    "  cancelled INTEGER NOT NULL DEFAULT 0,"
+    "  timed_out INTEGER NOT NULL DEFAULT 0,"
+    "  " UNRESOLVED ","
+    "  not_converged INTEGER NOT NULL DEFAULT 0,"
+    "  attempts INTEGER NOT NULL DEFAULT 0,"
+    "  created_ms INTEGER NOT NULL,"
+    "  started_ms INTEGER,"
+    "  finished_ms INTEGER,"
+    "  expires_ms INTEGER,"
+    "  name TEXT,"
+    "  labels TEXT NOT NULL,"
+    "  trace TEXT,"
+    "  webhook TEXT,"
+    "  error_code TEXT,"
+    "  error_message TEXT,"
+    "  cached_from TEXT,"
+    "  " CACHED_SHOWN ","
+    "  key TEXT,"
+    "  body_hash TEXT,"
+    "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
+    "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ", " MAX_RUNNING ","
+    "  " HELD ", " FIRST_HELD ", " CHUNK ", " CHUNKS_BUSY ","
+    "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
+    "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
+    ") STRICT;"
+    "CREATE INDEX job_by_state ON job (state, seq);"
+    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING UNDELIVERED
+    "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
+    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;" READY
+
+    "CREATE TABLE spec ("
+    "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
+    "  spec TEXT NOT NULL,"
+    "  paths TEXT" EXECUTION ") STRICT;"
+
+    "CREATE TABLE task ("
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  number INTEGER NOT NULL,"
+    "  frame INTEGER,"
+    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " SCHEMA_FINAL_STATES
+    ")),"
+    "  " OUTCOME ","
+    "  attempt INTEGER NOT NULL DEFAULT 0,"
+    "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  interrupted INTEGER NOT NULL DEFAULT 0,"
+    "  ran_ms INTEGER NOT NULL DEFAULT 0,"
+    "  storage_faults INTEGER NOT NULL DEFAULT 0,"
+    "  not_before_ms INTEGER,"
+    "  " WAIT_MS ","
+    "  started_ms INTEGER,"
+    "  finished_ms INTEGER,"
+    "  error_code TEXT,"
+    "  error_message TEXT,"
+    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ", " WAITS ","
+    "  PRIMARY KEY (job, number)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;" TASK_READY
+    "CREATE INDEX task_running ON task (job, number) WHERE state = 'running';"
+    "CREATE INDEX task_delayed ON task (not_before_ms) WHERE state = 'delayed';"
+
+    "CREATE TABLE attempt ("
+    "  job INTEGER NOT NULL,"
+    "  task INTEGER NOT NULL,"
+    "  number INTEGER NOT NULL,"
+    "  started_ms INTEGER NOT NULL,"
+    "  finished_ms INTEGER,"
+    "  exit_status INTEGER,"
+    "  signal INTEGER,"
+    "  peak_memory_bytes INTEGER,"
+    "  host TEXT,"
+    "  reason TEXT,"
+    "  " WAITED_MS ","
+    "  " PROCESSOR_MS ","
+    "  PRIMARY KEY (job, task, number),"
+    "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
+    ") STRICT, WITHOUT ROWID;"
+
+    OWNER USAGE REPORTS
+
+    "CREATE TABLE label ("
+    "  label TEXT NOT NULL,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  PRIMARY KEY (label, job)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX label_by_job ON label (job);"
+
+    "CREATE TABLE dependency ("
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, " ANY_END ", " BY_FRAME ","
+    "  PRIMARY KEY (job, needs)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX dependency_by_need ON dependency (needs, job);"
+
+    INPUTS COPIES OUTPUTS INSTANCE RUNNING "CREATE TABLE event ("
+    "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  at_ms INTEGER NOT NULL,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  type TEXT NOT NULL CHECK (type IN ('state', 'task', 'started', 'ended', 'edited')),"
+    "  state TEXT NOT NULL,"
+    "  outcome TEXT,"
+    "  frame INTEGER,"
+    "  attempt INTEGER"
+    ") STRICT;"
+    "CREATE INDEX event_by_job ON event (job, seq);" REMOVED_EVENTS
+    "INSERT INTO removed_events VALUES (1, 0);"
+
+    "CREATE TABLE cache ("
+    "  key TEXT PRIMARY KEY,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  inputs TEXT NOT NULL"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX cache_by_job ON cache (job);"
+
+    "CREATE TABLE outbox ("
+    "  number INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  webhook TEXT NOT NULL,"
+    "  state TEXT NOT NULL,"
+    "  outcome TEXT,"
+    "  tries INTEGER NOT NULL DEFAULT 0,"
+    "  due_ms INTEGER NOT NULL, " OUTBOX_EVENT ", " OUTBOX_ENDED ", " WAIT_MS ") STRICT;"
+    "CREATE INDEX outbox_by_time ON outbox (due_ms, number);"
+    "CREATE INDEX outbox_by_job ON outbox (job);";
+
+static const char set_version[] = "PRAGMA user_version = " TEXT(SCHEMA_VERSION);
+
+/* Migration from version 1, which had no tasks: a job had the attempts. */
+static const char set_old_aside[] =
+    "DROP INDEX job_waiting; DROP INDEX job_by_state;"
+    "ALTER TABLE attempt RENAME TO attempt_1; ALTER TABLE job RENAME TO job_1;";
+
+static const char carry_over[] =
+    "INSERT INTO job (seq, id, owner, state, outcome, priority, threads, memory_mb, max_attempts, tasks, "
+    "ready,"
+    "  running, succeeded, failed, cancelled, timed_out, not_converged, is_cancelled, attempts, created_ms,"
+    "  started_ms, finished_ms, name, labels, error_code, error_message)"
+    " SELECT seq, id, '', state, outcome, priority, 1, 0, max_attempts, 1, state = 'queued',"
+    "  state IN ('running', 'cancelling'), state = 'succeeded', state = 'failed', state = 'cancelled',"
+    "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), "
+    "attempt,"
+    "  created_ms, started_ms, finished_ms, name, labels, error_code, error_message FROM job_1;"
+    "INSERT INTO spec (job, spec) SELECT seq, spec FROM job_1;"
+    "INSERT INTO task (job, number, state, outcome, attempt, spent, started_ms, finished_ms, error_code,"
+    "  error_message)"
+    " SELECT seq, 0, CASE state WHEN 'cancelling' THEN 'running' ELSE state END, outcome, attempt, spent,"
+    "  started_ms, finished_ms, error_code, error_message FROM job_1;"
+    "INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, signal, "
+    "peak_memory_bytes, reason)"
+    " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
+    "attempt_1;"
+    "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
+    "INSERT INTO event (at_ms, job, type, state, outcome)"
+    " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
+    "1;"
+    "DROP TABLE attempt_1; DROP TABLE job_1;";
+
+/* Migration from version 2, which did not map paths. */
+static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
+
+/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for ever. Notes
+ * which uploaded files the existing specs read. */
+static const char add_times_and_inputs[] =
+    "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
+    "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
+    "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
+
+/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the highest missing
+ * number is the last deleted event. */
+static const char add_removed_events[] = REMOVED_EVENTS
+    "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
+    "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
+    "    (SELECT 1 FROM event WHERE seq = first.seq - 1) ORDER BY seq DESC LIMIT 1), 0) END"
+    "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
+    "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
+
+/* Migration from version 4, in which a full disk failed jobs and copies left temporary files. */
+static const char add_storage[] =
+    "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
+
+/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every directory
+ * without a job. The database gets its instance id later. */
+static const char add_instance[] =
+    INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
+static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
+
+/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not reused. */
+static const char add_execution[] = "ALTER TABLE spec ADD COLUMN " TIMEOUT ";"
+                                    "ALTER TABLE spec ADD COLUMN " STALL ";"
+                                    "ALTER TABLE spec ADD COLUMN " DIRECTORY ";"
+                                    "ALTER TABLE spec ADD COLUMN " CACHE_KEY ";";
+static const char read_execution[] =
+    "UPDATE spec SET"
+    "  timeout_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.timeout_s'), 0) AS INTEGER),"
+    "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
+    "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
+
+/* Migration from version 5, in which the id of a notification was its number. */
+static const char add_outbox_event[] =
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_EVENT ";"
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_ENDED ";"
+    "UPDATE outbox SET event = lower(hex(randomblob(13))),"
+    "  ended_ms = (SELECT coalesce(finished_ms, created_ms) FROM job WHERE seq = outbox.job);";
+
+/* Migration from version 5, in which jobs were counted one by one. */
+static const char add_state_count[] =
+    STATE_COUNT "INSERT INTO state_count SELECT state, count(*) FROM job GROUP BY state;";
+
+/* Migration from version 6, in which users had no turns: every user starts without one. */
+static const char add_turns[] = "DROP TABLE owner;" OWNER;
+static const char find_owners[] =
+    "INSERT INTO owner (name, unfinished, running, pass) SELECT owner, count(*), sum(running), 0 FROM job"
+    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
+    "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
+/* Migration from version 7, which had two outcomes. */
+#define WIDEN_OUTCOME(table)                                  \
+    "ALTER TABLE " table " RENAME COLUMN outcome TO earlier;" \
+    "ALTER TABLE " table " ADD COLUMN " OUTCOME ";"           \
+    "UPDATE " table " SET outcome = earlier;"                 \
+    "ALTER TABLE " table " DROP COLUMN earlier;"
+static const char add_unresolved[] =
+    WIDEN_OUTCOME("job") WIDEN_OUTCOME("task") "ALTER TABLE job ADD COLUMN " UNRESOLVED ";";
+
+/* Migration from version 7, in which jobs depended on success only. */
+static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
+
+/* Migration from version 8, which did not store the disk space of jobs. It is measured later. */
+static const char add_usage[] = "ALTER TABLE job ADD COLUMN " RESULT_BYTES ";"
+                                "ALTER TABLE job ADD COLUMN " DELIVERED ";"
+                                "ALTER TABLE job ADD COLUMN " DELIVERED_MS ";"
+                                "ALTER TABLE task ADD COLUMN " IS_DELIVERED ";" USAGE;
+static const char find_usage[] =
+    "DELETE FROM usage; UPDATE service SET results = 0;"
+    "INSERT INTO usage SELECT owner, sum(succeeded + failed + timed_out), 0 FROM job"
+    "  WHERE succeeded + failed + timed_out > 0 GROUP BY owner;"
+    "UPDATE job SET result_bytes = NULL,"
+    "  delivered_ms = iif(finished_ms IS NOT NULL AND succeeded = 0, finished_ms, NULL);";
+
+/* Migration from version 9, in which lists were not sorted. */
+static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
+
+/* Migration from version 10, which stored only the start and the end of an attempt. */
+static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
+                                            "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
+
+/* Migration from version 11, in which only the wall clock determined the end of a retention or a wait. A delayed
+ * task then starts at once after the clock was set back. */
+static const char add_running[] =
+    RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
+/* Migration from version 11, in which a job that reused a result had the report of the other job, and a result
+ * replaced the results of all other users in its output directory. */
+static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " COPY_STATE ";"
+                                                  "ALTER TABLE job ADD COLUMN " COPY_CODE ";"
+                                                  "ALTER TABLE job ADD COLUMN " COPY_MESSAGE ";"
+                                                  "ALTER TABLE task ADD COLUMN " COPY_CODE ";"
+                                                  "ALTER TABLE task ADD COLUMN " COPY_MESSAGE ";" COPYING;
+/* Migration from version 12, in which jobs whose results were not delivered were not counted. */
+static const char add_undelivered[] = UNDELIVERED;
+/* Migration from version 13, in which dependent jobs started with any outcome. */
+static const char add_accept[] = "ALTER TABLE job ADD COLUMN " ACCEPT ";";
+/* Migration from version 14, in which any number of tasks of a job could run. */
+static const char add_max_running[] = "ALTER TABLE job ADD COLUMN " MAX_RUNNING ";";
+/* Migration from version 15, in which no task waited for a frame of another job. */
+static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
+                                      "ALTER TABLE job ADD COLUMN " FIRST_HELD ";"
+                                      "ALTER TABLE task ADD COLUMN " WAITS ";"
+                                      "ALTER TABLE dependency ADD COLUMN " BY_FRAME ";"
+                                      "DROP INDEX job_ready; DROP INDEX task_ready;" READY TASK_READY;
+/* Migration from version 16, in which arrays had no chunks. */
+static const char add_chunks[] = "ALTER TABLE job ADD COLUMN " CHUNK ";"
+                                 "ALTER TABLE job ADD COLUMN " CHUNKS_BUSY ";";
+static const char renew_ready[] = "DROP INDEX job_ready;" READY;
+/* Migration from version 17, in which the owner learned of every job whose result was reused. Jobs that were deleted
+ * may have been of another user. */
+static const char add_cached_shown[] =
+    "ALTER TABLE job ADD COLUMN " CACHED_SHOWN ";"
+    "UPDATE job SET cached_shown = coalesce((SELECT maker.owner = job.owner FROM job AS maker"
+    "  WHERE maker.id = job.cached_from), 0) WHERE cached_from IS NOT NULL;"
+    "UPDATE attempt SET reason = 'the result of an equal job' WHERE reason GLOB 'the result of *' AND"
+    "  job IN (SELECT seq FROM job WHERE cached_from IS NOT NULL);";
+/* Migration from versions in which a job failed if its result could not be copied. */
+static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
+                                  "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
+static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
+
+/* The migrations from the versions `first` to `last`, in this order. Version 0: an empty database. */
+static const struct step {
+    int first, last;
+    const char *sql;
+} steps[] = {
+    {1, 1, set_old_aside},
+    {0, 1, tables},
+    {1, 1, carry_over},
+    {2, 2, add_paths},
+    {2, 3, add_times_and_inputs},
+    {2, 4, add_removed_events},
+    {2, 4, add_storage},
+    {2, 4, add_instance},
+    {2, 4, add_execution},
+    {1, 4, read_execution},
+    {1, 4, leave_unnamed},
+    {2, 5, add_outbox_event},
+    {2, 5, add_state_count},
+    {2, 14,
+     add_max_running}, /* these three before indexes and find_owners, whose condition has their columns */
+    {2, 16, add_chunks},
+    {2, 15, add_frame_needs},
+    {16, 16, renew_ready},
+    {2, 6, add_turns},
+    {1, 6, find_owners},
+    {2, 7, add_any_end},
+    {2, 7, add_unresolved},
+    {2, 8, add_usage},
+    {1, 8, find_usage},
+    {8, 9, add_sorted},
+    {2, 10, add_times_of_attempts},
+    {2, 11, add_running},
+    {2, 11, add_reports},
+    {2, 12, add_undelivered},
+    {2, 13, add_accept},
+    {2, 17, add_cached_shown},
+    {1, 11, find_linked_reports},
+    {1, 11, find_copies},
+};
+
+bool schema_error_is_damage(int code)
+{
+    int primary = code & 0xFF;
+    return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_DATA ||
+           code == SQLITE_IOERR_SHORT_READ; /* a truncated file */
+}
+
+bool schema_error_is_read_fault(int code)
+{
+    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* SQLite maps EIO to this one, too */
+}
+
+static bool fail(sqlite3 *database, error *e)
+{
+    const char *why = sqlite3_errmsg(database);
+    if (schema_error_is_damage(sqlite3_extended_errcode(database)))
+        return error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%s): %s", why, HEALTH_WAY_OUT);
+    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
+}
+
+static bool run(sqlite3 *database, const char *sql, error *e)
+{
+    return sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK || fail(database, e);
+}
+
+static bool read_version(sqlite3 *database, int *version, error *e)
+{
+    sqlite3_stmt *statement = NULL;
+    bool ok = sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
+              sqlite3_step(statement) == SQLITE_ROW;
+    if (ok)
+        *version = sqlite3_column_int(statement, 0);
+    else
+        fail(database, e);
+    sqlite3_finalize(statement);
+    return ok;
+}
+
+static bool make_tables(sqlite3 *database, int version, error *e)
+{
+    error why = {0};
+    bool ok = run(database, "BEGIN IMMEDIATE", &why);
+    for (size_t i = 0; ok && i < sizeof steps / sizeof *steps; i++)
+        if (version >= steps[i].first && version <= steps[i].last) ok = run(database, steps[i].sql, &why);
+    ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
+    if (ok) return true;
+    /* SQLite cannot prepare a statement: the tables are not those of this version */
+    if (sqlite3_errcode(database) == SQLITE_ERROR)
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the database is damaged (its tables are not those of version %d: %s): %s", version,
+                  sqlite3_errmsg(database), HEALTH_WAY_OUT);
+    else if (e)
+        *e = why;
+    run(database, "ROLLBACK", NULL);
+    return false;
+}
+
+/* ---- comparison with the tables that this version creates */
+
+/* Compares two texts without their white space, which depends on the program that created the table. */
+static bool is_same_text(const char *a, const char *b)
+{
+    for (;; a++, b++) {
+        while (*a == ' ') a++;
+        while (*b == ' ') b++;
+        if (*a != *b || !*a) return *a == *b;
+    }
+}
+
+static const char *column(sqlite3_stmt *s, int at)
+{
+    const char *found = (const char *)sqlite3_column_text(s, at);
+    return found ? found : "";
+}
+
+/* Columns of a table that are missing or different in the other database. */
+static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *table, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok = sqlite3_prepare_v2(wanted, "SELECT name, type, \"notnull\", pk FROM pragma_table_xinfo(?1)", -1,
+                                 &want, NULL) == SQLITE_OK &&
+              sqlite3_prepare_v2(database,
+                                 "SELECT 1 FROM pragma_table_xinfo(?1) WHERE name = ?2 AND type = ?3"
+                                 " AND \"notnull\" = ?4 AND pk = ?5",
+                                 -1, &have, NULL) == SQLITE_OK;
+    if (ok) sqlite3_bind_text(want, 1, table, -1, SQLITE_STATIC);
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        sqlite3_bind_text(have, 1, table, -1, SQLITE_STATIC);
+        for (int i = 0; i < 4; i++) sqlite3_bind_value(have, i + 2, sqlite3_column_value(want, i));
+        int found = sqlite3_step(have);
+        if (found == SQLITE_DONE) {
+            fprintf(findings, "the table %s lacks the required column %s\n", table, column(want, 0));
+            ++*count;
+        }
+        ok = found == SQLITE_DONE || found == SQLITE_ROW;
+        sqlite3_reset(have);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+static bool compare_all(sqlite3 *wanted, sqlite3 *database, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok =
+        sqlite3_prepare_v2(
+            wanted, "SELECT type, name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'",
+            -1, &want, NULL) == SQLITE_OK &&
+        sqlite3_prepare_v2(database, "SELECT sql FROM sqlite_schema WHERE type = ?1 AND name = ?2", -1, &have,
+                           NULL) == SQLITE_OK;
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        const char *type = column(want, 0), *name = column(want, 1);
+        sqlite3_bind_text(have, 1, type, -1, SQLITE_STATIC);
+        sqlite3_bind_text(have, 2, name, -1, SQLITE_STATIC);
+        int found = sqlite3_step(have);
+        bool is_table = strcmp(type, "table") == 0;
+        ok = found == SQLITE_ROW || found == SQLITE_DONE;
+        if (found == SQLITE_DONE ||
+            (found == SQLITE_ROW && !is_table && !is_same_text(column(want, 2), column(have, 0)))) {
+            fprintf(findings, "the %s %s is %s\n", type, name,
+                    found == SQLITE_ROW ? "another one" : "missing");
+            ++*count;
+        }
+        sqlite3_reset(have);
+        if (found == SQLITE_ROW && is_table) ok = compare_columns(wanted, database, name, findings, count);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e)
+{
+    sqlite3 *wanted = NULL;
+    *count = 0;
+    bool ok = sqlite3_open(":memory:", &wanted) == SQLITE_OK &&
+              sqlite3_exec(wanted, tables, NULL, NULL, NULL) == SQLITE_OK;
+    if (!ok)
+        error_set(e, ERROR_INTERNAL, "the queue's tables: %s", wanted ? sqlite3_errmsg(wanted) : "no memory");
+    if (ok) ok = compare_all(wanted, database, findings, count) || fail(database, e);
+    sqlite3_close(wanted);
+    return ok;
+}
+
+static bool check_tables(sqlite3 *database, error *e)
+{
+    char *findings = NULL;
+    size_t length = 0;
+    int count = 0;
+    FILE *stream = open_memstream(&findings, &length);
+    bool ok = schema_compare(database, stream, &count, e);
+    fclose(stream);
+    if (ok && count)
+        ok = error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%.*s): %s",
+                       (int)strcspn(findings, "\n"), findings, HEALTH_WAY_OUT);
+    free(findings);
+    return ok;
+}
+
+bool schema_prepare(sqlite3 *database, error *e)
+{
+    int version = 0;
+    if (!run(database,
+             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+             "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
+             e) ||
+        !read_version(database, &version, e))
+        return false;
+    if (version > SCHEMA_VERSION)
+        return error_set(
+            e, ERROR_INTERNAL,
+            "the database of the queue has version %d, and this hexad supports up to %d: run the "
+            "newer hexad that wrote it, or choose another state_dir",
+            version, SCHEMA_VERSION);
+    return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
+}

@@ -1,0 +1,615 @@
+#include "service/executor/slot.h"
+
+#include <assert.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/clock.h"
+#include "base/core/frames.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "service/executor/cache.h"
+#include "service/executor/input_permissions.h"
+#include "base/json/json.h"
+#include "service/results/kept_result.h"
+#include "service/results/own_report.h"
+#include "service/results/publication.h"
+#include "service/results/result.h"
+#include "files/file.h"
+
+/* Delay before deciding or settling is repeated: long enough not to spin, short enough to recover. */
+#define RETRY_MS 1000
+
+typedef struct limits {
+    double timeout_s, stall_s; /* 0: none */
+} limits;
+
+/* The data of the current task; zero in a free slot. */
+typedef struct work {
+    /* written by the supervisor under the mutex */
+    queue_claimed claimed;
+    int threads; /* resources that the attempt uses */
+    int64_t memory_mb;
+    char *progress;                                /* the newest progress line */
+    bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
+
+    /* used by the supervisor only */
+    bool repeat;     /* no worker will be started */
+    bool resumed;    /* an earlier daemon has started the worker */
+    char *directory; /* of the attempt */
+    limits limit;
+    engine_attempt *attempt; /* in RUNNING and STOPPING */
+    int64_t started_wall_ms;
+    int64_t moved_ms;         /* monotonic: start, last progress */
+    settlement_stop stop;     /* reason why the worker was stopped */
+    int64_t force_ms;         /* time at which it is killed, monotonic */
+    bool forced;              /* it was killed */
+    engine_ending ending;     /* with `has_ended` */
+    bool has_ended;           /* a worker ran, and has ended */
+    bool was_lost;            /* the state directory was lost when the worker ended */
+    int64_t ran_ms;           /* once it has ended */
+    publication *publication; /* in PUBLISHING */
+    settlement settlement;
+    int64_t retry_ms; /* DECIDING, SETTLING: time of the next try, monotonic; 0: no try has failed */
+    /* referenced by the settlement */
+    char *copied;
+    char cached_from[ULID_SIZE], *cache_inputs;
+} work;
+
+struct slot {
+    const slot_context *context;
+    pthread_mutex_t mutex; /* never held during queries or disk access */
+    slot_phase phase;      /* written by the supervisor under the mutex */
+    work w;
+};
+
+static int64_t least(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
+static int64_t most(int64_t a, int64_t b)
+{
+    return a > b ? a : b;
+}
+
+static int64_t after(int64_t from_ms, double seconds)
+{
+    return seconds > 0 && seconds < 1e12 ? from_ms + (int64_t)(seconds * 1000) : INT64_MAX;
+}
+
+static void enter(slot *s, slot_phase phase)
+{
+    pthread_mutex_lock(&s->mutex);
+    s->phase = phase;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+slot *slot_new(const slot_context *context)
+{
+    slot *s = mem_alloc(sizeof *s);
+    s->context = context;
+    pthread_mutex_init(&s->mutex, NULL);
+    return s;
+}
+
+bool slot_is_free(const slot *s)
+{
+    return s->phase == SLOT_FREE;
+}
+
+void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb)
+{
+    assert(s->phase == SLOT_FREE);
+    pthread_mutex_lock(&s->mutex);
+    s->w.claimed = *claimed;
+    s->w.threads = width;
+    s->w.memory_mb = memory_mb;
+    s->phase = SLOT_STARTING;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_take_repeat(slot *s, const queue_claimed *claimed)
+{
+    s->w.repeat = true;
+    slot_take(s, claimed, 0, 0);
+}
+
+void slot_take_resumed(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb)
+{
+    s->w.resumed = true;
+    s->w.cancel_wanted = claimed->job.state == QUEUE_CANCELLING;
+    slot_take(s, claimed, width, memory_mb);
+}
+
+/* Empties the slot. */
+static unsigned release(slot *s)
+{
+    work *w = &s->w;
+    assert(!w->attempt && !w->publication);
+    free(w->directory);
+    free(w->ending.last_words);
+    free(w->cache_inputs);
+    free(w->copied);
+    pthread_mutex_lock(&s->mutex);
+    queue_claimed_clear(&w->claimed);
+    free(w->progress);
+    *w = (work){0};
+    s->phase = SLOT_FREE;
+    pthread_mutex_unlock(&s->mutex);
+    return SLOT_FREED;
+}
+
+void slot_free(slot *s)
+{
+    if (!s) return;
+    if (s->phase != SLOT_FREE) release(s); /* taken over, but the supervisor did not start */
+    pthread_mutex_destroy(&s->mutex);
+    free(s);
+}
+
+/* Deciding or settling has failed and is tried again. In a drain the next start settles the task, as after a crash. */
+static unsigned try_later(slot *s, const char *why)
+{
+    work *w = &s->w;
+    log_write(w->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, /* an error once per attempt */
+              "attempt not settled job=%s attempt=%d: %s", w->claimed.job.id, w->claimed.task.attempt, why);
+    w->retry_ms = clock_monotonic_ms() + RETRY_MS;
+    return SLOT_NOT_WRITTEN | (s->context->draining ? release(s) : SLOT_NO_NEWS);
+}
+
+/* ---- starting */
+
+static limits read_limits(const slot_context *x, const queue_claimed *c)
+{
+    return (limits){
+        .timeout_s = c->timeout_ms > 0 ? clock_seconds(c->timeout_ms) : x->timeout_s,
+        .stall_s = c->stall_ms > 0 ? clock_seconds(c->stall_ms) : x->stall_s,
+    };
+}
+
+/* The path to which the results of the task are copied, to be freed; NULL: none. */
+static char *copy_path(const queue_claimed *c)
+{
+    if (!c->directory) return NULL;
+    return c->task.frame == QUEUE_NO_FRAME ? mem_strdup(c->directory)
+                                           : frames_path(c->directory, c->task.frame);
+}
+
+/* Handles a result in the attempt's directory: copies it to output.directory first, if the job names one. */
+static void publish_or_settle(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    char *path = w->settlement.decision == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
+    char *above = path && w->claimed.task.frame != QUEUE_NO_FRAME ? frames_above(w->claimed.directory) : NULL;
+    if (path)
+        w->publication =
+            publication_start(x->outputs, w->claimed.job.owner, w->directory, path, above, x->wake_fd);
+    free(path);
+    free(above);
+    enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
+}
+
+static bool is_cacheable(const slot *s)
+{
+    const queue_claimed *c = &s->w.claimed;
+    return s->context->cache && c->task.frame == QUEUE_NO_FRAME && c->cache_key;
+}
+
+/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
+ * has to compute it. */
+static bool use_cached(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    error e = {0};
+    result r = {0};
+    char *inputs = NULL;
+    bool found = false;
+    if (!queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
+        return false;
+    char *from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
+    found = cache_is_fresh(x->roots, inputs);
+    if (found && cache_link_result(from, w->directory, w->claimed.job.spec, &r, &e)) {
+        settlement_decide_cached(r.outcome, w->cached_from, &w->settlement);
+    } else if (found) {
+        log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
+                  w->cached_from, e.message);
+        store_remove(w->directory, NULL);
+        found = false;
+    }
+    result_clear(&r);
+    free(from);
+    free(inputs);
+    return found;
+}
+
+/* Like use_cached, and counts hits and misses. */
+static bool take_cached(slot *s)
+{
+    if (!is_cacheable(s)) return false;
+    meter *m = s->context->place->meter;
+    bool found = use_cached(s);
+    (*(found ? &m->cache_hits : &m->cache_misses))++;
+    return found;
+}
+
+static bool take_kept(slot *s)
+{
+    work *w = &s->w;
+    return kept_result_take(s->context->place->work_dir, &w->claimed, w->directory) &&
+           (w->claimed.task.frame != QUEUE_NO_FRAME ||
+            own_report_correct(w->directory, w->claimed.job.spec, NULL)) &&
+           settlement_decide_kept(w->directory, &w->settlement, NULL);
+}
+
+static bool start_worker(slot *s, error *e)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    const queue_claimed *c = &w->claimed;
+    size_t root_count = 0;
+    char **roots = input_permissions_list((const char *const *)c->inputs, c->input_count, x->inputs,
+                                          x->input_roots, x->input_root_count, &root_count);
+    char *previous =
+        c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->work_dir, c->job.id, c->previous);
+    engine_request request = {
+        .worker = x->worker,
+        .command = WORKER_COMMAND_RUN,
+        .directory = w->directory,
+        .spec = c->job.spec,
+        .input_roots = (const char *const *)roots,
+        .input_root_count = root_count,
+        .memory_mb = w->memory_mb,
+        .groups = x->groups,
+        .threads = w->threads,
+        .frame = c->task.frame,
+        .chunk = c->chunk,
+        .more = c->more,
+        .previous = previous,
+        .trace = c->job.trace,
+        .file_mb = x->file_mb,
+        .sandbox = x->sandbox,
+        .instance = x->instance,
+        .owner = c->job.owner,
+        .priority = c->job.priority,
+        .timeout_s = w->limit.timeout_s > 0 ? w->limit.timeout_s - clock_seconds(c->task.ran_ms) : 0,
+        .wake_fd = x->wake_fd,
+    };
+    w->moved_ms = clock_monotonic_ms();
+    w->started_wall_ms = w->resumed ? 0 : clock_wall_ms(); /* 0: its result is not cached */
+    if (w->resumed)
+        w->attempt = x->engine->resume(x->engine_place, &request, e);
+    else if (store_directory_add(w->directory, e))
+        w->attempt = x->engine->start(x->engine_place, &request, e);
+    free(previous);
+    input_permissions_free(roots, root_count);
+    return w->attempt != NULL;
+}
+
+/* True if no worker is needed: the next phase is then SETTLING with a decision, or PUBLISHING. */
+static bool decide_at_once(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    error e = {0};
+    if (w->memory_mb > x->memory_mb) {
+        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->settlement);
+    } else if (w->limit.timeout_s > 0 && (double)w->claimed.task.ran_ms >= 1000 * w->limit.timeout_s) {
+        settlement_decide_late(w->limit.timeout_s, &w->settlement);
+    } else if (take_kept(s) || take_cached(s)) {
+        publish_or_settle(s);
+        return true;
+    } else if (w->repeat) {
+        error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted");
+        settlement_decide_unstarted(&e, &w->settlement);
+    } else {
+        return false;
+    }
+    enter(s, SLOT_SETTLING);
+    return true;
+}
+
+/* The next phase is RUNNING, PUBLISHING, or SETTLING with a decision. */
+static unsigned step_starting(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    const queue_job *job = &w->claimed.job;
+    const queue_task *task = &w->claimed.task;
+    error e = {0};
+    w->directory = result_attempt_directory(x->place->work_dir, job->id, task->frame, task->attempt);
+    w->limit = read_limits(x, &w->claimed);
+    if (!w->resumed && decide_at_once(s)) return SLOT_NO_NEWS;
+    if (!start_worker(s, &e)) {
+        log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
+                  task->attempt, e.message);
+        settlement_decide_unstarted(&e, &w->settlement);
+        enter(s, SLOT_SETTLING);
+        return SLOT_NOT_STARTED | SLOT_NOT_WRITTEN;
+    }
+    log_write(LOG_LEVEL_INFO, "attempt %s job=%s task=%d attempt=%d worker=%s trace=%s",
+              w->resumed ? "resumed" : "started", job->id, task->number, task->attempt,
+              x->engine->identify(w->attempt), job->trace ? job->trace : "-");
+    enter(s, SLOT_RUNNING);
+    return SLOT_STARTED;
+}
+
+/* ---- running and stopping */
+
+static void keep_progress(slot *s, const char *line)
+{
+    work *w = &s->w;
+    json *document = json_parse(line, strlen(line), NULL);
+    bool valid = json_type_of(json_root(document)) == JSON_OBJECT;
+    json_free(document);
+    if (!valid) return;
+    w->moved_ms = clock_monotonic_ms();
+    char *copy = mem_strdup(line);
+    pthread_mutex_lock(&s->mutex);
+    char *old = w->progress;
+    w->progress = copy;
+    pthread_mutex_unlock(&s->mutex);
+    free(old);
+    progress_ring_add(s->context->progress, w->claimed.job.id, w->claimed.job.owner, w->claimed.task.frame,
+                      w->claimed.task.attempt, line);
+    queue_signal(s->context->place->q);
+}
+
+static int64_t began_ms(const slot *s)
+{
+    return s->context->engine->began_ms(s->w.attempt);
+}
+
+/* Time at which the task has used up its time limit, including the time of earlier attempts. */
+static int64_t timeout_ms(const slot *s)
+{
+    int64_t began = began_ms(s);
+    return began == INT64_MAX ? INT64_MAX : after(began - s->w.claimed.task.ran_ms, s->w.limit.timeout_s);
+}
+
+static int64_t stall_ms(const slot *s)
+{
+    int64_t began = began_ms(s);
+    return began == INT64_MAX ? INT64_MAX : after(most(s->w.moved_ms, began), s->w.limit.stall_s);
+}
+
+/* The user's request for the job. */
+static settlement_stop find_request(slot *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    bool cancel = s->w.cancel_wanted, pause = s->w.pause_wanted, move = s->w.move_wanted;
+    pthread_mutex_unlock(&s->mutex);
+    if (cancel) return SETTLEMENT_CANCELLED;
+    if (!(pause || move) || began_ms(s) != INT64_MAX) return SETTLEMENT_NOT_STOPPED;
+    return pause ? SETTLEMENT_PAUSED : SETTLEMENT_MOVED;
+}
+
+/* Why the worker has to be stopped now, if it has to. */
+static settlement_stop find_reason(slot *s, int64_t now)
+{
+    const slot_context *x = s->context;
+    settlement_stop wish = find_request(s);
+    if (wish != SETTLEMENT_NOT_STOPPED) return wish;
+    if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
+    if (now >= stall_ms(s)) return SETTLEMENT_STALLED;
+    if (x->draining && now >= x->drain_ms) return SETTLEMENT_DRAINED;
+    return SETTLEMENT_NOT_STOPPED;
+}
+
+static void stop_if_due(slot *s)
+{
+    work *w = &s->w;
+    int64_t now = clock_monotonic_ms();
+    settlement_stop why = find_reason(s, now);
+    if (w->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) w->stop = why;
+    if (w->stop == SETTLEMENT_NOT_STOPPED) return;
+    if (s->phase == SLOT_RUNNING) {
+        log_write(LOG_LEVEL_INFO, "attempt stop requested job=%s attempt=%d", w->claimed.job.id,
+                  w->claimed.task.attempt);
+        s->context->engine->cancel(w->attempt, false);
+        w->force_ms = now + (int64_t)(s->context->grace_s * 1000);
+        enter(s, SLOT_STOPPING);
+    }
+    if (!w->forced && (now >= w->force_ms || s->context->forcing)) {
+        s->context->engine->cancel(w->attempt, true);
+        w->forced = true;
+    }
+}
+
+/* The step in the phases RUNNING and STOPPING. */
+static unsigned step_running(slot *s)
+{
+    work *w = &s->w;
+    const engine *runs = s->context->engine;
+    const char *progress;
+    bool ended = runs->poll(w->attempt, &progress);
+    if (progress) keep_progress(s, progress);
+    if (!ended && s->phase == SLOT_RUNNING && s->context->draining && runs->leave) {
+        log_write(LOG_LEVEL_INFO, "attempt continues job=%s attempt=%d", w->claimed.job.id,
+                  w->claimed.task.attempt);
+        runs->leave(w->attempt);
+        w->attempt = NULL;
+        return release(s);
+    }
+    if (!ended) {
+        stop_if_due(s);
+        return SLOT_NO_NEWS;
+    }
+    int64_t began = began_ms(s);
+    runs->settle(w->attempt, &w->ending);
+    w->ran_ms = w->ending.ran_ms ? w->ending.ran_ms : began == INT64_MAX ? 0 : clock_monotonic_ms() - began;
+    w->attempt = NULL;
+    w->has_ended = true;
+    enter(s, SLOT_DECIDING);
+    return SLOT_NO_NEWS;
+}
+
+/* ---- deciding, publishing, settling */
+
+/* Describes the inputs of the result, so that other jobs may reuse it. */
+static void describe_for_cache(slot *s)
+{
+    work *w = &s->w;
+    if (w->settlement.decision != SETTLEMENT_SUCCEED || !is_cacheable(s)) return;
+    w->cache_inputs = cache_describe_inputs(s->context->roots, w->directory, w->started_wall_ms);
+    if (!w->cache_inputs) return;
+    w->settlement.cache_key = w->claimed.cache_key;
+    w->settlement.cache_inputs = w->cache_inputs;
+}
+
+static unsigned step_deciding(slot *s)
+{
+    work *w = &s->w;
+    error e = {0};
+    if (!queue_has_place(s->context->place->q, &e)) {
+        w->was_lost = true;
+        return try_later(s, e.message);
+    }
+    settlement_decide(&w->claimed, w->stop,
+                      w->stop == SETTLEMENT_STALLED ? w->limit.stall_s : w->limit.timeout_s, &w->ending,
+                      w->directory, &w->settlement);
+    w->settlement.ran_ms = w->ran_ms;
+    if (w->settlement.decision == SETTLEMENT_UNDECIDED) return try_later(s, w->settlement.message);
+    if (w->was_lost) settlement_excuse_loss(&w->settlement);
+    describe_for_cache(s);
+    publish_or_settle(s);
+    return SLOT_NO_NEWS;
+}
+
+static void step_publishing(slot *s)
+{
+    work *w = &s->w;
+    error e = {0};
+    if (!publication_has_ended(w->publication)) return;
+    if (!publication_end(w->publication, &e)) settlement_decide_unpublished(&e, &w->settlement);
+    w->publication = NULL;
+    w->settlement.copied = w->copied = publication_temporary(w->directory);
+    enter(s, SLOT_SETTLING);
+}
+
+static unsigned step_settling(slot *s)
+{
+    work *w = &s->w;
+    error e = {0};
+    const bool unwritten = w->settlement.decision == SETTLEMENT_RETRY_STORAGE;
+    if (settlement_apply(s->context->place, &w->claimed, &w->settlement, w->has_ended ? &w->ending : NULL,
+                         &e))
+        return release(s) | (unwritten ? SLOT_NOT_WRITTEN : SLOT_NO_NEWS);
+    return try_later(s, e.message);
+}
+
+/* ---- the machine */
+
+static unsigned step_once(slot *s)
+{
+    switch (s->phase) {
+    case SLOT_FREE:
+        break;
+    case SLOT_STARTING:
+        return step_starting(s);
+    case SLOT_RUNNING:
+    case SLOT_STOPPING:
+        return step_running(s);
+    case SLOT_DECIDING:
+        return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_deciding(s);
+    case SLOT_PUBLISHING:
+        step_publishing(s);
+        break;
+    case SLOT_SETTLING:
+        return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_settling(s);
+    }
+    return SLOT_NO_NEWS;
+}
+
+/* Performs steps until the phase is unchanged. A worker that was just started or signalled to end has no output yet,
+ * so the loop also ends at these phases; the next step follows when there is output. */
+unsigned slot_step(slot *s)
+{
+    unsigned news = SLOT_NO_NEWS;
+    slot_phase before;
+    do {
+        before = s->phase;
+        news |= step_once(s);
+    } while (s->phase != before && s->phase != SLOT_FREE && s->phase != SLOT_RUNNING &&
+             s->phase != SLOT_STOPPING);
+    return news;
+}
+
+int64_t slot_due(const slot *s)
+{
+    const slot_context *x = s->context;
+    const work *w = &s->w;
+    int64_t due;
+    switch (s->phase) {
+    case SLOT_STARTING:
+        return 0;
+    case SLOT_RUNNING:
+        due = least(timeout_ms(s), stall_ms(s));
+        return x->draining ? least(due, x->drain_ms) : due;
+    case SLOT_STOPPING:
+        return w->forced ? INT64_MAX : w->force_ms;
+    case SLOT_DECIDING:
+    case SLOT_SETTLING:
+        return w->retry_ms;
+    case SLOT_FREE:
+    case SLOT_PUBLISHING: /* it writes to wake_fd at its end */
+        break;
+    }
+    return INT64_MAX;
+}
+
+size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS])
+{
+    return s->w.attempt ? s->context->engine->watch(s->w.attempt, fds) : 0;
+}
+
+/* ---- any thread */
+
+/* Under the mutex. */
+static bool holds(const slot *s, const char *id)
+{
+    return s->phase != SLOT_FREE && strcmp(s->w.claimed.job.id, id) == 0;
+}
+
+void slot_cancel(slot *s, const char *id)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.cancel_wanted = true;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_pause(slot *s, const char *id, bool paused)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.pause_wanted = paused;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_move(slot *s, const char *id, int priority)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.move_wanted = s->w.claimed.job.priority != priority;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+char *slot_progress(slot *s, const char *id)
+{
+    char *progress = NULL;
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id) && s->w.progress) progress = mem_strdup(s->w.progress);
+    pthread_mutex_unlock(&s->mutex);
+    return progress;
+}
+
+slot_usage slot_get_usage(slot *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    slot_usage usage = {
+        .attempts = s->phase != SLOT_FREE, .threads = s->w.threads, .memory_mb = s->w.memory_mb};
+    pthread_mutex_unlock(&s->mutex);
+    return usage;
+}

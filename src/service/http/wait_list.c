@@ -1,0 +1,146 @@
+#include "service/http/wait_list.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <microhttpd.h>
+
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/memory.h"
+
+#define TOPIC_SIZE 32
+/* Maximum delay, in ms, of resuming a connection after its deadline. */
+#define TICK_MS 250
+
+typedef struct waiter {
+    loop *served_by;
+    struct MHD_Connection *connection;
+    char topic[TOPIC_SIZE];
+    int64_t until_ms;
+    struct waiter *next;
+} waiter;
+
+struct wait_list {
+    pthread_t thread;
+    pthread_mutex_t mutex;
+    pthread_cond_t changed; /* monotonic clock */
+    waiter *first;
+    uint64_t happened;
+    bool dismissed;
+};
+
+static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
+{
+    if (!*w->topic) return count > 0;
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(w->topic, topics[i]) == 0) return true;
+    return false;
+}
+
+/* The caller holds the mutex. A waiter leaves the list before its connection is resumed, since the connection may
+ * wait again at once. */
+static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
+{
+    int64_t now = clock_monotonic_ms();
+    for (waiter **at = &l->first; *at;) {
+        waiter *w = *at;
+        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) {
+            at = &w->next;
+            continue;
+        }
+        *at = w->next;
+        loop_resume(w->served_by, w->connection);
+        free(w);
+    }
+}
+
+static void *resume_overdue(void *argument)
+{
+    wait_list *l = argument;
+    pthread_mutex_lock(&l->mutex);
+    while (!l->dismissed) {
+        if (l->first)
+            background_wait_until(&l->changed, &l->mutex, clock_monotonic_ms() + TICK_MS);
+        else
+            pthread_cond_wait(&l->changed, &l->mutex);
+        resume_waiters(l, NULL, 0);
+    }
+    pthread_mutex_unlock(&l->mutex);
+    return NULL;
+}
+
+wait_list *wait_list_open(error *e)
+{
+    wait_list *l = mem_alloc(sizeof *l);
+    background_init_condition(&l->changed);
+    pthread_mutex_init(&l->mutex, NULL);
+    if (background_start(&l->thread, resume_overdue, l, "the server", e)) return l;
+    pthread_cond_destroy(&l->changed);
+    pthread_mutex_destroy(&l->mutex);
+    free(l);
+    return NULL;
+}
+
+void wait_list_dismiss(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    l->dismissed = true;
+    resume_waiters(l, NULL, 0);
+    pthread_cond_broadcast(&l->changed);
+    pthread_mutex_unlock(&l->mutex);
+}
+
+void wait_list_close(wait_list *l)
+{
+    if (!l) return;
+    wait_list_dismiss(l);
+    pthread_join(l->thread, NULL);
+    pthread_cond_destroy(&l->changed);
+    pthread_mutex_destroy(&l->mutex);
+    free(l);
+}
+
+bool wait_list_is_dismissed(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    bool dismissed = l->dismissed;
+    pthread_mutex_unlock(&l->mutex);
+    return dismissed;
+}
+
+uint64_t wait_list_seen(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    uint64_t happened = l->happened;
+    pthread_mutex_unlock(&l->mutex);
+    return happened;
+}
+
+bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                   const char *topic, int64_t until_ms)
+{
+    pthread_mutex_lock(&l->mutex);
+    bool stays = !l->dismissed && seen == l->happened;
+    if (stays) {
+        waiter *w = mem_alloc(sizeof *w);
+        w->served_by = served_by;
+        w->connection = connection;
+        w->until_ms = until_ms;
+        strncpy(w->topic, topic, sizeof w->topic - 1);
+        w->next = l->first;
+        l->first = w;
+        if (!w->next) pthread_cond_broadcast(&l->changed);
+    }
+    pthread_mutex_unlock(&l->mutex);
+    return stays;
+}
+
+void wait_list_wake(wait_list *l, const char *const *topics, size_t count)
+{
+    pthread_mutex_lock(&l->mutex);
+    l->happened++;
+    resume_waiters(l, topics, count);
+    pthread_mutex_unlock(&l->mutex);
+}

@@ -1,0 +1,75 @@
+/* job_state: the variable part of a job: the numbers of its tasks by state, its commands, and the state that follows
+ * from both.
+ *
+ * Private to src/service/queue. Call every function inside a change (service/database/database). To change tasks: load the job state,
+ * adjust its counts, save it. Saving, and nothing else, updates everything that depends on it: the state, times and
+ * events of the job, the counts of its owner, and the jobs that depend on this one.
+ */
+#ifndef HEXAD_SERVICE_QUEUE_JOB_STATE_H
+#define HEXAD_SERVICE_QUEUE_JOB_STATE_H
+
+#include "service/database/database.h"
+#include "service/queue/queue.h"
+
+typedef struct job_state {
+    int64_t seq, revision;
+    queue_state state; /* as stored; job_state_save updates it */
+    bool array, ordered, paused, cancelled;
+    int pending; /* number of jobs that this one waits for */
+    int tasks, ready, delayed, running, succeeded, failed, cancelled_tasks, timed_out, unresolved,
+        not_converged;
+    int attempts;
+    int64_t started_ms, finished_ms, retention_s;
+    int chunk;       /* tasks of a chunk (service/queue/chunks); 1: there are no chunks */
+    int held;        /* ready tasks that wait for frames of other jobs (service/queue/frame_needs) */
+    bool first_held; /* set by job_state_save: in an ordered job the first queued task is held */
+    int ended;       /* the frame that has ended since the job state was loaded, see job_state_note_ended */
+} job_state;
+
+/* No task of a frame has ended; several have. */
+#define JOB_STATE_NONE_ENDED QUEUE_NO_FRAME
+#define JOB_STATE_ALL_ENDED (QUEUE_NO_FRAME + 1)
+
+/* *found is false if there is no such job. */
+bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e);
+/* The job must exist. */
+bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
+
+/* The state that follows from the counts and flags. */
+queue_state job_state_derive(const job_state *j);
+
+/* Records that the task of this frame has ended (JOB_STATE_ALL_ENDED: several tasks), for tasks of other jobs that
+ * wait for it. */
+void job_state_note_ended(job_state *j, int frame);
+
+/* Counts the outcome of a task that succeeded. */
+void job_state_count_outcome(job_state *j, queue_outcome outcome);
+
+/* Adds the first event of a job whose row was just inserted, and adds the job to the counts of its owner. */
+bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);
+
+/* Stores the job state with the next revision. `before`: the job state as it was loaded. */
+bool job_state_save(database *d, const job_state *before, job_state *j, int64_t now, error *e);
+
+/* Ends all waiting tasks in the final state `state`. `code` and `message` give the reason and may be NULL. */
+bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
+                           const char *message, int64_t now, error *e);
+
+/* Counts the jobs for which this one still waits. *lost: one of them had to succeed, and has ended without success or
+ * with an outcome that it does not accept. */
+bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
+
+/* Fails all waiting tasks, because this job, which depends on the job with the seq `need`, will not start. */
+bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t now, error *e);
+
+/* Adds an event. `frame` may be QUEUE_NO_FRAME; `attempt` is 0 if the event belongs to no attempt. */
+bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,
+                         queue_outcome outcome, int frame, int attempt, int64_t now, error *e);
+
+/* Records that the directories of all tasks have to be removed. Call it in the transaction that deletes the job. */
+bool job_state_note_removals(database *d, const job_state *j, error *e);
+
+/* The counter of tasks that ended in the state `final`. */
+int *job_state_counter(job_state *j, queue_state final);
+
+#endif

@@ -1,0 +1,60 @@
+/* Running periods of the daemon, and waits after the wall clock was set back. */
+#include "base/core/clock.h"
+#include "service/queue/members.h"
+
+bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t *count, error *e)
+{
+    static const char sql[] = "SELECT from_ms, length_ms FROM running ORDER BY number";
+    size_t used = 0;
+    bool ok = false;
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e))
+        if (used < RUNNING_PERIODS_MOST)
+            periods[used++] = (running_period){sqlite3_column_int64(s, 0), sqlite3_column_int64(s, 1)};
+    database_end_read(d);
+    if (ok) *count = used;
+    return ok;
+}
+
+typedef struct storing {
+    change change;
+    running_period period[RUNNING_PERIODS_MOST];
+    size_t count;
+} storing;
+
+static bool store(database *d, change *asked)
+{
+    static const char forget[] = "DELETE FROM running";
+    const storing *s = (storing *)asked;
+    error *e = &asked->fault;
+    bool ok = database_run(d, forget, NULL, 0, e);
+    for (size_t i = 0; ok && i < s->count; i++)
+        ok = RUN(d, e, "INSERT INTO running (number, from_ms, length_ms) VALUES (?1, ?2, ?3)",
+                 integer((int64_t)i), integer(s->period[i].from_ms), integer(s->period[i].length_ms));
+    return ok;
+}
+
+bool queue_store_running(queue *q, error *e)
+{
+    storing s = {.change.apply = store};
+    s.count = running_time_list(q->running, s.period);
+    return database_change(q->database, &s.change, e);
+}
+
+static bool shorten(database *d, change *asked)
+{
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms();
+    return RUN(d, e,
+               "UPDATE task SET not_before_ms = ?1 + wait_ms"
+               " WHERE state = 'delayed' AND not_before_ms > ?1 + wait_ms",
+               integer(now)) &&
+           RUN(d, e, "UPDATE outbox SET due_ms = ?1 + wait_ms WHERE due_ms > ?1 + wait_ms", integer(now));
+}
+
+bool queue_shorten_waits(queue *q, error *e)
+{
+    change c = {.apply = shorten};
+    return database_change(q->database, &c, e);
+}

@@ -1,0 +1,23 @@
+/* redelivery: copies results of ended jobs to output.directory again.
+ *
+ * Several threads process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of
+ * one user are delivered one after another, so a file system that does not respond delays only jobs of users who
+ * write to it.
+ */
+#ifndef HEXAD_SERVICE_RESULTS_REDELIVERY_H
+#define HEXAD_SERVICE_RESULTS_REDELIVERY_H
+
+#include "service/results/output_place.h"
+
+typedef struct redelivery redelivery;
+
+/* Starts the threads. The queue and the place must outlive it; the path is copied. NULL on failure. Errors: those of
+ * background_start. */
+redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e);
+/* Waits for the copies in progress and frees. Accepts NULL. */
+void redelivery_stop(redelivery *r);
+
+/* Call it after a job was marked in the queue. Any thread. */
+void redelivery_wake(redelivery *r);
+
+#endif

@@ -1,0 +1,498 @@
+#include "service/slurm/slurm.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/core/background.h"
+#include "base/core/clock.h"
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/json/json.h"
+#include "service/slurm/place.h"
+#include "files/file.h"
+
+/* Interval, in ms, between two inspections of the files of the attempts. */
+#define LOOK_MS 500
+/* A larger nice value means a lower priority in Slurm. Priorities of hexad rise from -1000 to 1000. */
+#define HIGHEST_PRIORITY 1000
+/* Added to the remaining time of an attempt, so that the worker ends by itself before Slurm ends it. */
+#define MORE_TIME_S 60
+
+/* ---- batches */
+
+slurm_batch *slurm_batch_find(slurm *s, const char *name)
+{
+    slurm_batch *b = s->batches;
+    while (b && strcmp(b->name, name) != 0) b = b->next;
+    return b;
+}
+
+slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
+{
+    slurm_batch *b = mem_alloc(sizeof *b);
+    b->name = mem_strdup(name);
+    b->shared = shared;
+    b->next = s->batches;
+    s->batches = b;
+    return b;
+}
+
+slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number)
+{
+    if (number >= b->task_count) b->tasks = mem_resize(b->tasks, (number + 1) * sizeof *b->tasks);
+    for (; b->task_count <= number; b->task_count++)
+        b->tasks[b->task_count] = (slurm_task){.listing = s->listing, .seen_ms = clock_monotonic_ms()};
+    return &b->tasks[number];
+}
+
+void slurm_batch_release(slurm *s, slurm_batch *b)
+{
+    if (--b->users) return;
+    slurm_batch **link = &s->batches;
+    while (*link != b) link = &(*link)->next;
+    *link = b->next;
+    free(b->name);
+    free(b->list);
+    free(b->tasks);
+    free(b);
+}
+
+/* Adds `change` to the counts of the batch's attempts to run, if the attempt is one of them. */
+static void count(const engine_attempt *a, size_t change)
+{
+    slurm_batch *b = a->batch;
+    if (!b || a->cancelled) return;
+    bool open = b->shared && !a->taken;
+    *(open ? &b->open : &b->tasks[a->task].wanted) += change;
+    b->wanted += change;
+    if (open) a->place->open += change;
+}
+
+void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task)
+{
+    slurm_batch_task(a->place, b, task);
+    b->users++;
+    a->batch = b;
+    a->task = task;
+    a->taken = a->late = false;
+    count(a, 1);
+}
+
+void slurm_take(engine_attempt *a, const attempt_files_batch *by)
+{
+    slurm *s = a->place;
+    slurm_batch *own = a->batch, *b = slurm_batch_find(s, by->name);
+    if (!b) b = slurm_batch_new(s, by->name, true);
+    own->users++;
+    slurm_leave(a);
+    slurm_enter(a, b, (size_t)by->task);
+    count(a, (size_t)-1);
+    a->taken = true;
+    a->late = by->number > 0;
+    count(a, 1);
+    if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
+    slurm_batch_release(s, own);
+}
+
+void slurm_forsake(engine_attempt *a)
+{
+    count(a, (size_t)-1); /* no effect if it was cancelled before */
+    a->cancelled = true;
+}
+
+void slurm_leave(engine_attempt *a)
+{
+    if (!a->batch) return;
+    count(a, (size_t)-1);
+    slurm_batch_release(a->place, a->batch);
+    a->batch = NULL;
+}
+
+void slurm_list_soon(slurm *s)
+{
+    s->list_due_ms = 0;
+    s->news = true;
+    pthread_cond_signal(&s->commands_due);
+}
+
+/* ---- attempts */
+
+static const char *find_account(const slurm_settings *settings, const char *owner)
+{
+    const char *otherwise = NULL;
+    for (size_t i = 0; i < settings->account_count; i++) {
+        const char *row = settings->accounts[i], *equals = strchr(row, '=');
+        size_t length = (size_t)(equals - row);
+        if (owner && strlen(owner) == length && strncmp(owner, row, length) == 0) return equals + 1;
+        if (length == 1 && *row == '*') otherwise = equals + 1;
+    }
+    return otherwise;
+}
+
+static char *add_need(char *needs, const char *option)
+{
+    char *more = mem_printf("%s\n%s", needs, option);
+    free(needs);
+    return more;
+}
+
+/* The options of the Slurm job. sbatch uses the last of repeated options, so those of the spec take precedence.
+ * `root`: the root of the spec. */
+static char *describe_needs(const slurm_settings *settings, const engine_request *r, const json_at *root)
+{
+    const char *account = find_account(settings, r->owner);
+    char *needs =
+        mem_printf("--cpus-per-task=%d\n--mem=%lld\n--nice=%d%s%s", r->threads, (long long)r->memory_mb,
+                   HIGHEST_PRIORITY - r->priority, account ? "\n--account=" : "", account ? account : "");
+    for (size_t i = 0; i < settings->option_count; i++) needs = add_need(needs, settings->options[i]);
+    json_at part = json_member(root, "queue"), own = json_member(&part, "slurm");
+    for (json_at option = json_first(&own); option.node; option = json_next(&option))
+        needs = add_need(needs, json_string(option, ""));
+    return needs;
+}
+
+static bool is_small(const slurm_settings *settings, const json_at *root)
+{
+    json_at sampling = json_member(root, "sampling");
+    double count = json_number(json_member(&sampling, "count"), 0);
+    return count > 0 && count <= (double)settings->small_count;
+}
+
+static engine_attempt *make(slurm *s, const engine_request *r)
+{
+    engine_attempt *a = mem_alloc(sizeof *a);
+    json *document = json_parse(r->spec, strlen(r->spec), NULL);
+    json_at root = json_root(document);
+    a->place = s;
+    a->name = mem_strdup(strrchr(r->directory, '/') + 1);
+    a->directory = mem_printf("%s/%s", s->farm, a->name);
+    a->out = mem_strdup(r->directory);
+    a->needs = describe_needs(&s->settings, r, &root);
+    a->timeout_s = r->timeout_s > 0 ? r->timeout_s + MORE_TIME_S : 0;
+    a->chunk = r->chunk;
+    a->small = r->chunk < 0 && is_small(&s->settings, &root);
+    a->began_ms = INT64_MAX;
+    a->ending = (engine_ending){.exit_status = -1, .signal = -1};
+    json_free(document);
+    return a;
+}
+
+static void attempt_free(engine_attempt *a)
+{
+    free(a->name);
+    free(a->directory);
+    free(a->out);
+    free(a->needs);
+    free(a->fresh);
+    free(a->newest);
+    free(a->ending.last_words);
+    free(a);
+}
+
+/* Passes the attempt to the threads. `batch`: it may have been submitted already; NULL: it has not. */
+static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const attempt_files_batch *batch)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (!s->prefix) s->prefix = mem_printf("hexad-%s-", r->instance);
+    s->wake_fd = r->wake_fd;
+    if (batch) {
+        slurm_batch *b = slurm_batch_find(s, batch->name);
+        if (!b) b = slurm_batch_new(s, batch->name, batch->number);
+        slurm_enter(a, b, (size_t)batch->task);
+    }
+    *s->last = a;
+    s->last = &a->next;
+    s->attempt_count++;
+    a->since_ms = s->newest_ms = clock_monotonic_ms();
+    s->more = r->more;
+    s->news = true;
+    pthread_cond_signal(&s->commands_due);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+static engine_attempt *start(void *place, const engine_request *request, error *e)
+{
+    slurm *s = place;
+    engine_attempt *a = make(s, request);
+    /* files of an attempt with this number that is missing in a restored database */
+    store_remove(a->directory, NULL);
+    if (attempt_files_begin(a->directory, request, e)) {
+        take_up(s, a, request, NULL);
+        return a;
+    }
+    attempt_free(a);
+    return NULL;
+}
+
+static bool runs_on(void *place, const char *directory)
+{
+    slurm *s = place;
+    char *files = mem_printf("%s/%s", s->farm, strrchr(directory, '/') + 1);
+    bool found = attempt_files_exist(files);
+    free(files);
+    return found;
+}
+
+/* Submits an attempt that had not been submitted. Searches Slurm's queue for an attempt that may have been. */
+static engine_attempt *resume(void *place, const engine_request *request, error *e)
+{
+    (void)e;
+    attempt_files_batch batch = {0};
+    engine_attempt *a = make(place, request);
+    a->resumed = true;
+    take_up(place, a, request, attempt_files_read_batch(a->directory, &batch) ? &batch : NULL);
+    return a;
+}
+
+/* Does not free the attempt, since the files thread may use it. slurm_close frees it. */
+static void leave(engine_attempt *a)
+{
+    slurm *s = a->place;
+    pthread_mutex_lock(&s->mutex);
+    a->left = true;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* Takes over `directory`. The caller holds the mutex. */
+static void put_trash(slurm *s, char *directory)
+{
+    s->trash = mem_resize(s->trash, (s->trash_count + 1) * sizeof *s->trash);
+    s->trash[s->trash_count++] = directory;
+}
+
+/* The caller holds the mutex. */
+static bool has_attempt(const slurm *s, const char *name)
+{
+    const engine_attempt *a = s->first;
+    while (a && strcmp(a->name, name) != 0) a = a->next;
+    return a;
+}
+
+static void sweep(void *place)
+{
+    slurm *s = place;
+    DIR *farm = opendir(s->farm);
+    if (!farm) return;
+    pthread_mutex_lock(&s->mutex);
+    for (const struct dirent *d; (d = readdir(farm));)
+        if (strcmp(d->d_name, ".") != 0 && strcmp(d->d_name, "..") != 0 && !has_attempt(s, d->d_name))
+            put_trash(s, mem_printf("%s/%s", s->farm, d->d_name));
+    pthread_mutex_unlock(&s->mutex);
+    closedir(farm);
+}
+
+static int64_t began_ms(const engine_attempt *a)
+{
+    pthread_mutex_lock(&a->place->mutex);
+    int64_t began = a->began_ms;
+    pthread_mutex_unlock(&a->place->mutex);
+    return began;
+}
+
+static const char *identify(const engine_attempt *a)
+{
+    return a->name;
+}
+
+static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
+{
+    (void)a;
+    (void)fds;
+    return 0;
+}
+
+static bool poll_attempt(engine_attempt *a, const char **progress)
+{
+    pthread_mutex_lock(&a->place->mutex);
+    bool ended = a->ended;
+    *progress = a->fresh;
+    if (a->fresh) {
+        free(a->newest);
+        a->newest = a->fresh;
+        a->fresh = NULL;
+    }
+    pthread_mutex_unlock(&a->place->mutex);
+    return ended;
+}
+
+static void cancel(engine_attempt *a, bool force)
+{
+    slurm *s = a->place;
+    pthread_mutex_lock(&s->mutex);
+    slurm_forsake(a);
+    a->forced |= force;
+    slurm_list_soon(s);
+    pthread_cond_signal(&s->files_due);
+    pthread_mutex_unlock(&s->mutex);
+}
+
+static void settle(engine_attempt *a, engine_ending *ending)
+{
+    slurm *s = a->place;
+    error e = {0};
+    *ending = a->ending;
+    a->ending.last_words = NULL;
+    if (a->began_ms != INT64_MAX && !a->resumed) ending->waited_ms = a->began_ms - a->since_ms;
+    if (!ending->last_words) ending->last_words = mem_strdup("");
+    if (!ending->loss && !attempt_files_deliver(a->directory, a->out, &e)) {
+        ending->loss = ENGINE_INTERRUPTED;
+        snprintf(ending->why, sizeof ending->why, "%.250s", e.message);
+    }
+    pthread_mutex_lock(&s->mutex);
+    engine_attempt **link = &s->first;
+    while (*link != a) link = &(*link)->next;
+    *link = a->next;
+    if (s->last == &a->next) s->last = link;
+    s->attempt_count--;
+    s->quiet = 0;
+    put_trash(s, mem_strdup(a->directory));
+    pthread_mutex_unlock(&s->mutex);
+    attempt_free(a);
+}
+
+const engine engine_slurm = {"slurm",  start,    resume, runs_on,      leave,  sweep,
+                             began_ms, identify, watch,  poll_attempt, cancel, settle};
+
+/* ---- the threads */
+
+static void *run_commands(void *argument)
+{
+    slurm *s = argument;
+    pthread_setname_np(pthread_self(), "slurm");
+    pthread_mutex_lock(&s->mutex);
+    while (!s->closing) {
+        pthread_mutex_unlock(&s->mutex);
+        int64_t due_ms = slurm_submit(s);
+        pthread_mutex_lock(&s->mutex);
+        bool list = s->prefix && s->quiet < 3 && clock_monotonic_ms() >= s->list_due_ms;
+        if (list) {
+            pthread_mutex_unlock(&s->mutex);
+            slurm_list(s);
+            pthread_mutex_lock(&s->mutex);
+        }
+        if (s->prefix && s->quiet < 3 && s->list_due_ms < due_ms) due_ms = s->list_due_ms;
+        bool news = s->news;
+        s->news = false;
+        if (s->closing || news) continue;
+        if (due_ms == INT64_MAX)
+            pthread_cond_wait(&s->commands_due, &s->mutex);
+        else
+            background_wait_until(&s->commands_due, &s->mutex, due_ms);
+    }
+    pthread_mutex_unlock(&s->mutex);
+    return NULL;
+}
+
+/* Removes the files of an attempt after renaming their directory. Nodes find attempts by their names; if the claim
+ * were removed first, a node could claim the attempt again. */
+static bool remove_files(const slurm *s, const char *directory, error *e)
+{
+    char *aside = mem_printf("%s/.old-%s", s->farm, strrchr(directory, '/') + 1);
+    bool moved = rename(directory, aside) == 0;
+    bool ok = store_remove(moved ? aside : directory, e);
+    free(aside);
+    return ok;
+}
+
+static void empty_trash(slurm *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    char **trash = s->trash;
+    size_t count = s->trash_count;
+    s->trash = NULL;
+    s->trash_count = 0;
+    pthread_mutex_unlock(&s->mutex);
+    for (size_t i = 0; i < count; i++) {
+        error e = {0};
+        /* an orphaned worker may write there; the next start of hexad removes the rest */
+        if (!remove_files(s, trash[i], &e))
+            log_write(LOG_LEVEL_WARNING, "cannot remove the files of an attempt: %s", e.message);
+        free(trash[i]);
+    }
+    free(trash);
+}
+
+static void *run_files(void *argument)
+{
+    slurm *s = argument;
+    pthread_setname_np(pthread_self(), "slurm-files");
+    pthread_mutex_lock(&s->mutex);
+    while (!s->closing) {
+        pthread_mutex_unlock(&s->mutex);
+        slurm_inspect(s);
+        empty_trash(s);
+        pthread_mutex_lock(&s->mutex);
+        if (!s->closing) background_wait_until(&s->files_due, &s->mutex, clock_monotonic_ms() + LOOK_MS);
+    }
+    pthread_mutex_unlock(&s->mutex);
+    empty_trash(s);
+    return NULL;
+}
+
+static bool check_accounts(const slurm_settings *settings, error *e)
+{
+    for (size_t i = 0; i < settings->account_count; i++) {
+        const char *equals = strchr(settings->accounts[i], '=');
+        if (!equals || equals == settings->accounts[i] || !equals[1])
+            return error_set(e, ERROR_SPEC_INVALID, "slurm_accounts: must be user=account (given %s)",
+                             settings->accounts[i]);
+    }
+    return true;
+}
+
+static void place_free(slurm *s)
+{
+    pthread_mutex_destroy(&s->mutex);
+    pthread_cond_destroy(&s->commands_due);
+    pthread_cond_destroy(&s->files_due);
+    for (engine_attempt *a = s->first, *next; a; a = next) { /* attempts that were left */
+        next = a->next;
+        slurm_leave(a);
+        attempt_free(a);
+    }
+    attempt_files_clear_names(&s->strays);
+    free(s->farm);
+    free(s->prefix);
+    free(s);
+}
+
+static void end_thread(slurm *s, pthread_t thread)
+{
+    pthread_mutex_lock(&s->mutex);
+    s->closing = true;
+    pthread_cond_signal(&s->commands_due);
+    pthread_cond_signal(&s->files_due);
+    pthread_mutex_unlock(&s->mutex);
+    pthread_join(thread, NULL);
+}
+
+slurm *slurm_open(const slurm_settings *settings, error *e)
+{
+    if (!check_accounts(settings, e)) return NULL;
+    slurm *s = mem_alloc(sizeof *s);
+    s->settings = *settings;
+    s->farm = mem_printf("%s/" ATTEMPT_FILES_FARM, settings->work_dir);
+    s->last = &s->first;
+    s->wake_fd = -1;
+    s->serial = (uint64_t)clock_wall_ms();
+    pthread_mutex_init(&s->mutex, NULL);
+    background_init_condition(&s->commands_due);
+    background_init_condition(&s->files_due);
+    bool ok = store_directory_create(s->farm, e) &&
+              background_start(&s->commands, run_commands, s, "the commands of Slurm", e);
+    if (ok && background_start(&s->files, run_files, s, "the files of the farm", e)) return s;
+    if (ok) end_thread(s, s->commands);
+    place_free(s);
+    return NULL;
+}
+
+void slurm_close(slurm *s)
+{
+    if (!s) return;
+    end_thread(s, s->commands);
+    end_thread(s, s->files);
+    place_free(s);
+}
