@@ -135,7 +135,7 @@ def private_phrases(root):
     return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
 
 
-PRINTERS = ("src/client/", "src/inspect/page.c", "src/run/summary.c", "src/results/audit.c")  # print to streams that their callers choose
+PRINTERS = ("src/client/", "src/job/inspect/page.c", "src/job/phases/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
 PLAIN_PRINTERS = ("src/client/list_query.c",)  # writes URLs
 
 
@@ -157,15 +157,18 @@ def indexed_lists(root):
     for name in code_of(root, ("src",)):
         for number, line in enumerate((root / name).read_text().splitlines(), 1):
             access = re.search(r"json_element\(|cJSON_GetArrayItem\(|\b(?:for|while) \(.*json_size\(", line)
-            if access and not (name == "src/json/json.c" and "node, (int)index" in line):  # a step of a JSON Pointer
+            if access and not (name == "src/base/json/json.c" and "node, (int)index" in line):  # a step of a JSON Pointer
                 faults.append(f"{name}:{number}: iterate with json_first and json_next")
     return faults
+
+
+ROUTES = "src/service/api/routes.c"
 
 
 def untimed_calls(root):
     """Rows of the table of routes that do not say where their handler runs, and rows whose calls in the serving thread are not
     those of the table of times in doc/measured/isolation.md."""
-    table, page = root / "src/api/routes.c", root / "doc/measured/isolation.md"
+    table, page = root / ROUTES, root / "doc/measured/isolation.md"
     if not table.exists():
         return []
     try:
@@ -189,6 +192,11 @@ def test_the_tree(source, check):
         pytest.skip(f"{CLANG_FORMAT} is not installed")
     found = check(source)
     assert not found, f"{len(found)} faults:\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize("name", [*PRINTERS, *PLAIN_PRINTERS, ROUTES])
+def test_a_file_that_a_check_names_is_in_the_tree(source, name):
+    assert (source / name).exists()
 
 
 # ---- what each check would catch
@@ -229,8 +237,8 @@ FAULTS = [
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "ARCHITECTURE.md, Files: +| `new.h` | a new file |"),
-    (untimed_calls, "src/api/routes.c", '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
-    (untimed_calls, "src/api/routes.c", '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
+    (untimed_calls, ROUTES, '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
+    (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
     (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),
     (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
     (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),
