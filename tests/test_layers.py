@@ -1,15 +1,20 @@
-"""Which module of src may include which: the tables of ARCHITECTURE.md, compared with all include lines.
+"""Which layer and which module of src may include which: the tables of ARCHITECTURE.md, compared with all include lines.
 
-A module is a row of the table of modules: a folder of src, with the folders below it. It may include what its row names and what
-those rows name in turn. Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a
-small tree with one fault, where the list must name it.
+A layer is a folder of src. A module is a row of the table of modules: a folder with the folders below it. Layers and modules may
+include what their rows name and what those rows name in turn. The daemon shares with the worker only what SHARED names. Each
+check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree with one fault,
+where the list must name it.
 """
 import pathlib
 import re
 
 import pytest
 
+LAYERS = "| layer | holds | may use |"
 MODULES = "| module | holds | may use |"
+DAEMON = ("service/", "programs/hexad.c")  # the code that only daemon and client contain
+SHARED = ("base/", "geometry/", "files/", "spec/", "io/pictures/")
+DRAWN = "io/points/"  # shared as well, as far as pictures include it
 SUFFIXES = (".c", ".h", ".cc")
 
 
@@ -28,9 +33,9 @@ def names_of(cell):
     return [name.strip() for name in cell.split(",") if name.strip()]
 
 
-def uses_of(root):
-    """What each module's row names; "all": every module."""
-    rows = {row[0]: names_of(row[2]) for row in table(root, MODULES)}
+def uses_of(root, header=MODULES):
+    """What each row names; "all": every row."""
+    rows = {row[0]: names_of(row[2]) for row in table(root, header)}
     return {name: [m for m in rows if m != name] if uses == ["all"] else uses for name, uses in rows.items()}
 
 
@@ -92,7 +97,52 @@ def forbidden_includes(root):
     return faults
 
 
-CHECKS = [modules_without_a_row, rows_without_a_folder, circles_of_rows, forbidden_includes]
+def layers_out_of_order(root):
+    """Rows of layers that name a row below them: data pass the layers in the order of the table."""
+    rows = [(row[0], names_of(row[2])) for row in table(root, LAYERS)]
+    above = [{name for name, _ in rows[:k]} for k in range(len(rows))]
+    return [f"ARCHITECTURE.md: the layer {name} may use {other}, which is not above it"
+            for (name, uses), known in zip(rows, above) for other in uses if other not in known | {"all"}]
+
+
+def folders_without_a_layer(root):
+    layers = uses_of(root, LAYERS)
+    return [f"src/{name} is no layer of ARCHITECTURE.md" for name in sorted({path.split("/")[0] for path in files_of(root)})
+            if name not in layers]
+
+
+def includes_against_layers(root):
+    layers, faults = uses_of(root, LAYERS), []
+    allowed = {name: reached(name, layers) | {name} for name in layers}
+    for path in files_of(root):
+        here = path.split("/")[0]
+        faults += [f"src/{path}:{number}: the layer {here} may not use {other.split('/')[0]}" for number, other in includes_of(root, path)
+                   if here in allowed and other.split("/")[0] not in allowed[here]]
+    return faults
+
+
+def is_shared(path, includer):
+    return path.startswith(SHARED) or path.startswith(DRAWN) and includer.startswith(("io/pictures/", DRAWN))
+
+
+def code_that_the_daemon_shares(root):
+    """What the daemon's code includes, with the .c files of these headers, that is neither its own nor shared."""
+    files, faults = set(files_of(root)), []
+    left = [path for path in sorted(files) if path.startswith(DAEMON)]
+    seen = set(left)
+    while left:
+        path = left.pop()
+        for number, other in includes_of(root, path):
+            if not other.startswith(("service/", "client/", "programs/")) and not is_shared(other, path):
+                faults.append(f"src/{path}:{number}: the daemon may not contain {other}")
+                continue
+            beside = [name for name in (other, *(other.removesuffix(".h") + end for end in (".c", ".cc"))) if name in files - seen]
+            seen.update(beside)
+            left += beside
+    return faults
+
+
+CHECKS = [layers_out_of_order, folders_without_a_layer, includes_against_layers, code_that_the_daemon_shares, modules_without_a_row, rows_without_a_folder, circles_of_rows, forbidden_includes]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -103,15 +153,22 @@ def test_the_tree(source, check):
 
 # ---- what each check would catch
 
+MODULES_TABLE = (f"{MODULES}\n|---|---|---|\n| base/core | memory | |\n| base/json | values | base/core |\n| io/points | files | base/json |\n"
+                 "| io/pictures | pictures | io/points |\n| service/api | routes | io/pictures |\n| programs | mains | all |\n\n")
+
+
 @pytest.fixture
 def small(tmp_path):
-    """A tree of four modules in two layers, without a fault."""
+    """A tree of six modules in four layers, without a fault."""
     for name, text in {
-        "ARCHITECTURE.md": f"{MODULES}\n|---|---|---|\n| base/core | memory | |\n| base/json | values | base/core |\n"
-                           "| io | files | base/json |\n| programs | mains | all |\n\n",
+        "ARCHITECTURE.md": f"{LAYERS}\n|---|---|---|\n| base | memory | |\n| io | files | base |\n| service | jobs | io |\n"
+                           f"| programs | mains | all |\n\n{MODULES_TABLE}",
         "src/base/core/memory.h": "int size;\n",
         "src/base/json/json.c": '#include "base/core/memory.h"\n',
         "src/io/points/ply.c": '#include "base/core/memory.h"\n#include "config.h"\n',
+        "src/io/points/scene.h": "int scene;\n",
+        "src/io/pictures/chart.h": '#include "io/points/scene.h"\n',
+        "src/service/api/routes.c": '#include "io/pictures/chart.h"\n',
         "src/programs/main.c": '#include "io/points/ply.h"\n',
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -120,14 +177,22 @@ def small(tmp_path):
 
 
 FAULTS = [
+    (layers_out_of_order, "ARCHITECTURE.md", f"{LAYERS}\n|---|---|---|\n| base | memory | io |\n| io | files | |\n\n{MODULES_TABLE}",
+     "ARCHITECTURE.md: the layer base may use io, which is not above it"),
+    (folders_without_a_layer, "src/more/new.c", "int new;\n", "src/more is no layer of ARCHITECTURE.md"),
+    (includes_against_layers, "src/base/core/new.c", '#include "io/points/scene.h"\n', "src/base/core/new.c:1: the layer base may not use io"),
+    (code_that_the_daemon_shares, "src/service/api/new.c", '#include "io/points/ply.h"\n',
+     "src/service/api/new.c:1: the daemon may not contain io/points/ply.h"),
+    (code_that_the_daemon_shares, "src/io/pictures/chart.c", '#include "surface/new.h"\n',
+     "src/io/pictures/chart.c:1: the daemon may not contain surface/new.h"),
     (modules_without_a_row, "src/more/deep/new.c", "int new;\n", "src/more/deep is in no row of ARCHITECTURE.md"),
     (rows_without_a_folder, "ARCHITECTURE.md", f"{MODULES}\n|---|---|---|\n| gone | nothing | |\n", "ARCHITECTURE.md: there is no src/gone"),
     (circles_of_rows, "ARCHITECTURE.md", f"{MODULES}\n|---|---|---|\n| base/core | memory | io |\n| io | files | base/core |\n",
      "ARCHITECTURE.md: base/core may use itself through others"),
     (forbidden_includes, "src/base/core/memory.c", '#include "base/json/json.h"\n', "src/base/core/memory.c:1: base/core may not use base/json"),
     (forbidden_includes, "src/io/points/deep/npz.c", 'int a;\n# include "programs/main.h"\n',
-     "src/io/points/deep/npz.c:2: io may not use programs"),
-    (forbidden_includes, "src/io/new.c", '#include "gone/new.h"\n', "src/io/new.c:1: io may not use gone/new.h"),
+     "src/io/points/deep/npz.c:2: io/points may not use programs"),
+    (forbidden_includes, "src/io/points/new.c", '#include "gone/new.h"\n', "src/io/points/new.c:1: io/points may not use gone/new.h"),
 ]
 
 

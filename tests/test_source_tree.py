@@ -126,8 +126,8 @@ def lost_names(root):
 
 
 def index_differences(root):
-    """Rows of the section "Files" of ARCHITECTURE.md that differ from the first comments of the files."""
-    return [f"ARCHITECTURE.md, Files: {row} (tools/file_index.py writes it)" for row in file_index.differences(root)]
+    """Rows of doc/files.md that differ from the first comments of the files."""
+    return [f"{file_index.PAGE}: {row} (tools/file_index.py writes it)" for row in file_index.differences(root)]
 
 
 def private_phrases(root):
@@ -207,10 +207,10 @@ def small(source, tmp_path):
     for name, text in {
         "src/base/clock.c": "/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
         "tests/clock.h": "int one(void);\n",
-        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n" + file_index.BEGIN + "\n"
-                           "### src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
+        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
+        file_index.PAGE: file_index.BEGIN + "\n## src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
-        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
+        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
         "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
         "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
         "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
@@ -236,7 +236,7 @@ FAULTS = [
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
-    (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "ARCHITECTURE.md, Files: +| `new.h` | a new file |"),
+    (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
     (untimed_calls, ROUTES, '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
     (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
     (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),

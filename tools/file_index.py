@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the section "Files" of ARCHITECTURE.md: for each source file, what its first comment says it is.
+"""Writes the tables of doc/files.md: for each source file, what its first comment says it is.
 
     tools/file_index.py [--check]
 
@@ -12,6 +12,7 @@ import pathlib
 import re
 import sys
 
+PAGE = "doc/files.md"
 BEGIN, END = "<!-- files: written by tools/file_index.py -->", "<!-- end of files -->"
 FOLDERS = ("src", "page", "clients/python/hexad", "clients/typescript")
 SUFFIXES = (".h", ".c", ".cc", ".js", ".py")
@@ -52,14 +53,14 @@ def section(root):
     for folder in folders:
         table = list(rows(folder)) if not {"__pycache__", "node_modules"} & set(folder.parts) else []
         if table:
-            lines += ["", f"### {folder.relative_to(root)}", "", "| file | what it is |", "|---|---|"]
+            lines += ["", f"## {folder.relative_to(root)}", "", "| file | what it is |", "|---|---|"]
             lines += [f"| {names} | {text} |" for names, text in table]
     return "\n".join(lines) + "\n\n"
 
 
 def parts(root):
-    """ARCHITECTURE.md before, in and after the section, and the section as it must be."""
-    before, _, rest = (root / "ARCHITECTURE.md").read_text().partition(BEGIN)
+    """The page before, in and after the tables, and the tables as they must be."""
+    before, _, rest = (root / PAGE).read_text().partition(BEGIN)
     present, _, after = rest.partition(END)
     return before, present, after, "\n" + section(root)
 
@@ -80,7 +81,7 @@ def main():
         print("".join(line + "\n" for line in found), end="")
         return 1 if found else 0
     before, _, after, wanted = parts(root)
-    (root / "ARCHITECTURE.md").write_text(before + BEGIN + wanted + END + after)
+    (root / PAGE).write_text(before + BEGIN + wanted + END + after)
     return 0
 
 
