@@ -6,7 +6,7 @@
 #include "job/inspect/contents.h"
 #include "job/inspect/suggestion.h"
 #include "geometry/mesh/flat_triangles.h"
-#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "io/meshes/mesh_file.h"
 #include "job/phases/report.h"

@@ -53,9 +53,6 @@ typedef struct results_input {
     size_t sweep_count;
 } results_input;
 
-/* Hashes a verified file, appends it to `outputs`, and renames it to its final name. */
-bool results_commit(store_file *file, const char *name, json *outputs, error *e);
-
 /* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to `outputs`.
  * Errors: internal (a failure of the disk, or a file that does not read back as written), limit_memory, cancelled. */
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
