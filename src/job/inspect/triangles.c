@@ -9,7 +9,7 @@
 #include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "io/meshes/mesh_file.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 
 /* Edges at which an odd number of triangles meets; their box. */
 static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)

@@ -24,7 +24,7 @@
 #include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
 #include "job/phases/snapshot.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "files/file.h"
 #include "files/late_commit.h"
@@ -79,7 +79,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Measures the residuals of the positions, rounded to floats or not, over h. */
-static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
+static void measure_residuals(const results_input *in, bool as_float, threads *pool, report_outputs *out)
 {
     if (!in->field) return;
     const size_t chunks = in->set->count / GRAIN + 1;
@@ -349,7 +349,7 @@ static void renumber(triangulation *made, const uint32_t *place)
 }
 
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
-                       json *outputs, results_facts *out, error *e)
+                       json *outputs, report_outputs *out, error *e)
 {
     const points *set = in->set;
     const solver_patch_points *stands = &in->solved->patch_points;
@@ -501,11 +501,11 @@ static bool needs_color(const spec *s)
 }
 
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
-                   results_facts *out, error *e)
+                   report_outputs *out, error *e)
 {
     const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
+    report_outputs facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     measure_residuals(in, as_float, pool, &facts);
     const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > OUTCOME_RESIDUAL;
     if (is_coarse) {
