@@ -30,7 +30,7 @@
 #include "io/meshes/mesh_reader.h"
 #include "sampling/packing/energy.h"
 #include "job/phases/run.h"
-#include "job/phases/summary.h"
+#include "job/report/summary.h"
 #include "spec/attach_spec.h"
 #include "spec/schema.h"
 #include "spec/spec.h"

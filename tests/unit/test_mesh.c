@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "surface/levelset/fidelity.h"
 #include "surface/levelset/mesh_faces.h"
 #include "geometry/space/triangle.h"

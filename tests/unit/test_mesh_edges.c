@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include "mesh_fixture.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 
 static vec3 flat(double u, double v)

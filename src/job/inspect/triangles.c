@@ -6,10 +6,10 @@
 #include "job/inspect/contents.h"
 #include "job/inspect/suggestion.h"
 #include "geometry/mesh/flat_triangles.h"
-#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "io/meshes/mesh_file.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 
 /* Edges at which an odd number of triangles meets; their box. */
 static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)

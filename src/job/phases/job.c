@@ -16,7 +16,7 @@
 #include "job/phases/label_meshes.h"
 #include "job/phases/measured_surface.h"
 #include "job/phases/upright.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "job/phases/watchdog.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "job/source/mesh_projection.h"
@@ -149,6 +149,11 @@ bool job_load(job *j, error *e)
               attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */
     return ok;
+}
+
+report_timing job_timing(const job *j)
+{
+    return (report_timing){j->progress.start_ms, PROGRESS_PHASES, progress_phase_names, j->progress.phase_ms};
 }
 
 int64_t job_peak_memory(const job *j)

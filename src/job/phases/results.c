@@ -21,9 +21,10 @@
 #include "job/phases/label_meshes.h"
 #include "job/phases/layout.h"
 #include "job/phases/patch_meshes.h"
+#include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
 #include "job/phases/snapshot.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "files/file.h"
 #include "files/late_commit.h"
@@ -39,27 +40,6 @@ enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxel size of points.vdb, in spacings. */
 static const double POINTS_VOXEL = 3;
-
-static json *add_output(json *outputs, const char *name)
-{
-    json *output = json_append_object(outputs);
-    json_put_string(output, "name", name);
-    return output;
-}
-
-static void put_facts(json *output, const store_facts *facts)
-{
-    json_put_integer(output, "bytes", (int64_t)facts->bytes);
-    json_put_string(output, "sha256", facts->sha256);
-}
-
-bool results_commit(store_file *file, const char *name, json *outputs, error *e)
-{
-    store_facts facts;
-    if (!late_commit_now(file, &facts, e)) return false;
-    put_facts(add_output(outputs, name), &facts);
-    return true;
-}
 
 static vec3 as_floats(vec3 x)
 {
@@ -99,7 +79,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Measures the residuals of the positions, rounded to floats or not, over h. */
-static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
+static void measure_residuals(const results_input *in, bool as_float, threads *pool, report_outputs *out)
 {
     if (!in->field) return;
     const size_t chunks = in->set->count / GRAIN + 1;
@@ -191,7 +171,7 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     store_facts facts;
     late_commit *begun = begin_ply(directory, s, as_float, pool, false, &job, e);
     if (!begun || !late_commit_end(begun, &facts, e)) return false;
-    put_facts(add_output(outputs, name), &facts);
+    outputs_put_facts(outputs_add(outputs, name), &facts);
     return true;
 }
 
@@ -204,7 +184,7 @@ static bool write_format(const char *directory, const point_format *f, const poi
     if (ok && !f->verify(file.stream, set, place, e))
         ok =
             error_prefix(e, "%s differs from the written data when it is read back: check the disk", f->file);
-    ok = ok && results_commit(&file, f->file, outputs, e);
+    ok = ok && outputs_commit(&file, f->file, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -369,7 +349,7 @@ static void renumber(triangulation *made, const uint32_t *place)
 }
 
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
-                       json *outputs, results_facts *out, error *e)
+                       json *outputs, report_outputs *out, error *e)
 {
     const points *set = in->set;
     const solver_patch_points *stands = &in->solved->patch_points;
@@ -477,7 +457,7 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
               vdb_write_points(fileno(file.stream), &grid, e);
     if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
         ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
-    ok = ok && results_commit(&file, "points.vdb", outputs, e);
+    ok = ok && outputs_commit(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
     free(rows);
@@ -521,11 +501,11 @@ static bool needs_color(const spec *s)
 }
 
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
-                   results_facts *out, error *e)
+                   report_outputs *out, error *e)
 {
     const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
+    report_outputs facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     measure_residuals(in, as_float, pool, &facts);
     const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > OUTCOME_RESIDUAL;
     if (is_coarse) {
@@ -541,7 +521,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     results_input with_color = *in;
     store_facts ply;
     ply_job job = {.name = "points.ply", .set = &colored, .comments = in->comments};
-    json *const told = add_output(outputs, "points.ply");
+    json *const told = outputs_add(outputs, "points.ply");
     vec3 *color = NULL;
     instances turned = {0};
     with_color.set = &colored;
@@ -571,7 +551,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     free(color);
     instances_free(&turned);
     if (ok) {
-        put_facts(told, &ply);
+        outputs_put_facts(told, &ply);
         *out = facts;
         return true;
     }

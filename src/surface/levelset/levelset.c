@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/bbox.h"
 #include "geometry/space/block_map.h"

@@ -2,8 +2,8 @@
  *
  * Ratings are shown; they decide no outcome. doc/report.md has the same table for readers.
  */
-#ifndef HEXAD_JOB_PHASES_RATINGS_H
-#define HEXAD_JOB_PHASES_RATINGS_H
+#ifndef HEXAD_JOB_REPORT_RATINGS_H
+#define HEXAD_JOB_REPORT_RATINGS_H
 
 #include "base/json/json.h"
 #include "sampling/measures/measures.h"

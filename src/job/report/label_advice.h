@@ -1,6 +1,6 @@
 /* label_advice: advice on labels that are too thin for a regular packing on them. */
-#ifndef HEXAD_JOB_PHASES_LABEL_ADVICE_H
-#define HEXAD_JOB_PHASES_LABEL_ADVICE_H
+#ifndef HEXAD_JOB_REPORT_LABEL_ADVICE_H
+#define HEXAD_JOB_REPORT_LABEL_ADVICE_H
 
 #include "base/json/json.h"
 #include "surface/labels/label_surface.h"

@@ -5,8 +5,8 @@
  * doc/report.md has the table. The regularity of the packing is rated, and does not affect the outcome unless
  * outcome.require names it. Pure functions, any thread.
  */
-#ifndef HEXAD_JOB_PHASES_OUTCOME_H
-#define HEXAD_JOB_PHASES_OUTCOME_H
+#ifndef HEXAD_JOB_REPORT_OUTCOME_H
+#define HEXAD_JOB_REPORT_OUTCOME_H
 
 #include "base/core/words.h"
 #include "base/json/json.h"

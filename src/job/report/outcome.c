@@ -1,4 +1,4 @@
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 
 #include <math.h>
 #include <stdio.h>

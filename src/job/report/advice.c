@@ -1,4 +1,4 @@
-#include "job/phases/advice.h"
+#include "job/report/advice.h"
 
 #include <math.h>
 #include <stdlib.h>

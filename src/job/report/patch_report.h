@@ -1,6 +1,6 @@
 /* patch_report: reports the patches and curves of a surface. Pure function. */
-#ifndef HEXAD_JOB_PHASES_PATCH_REPORT_H
-#define HEXAD_JOB_PHASES_PATCH_REPORT_H
+#ifndef HEXAD_JOB_REPORT_PATCH_REPORT_H
+#define HEXAD_JOB_REPORT_PATCH_REPORT_H
 
 #include "surface/field/patches.h"
 #include "base/json/json.h"

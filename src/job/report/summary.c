@@ -1,4 +1,4 @@
-#include "job/phases/summary.h"
+#include "job/report/summary.h"
 
 #include "base/core/terminal_text.h"
 

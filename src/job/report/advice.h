@@ -3,8 +3,8 @@
  * Reports, estimates and descriptions of files contain it as `advice: [{code, message, set}]`: a stable code, a
  * complete sentence for people, and the members to set, by their JSON Pointers. Pure functions, any thread.
  */
-#ifndef HEXAD_JOB_PHASES_ADVICE_H
-#define HEXAD_JOB_PHASES_ADVICE_H
+#ifndef HEXAD_JOB_REPORT_ADVICE_H
+#define HEXAD_JOB_REPORT_ADVICE_H
 
 #include <stddef.h>
 

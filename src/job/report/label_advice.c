@@ -1,10 +1,10 @@
-#include "job/phases/label_advice.h"
+#include "job/report/label_advice.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/core/memory.h"
-#include "job/phases/advice.h"
+#include "job/report/advice.h"
 #include "spec/spec_table.h"
 
 /* Maximum number of groups in the text of a message; `set` has all of them. */

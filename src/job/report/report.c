@@ -1,4 +1,4 @@
-#include "job/phases/report.h"
+#include "job/report/report.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -7,10 +7,10 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
-#include "job/phases/advice.h"
-#include "job/phases/label_advice.h"
-#include "job/phases/patch_report.h"
-#include "job/phases/ratings.h"
+#include "job/report/advice.h"
+#include "job/report/label_advice.h"
+#include "job/report/patch_report.h"
+#include "job/report/ratings.h"
 #include "sampling/sizing/clearance.h"
 #include "job/source/source_report.h"
 
@@ -27,8 +27,8 @@ static void put_vec3(json *object, const char *key, vec3 v)
 
 static void put_mesh(json *report, json *warnings, const report_facts *facts)
 {
-    if (!facts->results->has_mesh) return;
-    const triangulation_facts *m = &facts->results->mesh;
+    if (!facts->outputs->has_mesh) return;
+    const triangulation_facts *m = &facts->outputs->mesh;
     json *object = json_put_object(report, "mesh");
     json_put_integer(object, "triangles", (int64_t)m->triangles);
     json_put_integer(object, "closing_triangles", (int64_t)m->hole_triangles);
@@ -40,7 +40,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_integer(object, "nonmanifold_vertices", (int64_t)m->nonmanifold_vertices);
     json_put_bool(object, "closed", triangulation_is_closed(m));
     json_put_number(object, "radius_ratio", m->radius_ratio);
-    if (facts->results->label_meshes) json_put(object, "labels", facts->results->label_meshes);
+    if (facts->outputs->label_meshes) json_put(object, "labels", facts->outputs->label_meshes);
     if (!triangulation_is_manifold(m))
         json_append_string(
             warnings, "mesh.ply has holes or non-manifold edges, because the spacing does not resolve the "
@@ -150,6 +150,13 @@ void report_warn_of_build(json *warnings, const spec *s)
     free(text);
 }
 
+static void append_texts(json *warnings, const json *texts)
+{
+    const json_at list = json_root(texts);
+    for (json_at text = json_first(&list); text.node; text = json_next(&text))
+        json_append_string(warnings, json_string(text, ""));
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -157,16 +164,17 @@ static void put_surface(json *report, const report_facts *facts)
     report_put_box(object, source_box(facts->source, facts->scan));
     json *warnings = json_put_array(object, "warnings");
     source_describe(facts->source, report, object, warnings);
-    attributes_describe(facts->attributes, report, warnings);
-    if (facts->results->widened)
+    if (facts->attributes) json_put(report, "attributes", facts->attributes);
+    append_texts(warnings, facts->attribute_warnings);
+    if (facts->outputs->widened)
         json_append_string(warnings,
                            "points.ply is written in double precision: single precision would move points by "
                            "more than 1e-3 spacings");
-    if (facts->results->rounding > OUTCOME_RESIDUAL && has_scenes(facts->spec)) {
+    if (facts->outputs->rounding > OUTCOME_RESIDUAL && has_scenes(facts->spec)) {
         char *text =
             mem_printf("points.glb and points.usda: single precision moves points by up to %.2g spacings. "
                        "Use points.ply, points.npz or points.vdb.",
-                       facts->results->rounding);
+                       facts->outputs->rounding);
         json_append_string(warnings, text);
         free(text);
     }
@@ -211,8 +219,8 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_integer(parts, "count", (int64_t)m->parts_without_points);
     json_put_number(parts, "area_share", m->empty_area_share);
     json_put_number(object, "unmeasured_share", m->unmeasured_share);
-    json_put_number(object, "max_residual", facts->results->max_residual);
-    json_put_number(object, "rms_residual", facts->results->rms_residual);
+    json_put_number(object, "max_residual", facts->outputs->max_residual);
+    json_put_number(object, "rms_residual", facts->outputs->rms_residual);
     json_put_number(object, "largest_move", facts->landed / solver_spacing(facts->solver));
     json_put_integer(object, "lost", (int64_t)solver_result_points(facts->solver)->lost);
     json_put_integer(object, "removed_offsurface", (int64_t)solver_removed_offsurface(facts->solver));
@@ -271,13 +279,13 @@ static void put_sweeps(json *report, const solver *s)
     }
 }
 
-void report_put_timing(json *report, const progress *p)
+void report_put_timing(json *report, const report_timing *t)
 {
     json *timing = json_put_object(report, "timing_s");
     int64_t total = 0;
-    for (int k = 0; k < PROGRESS_PHASES; k++) {
-        json_put_number(timing, progress_phase_names[k], clock_seconds(p->phase_ms[k]));
-        total += p->phase_ms[k];
+    for (size_t k = 0; k < t->count; k++) {
+        json_put_number(timing, t->phase[k], clock_seconds(t->phase_ms[k]));
+        total += t->phase_ms[k];
     }
     json_put_number(timing, "total", clock_seconds(total));
 }
@@ -358,7 +366,7 @@ static void put_target(json *report, const report_facts *facts)
     if (s->time_s > 0) {
         json_put_number(requested, "time_s", s->time_s);
         json_put_integer(reached, "count", (int64_t)facts->count);
-        json_put_number(reached, "time_s", clock_seconds(clock_monotonic_ms() - facts->progress->start_ms));
+        json_put_number(reached, "time_s", clock_seconds(clock_monotonic_ms() - facts->timing.start_ms));
     }
     if (s->has_control) {
         json_put_integer(requested, "min_count", s->control.min_count);
@@ -390,7 +398,7 @@ void report_fill(json *report, const report_facts *facts)
     json_put_integer(report, "version", 1);
     outcome_describe(facts->result, report);
     json_put_integer(report, "count", (int64_t)facts->count);
-    json_put_string(report, "up", facts->results->y_up ? "y" : "z");
+    json_put_string(report, "up", facts->outputs->y_up ? "y" : "z");
     put_target(report, facts);
     put_surface(report, facts);
     put_grading(report, facts);
@@ -405,7 +413,7 @@ void report_fill(json *report, const report_facts *facts)
     ratings_describe(facts->measures, facts->spec->pattern == SPEC_PATTERN_BLUE_NOISE, report);
     put_rounds(report, facts->solver);
     put_sweeps(report, facts->solver);
-    report_put_timing(report, facts->progress);
+    report_put_timing(report, &facts->timing);
     json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

@@ -1,4 +1,4 @@
-#include "job/phases/patch_report.h"
+#include "job/report/patch_report.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "job/phases/ratings.h"
+#include "job/report/ratings.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 /* summary: console output for a finished job, from its report. */
-#ifndef HEXAD_JOB_PHASES_SUMMARY_H
-#define HEXAD_JOB_PHASES_SUMMARY_H
+#ifndef HEXAD_JOB_REPORT_SUMMARY_H
+#define HEXAD_JOB_REPORT_SUMMARY_H
 
 #include <stdio.h>
 
