@@ -180,8 +180,15 @@ def untimed_calls(root):
             for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
 
 
+def imported_tests(root):
+    """Lines that import a file of tests: what two files share is in a module without tests (tests/README.md)."""
+    return [f"{name}:{number}: imports {found[1]}: move what both use into a module without tests"
+            for name in files_of(root, (*CODE, "tools"), (".py",)) for number, line in enumerate((root / name).read_text().splitlines(), 1)
+            if (found := re.match(r"\s*(?:from|import) (test_\w+)", line))]
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints, indexed_lists, untimed_calls]
+          private_phrases, unescaped_prints, indexed_lists, untimed_calls, imported_tests]
 
 
 @pytest.mark.parametrize(
@@ -250,6 +257,9 @@ FAULTS = [
      "        use(a, i);\n}\n", "src/base/clock.c:4: iterate with"),
     (indexed_lists, "src/base/clock.c", "/* clock: the time. */\nconst json *one(const json_at *a)\n{\n    return json_element(a, 1);\n}\n",
      "src/base/clock.c:4: iterate with"),
+    (imported_tests, "tests/service/test_new.py", "import pytest\n\nfrom test_rest import exchange\n",
+     "tests/service/test_new.py:3: imports test_rest"),
+    (imported_tests, "bench/new.py", "def run():\n    import test_rest\n", "bench/new.py:2: imports test_rest"),
     (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 
