@@ -109,15 +109,23 @@ def other_versions(root):
     return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
 
 
+def anchors_of(page):
+    """The anchors of the headings of a page."""
+    headings = re.findall(r"^#+ +(.*?) *$", re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S), re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 def lost_names(root):
-    """Links of pages to files that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
+    """Links of pages to files or headings that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
     faults = []
     folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
     for name in pages_of(root):
         text = (root / name).read_text()
         here = (root / name).parent
-        for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-            if "://" not in link and not (here / link).exists():
+        for link in re.findall(r"\]\(([^)\s]+)[^)]*\)", text):
+            file, _, anchor = link.partition("#")
+            target = here / file if file else root / name
+            if "://" not in link and not (target.exists() and (not anchor or anchor in anchors_of(target))):
                 faults.append(f"{name}: the link to {link} leads nowhere")
         for path in re.findall(r"`(?:src/)?([a-z_]+(?:/[a-z_]+)+)(?:\.(?:[ch]|cc))?`", text):
             if path.split("/")[0] in folders and not [*(root / "src").glob(path + ".*"), *(root / "src").glob(path)]:
@@ -180,8 +188,15 @@ def untimed_calls(root):
             for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
 
 
+def imported_tests(root):
+    """Lines that import a file of tests: what two files share is in a module without tests (tests/README.md)."""
+    return [f"{name}:{number}: imports {found[1]}: move what both use into a module without tests"
+            for name in files_of(root, (*CODE, "tools"), (".py",)) for number, line in enumerate((root / name).read_text().splitlines(), 1)
+            if (found := re.match(r"\s*(?:from|import) (test_\w+)", line))]
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints, indexed_lists, untimed_calls]
+          private_phrases, unescaped_prints, indexed_lists, untimed_calls, imported_tests]
 
 
 @pytest.mark.parametrize(
@@ -207,7 +222,7 @@ def small(source, tmp_path):
     for name, text in {
         "src/base/clock.c": "/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
         "tests/clock.h": "int one(void);\n",
-        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
+        "ARCHITECTURE.md": "# The start\nSee [the guide](doc/guide.md) and [above](#the-start) for `base/clock` and `no/such`.\n",
         file_index.PAGE: file_index.BEGIN + "\n## src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
         "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
@@ -234,6 +249,7 @@ FAULTS = [
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
+    (lost_names, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
@@ -250,6 +266,9 @@ FAULTS = [
      "        use(a, i);\n}\n", "src/base/clock.c:4: iterate with"),
     (indexed_lists, "src/base/clock.c", "/* clock: the time. */\nconst json *one(const json_at *a)\n{\n    return json_element(a, 1);\n}\n",
      "src/base/clock.c:4: iterate with"),
+    (imported_tests, "tests/service/test_new.py", "import pytest\n\nfrom test_rest import exchange\n",
+     "tests/service/test_new.py:3: imports test_rest"),
+    (imported_tests, "bench/new.py", "def run():\n    import test_rest\n", "bench/new.py:2: imports test_rest"),
     (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 
