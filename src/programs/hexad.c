@@ -615,13 +615,13 @@ static void fini_wait_list(service *s)
 
 static bool init_notifier(service *s, error *e)
 {
-    s->notifier = notifier_start(s->q, s->x, s->waiting, e);
+    s->notifier = notifier_add(s->tasks, s->q, s->x, s->waiting, e);
     return s->notifier != NULL;
 }
 
 static void fini_notifier(service *s)
 {
-    notifier_stop(s->notifier);
+    notifier_free(s->notifier);
 }
 
 static bool init_webhooks(service *s, error *e)
@@ -643,7 +643,7 @@ static bool init_webhooks(service *s, error *e)
         .retry_after_s = c->webhook_retry_after_s,
         .counters = &s->calls,
     };
-    if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);
+    if (c->webhook_hosts.count) s->delivery = delivery_add(s->tasks, &settings, s->q, e);
     if (s->delivery || !c->webhook_hosts.count) return true;
     webhook_hosts_free(s->webhook_hosts);
     return false;
@@ -651,7 +651,7 @@ static bool init_webhooks(service *s, error *e)
 
 static void fini_webhooks(service *s)
 {
-    delivery_stop(s->delivery);
+    delivery_free(s->delivery);
     webhook_hosts_free(s->webhook_hosts);
 }
 

@@ -103,7 +103,7 @@ void executor_offer(executor *x, const char *id);
  * freed. NULL when there is none. */
 char *executor_progress(executor *x, const char *id);
 
-/* The newest progress lines of all jobs. queue_wait returns when there is a new one. */
+/* The newest progress lines of all jobs. A new one wakes the tasks of queue_wake_on_change. */
 progress_ring *executor_progress_ring(executor *x);
 
 typedef struct executor_load {
