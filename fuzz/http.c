@@ -36,6 +36,7 @@ typedef struct service {
     listen_socket socket;
     access_control *access;
     queue *q;
+    runner *tasks;
     executor *x;
     wait_list *waiting;
     store_inputs *inputs;
@@ -133,7 +134,9 @@ static void take_the_slot(service *s)
                                   .workers = 1,
                                   .threads = 1,
                                   .memory_mb = 64};
-    expect((s->x = executor_start(&settings, s->q, &e)));
+    s->tasks = runner_new();
+    expect((s->x = executor_open(&settings, s->q, s->tasks, &e)));
+    expect(runner_start(s->tasks, &e) && executor_start(s->x, &e));
     while (!is_there(s, id, QUEUE_RUNNING)) usleep(1000);
     free(worker);
 }
@@ -146,6 +149,9 @@ static void stop(void)
     server_stop(s->http);
     wait_list_close(s->waiting);
     executor_stop(s->x);
+    runner_stop(s->tasks);
+    executor_free(s->x);
+    runner_free(s->tasks);
     output_place_free(s->outputs);
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);

@@ -1,4 +1,5 @@
-/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. */
+/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It is the one
+ * list of what ends when: first requests, then jobs, then background work, then what they used. */
 #include <errno.h>
 #include <grp.h>
 #include <limits.h>
@@ -27,6 +28,7 @@
 #include "base/core/log.h"
 #include "base/core/manager.h"
 #include "base/core/memory.h"
+#include "base/core/runner.h"
 #include "base/core/sandbox.h"
 #include "base/core/stall.h"
 #include "base/core/terminal_text.h"
@@ -75,6 +77,7 @@ typedef struct service {
     int signals;                /* signalfd */
     char *state_dir, *work_dir; /* absolute */
     char *allow_command;        /* permits the user whose name follows; NULL: no settings file */
+    runner *tasks;
     queue *q;
     checker *checker;
     store_inputs *inputs;
@@ -539,15 +542,50 @@ static bool init_executor(service *s, error *e)
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
-    s->x = executor_start(&settings, s->q, e);
+    s->x = executor_open(&settings, s->q, s->tasks, e);
     if (!s->x) farm_close(s->farm);
     return s->x != NULL;
 }
 
 static void fini_executor(service *s)
 {
-    executor_stop(s->x);
+    executor_free(s->x);
     farm_close(s->farm);
+}
+
+static bool init_tasks(service *s, error *e)
+{
+    (void)e;
+    s->tasks = runner_new();
+    return true;
+}
+
+static void fini_tasks(service *s)
+{
+    runner_free(s->tasks);
+}
+
+/* What starts before can add tasks. */
+static bool init_background(service *s, error *e)
+{
+    if (runner_start(s->tasks, e)) return true;
+    runner_stop(s->tasks);
+    return false;
+}
+
+static void fini_background(service *s)
+{
+    runner_stop(s->tasks);
+}
+
+static bool init_supervisor(service *s, error *e)
+{
+    return executor_start(s->x, e);
+}
+
+static void fini_supervisor(service *s)
+{
+    executor_stop(s->x);
 }
 
 static bool init_groups(service *s, error *e)
@@ -577,13 +615,13 @@ static void fini_wait_list(service *s)
 
 static bool init_notifier(service *s, error *e)
 {
-    s->notifier = notifier_start(s->q, s->x, s->waiting, e);
+    s->notifier = notifier_add(s->tasks, s->q, s->x, s->waiting, e);
     return s->notifier != NULL;
 }
 
 static void fini_notifier(service *s)
 {
-    notifier_stop(s->notifier);
+    notifier_free(s->notifier);
 }
 
 static bool init_webhooks(service *s, error *e)
@@ -605,7 +643,7 @@ static bool init_webhooks(service *s, error *e)
         .retry_after_s = c->webhook_retry_after_s,
         .counters = &s->calls,
     };
-    if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);
+    if (c->webhook_hosts.count) s->delivery = delivery_add(s->tasks, &settings, s->q, e);
     if (s->delivery || !c->webhook_hosts.count) return true;
     webhook_hosts_free(s->webhook_hosts);
     return false;
@@ -613,7 +651,7 @@ static bool init_webhooks(service *s, error *e)
 
 static void fini_webhooks(service *s)
 {
-    delivery_stop(s->delivery);
+    delivery_free(s->delivery);
     webhook_hosts_free(s->webhook_hosts);
 }
 
@@ -842,6 +880,7 @@ static const struct step {
 } steps[] = {
     {"signals", init_signals, fini_signals},
     {"state", init_state, fini_state},
+    {"tasks", init_tasks, fini_tasks},
     {"queue", init_queue, fini_queue},
     {"inputs", init_inputs, fini_inputs},
     {"roots", init_roots, fini_roots},
@@ -855,6 +894,8 @@ static const struct step {
     {"wait_list", init_wait_list, fini_wait_list},
     {"notifier", init_notifier, fini_notifier},
     {"webhooks", init_webhooks, fini_webhooks},
+    {"background", init_background, fini_background},
+    {"supervisor", init_supervisor, fini_supervisor},
     {"network", init_network, fini_network},
     {"page", init_page, fini_page},
     {"openapi", init_openapi, fini_openapi},

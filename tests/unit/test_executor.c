@@ -45,6 +45,7 @@ typedef struct place {
     char base[64];
     char *worker;
     queue *q;
+    runner *tasks;
     executor *x;
 } place;
 
@@ -61,10 +62,20 @@ static int set_up(void **state)
     return 0;
 }
 
+static void stop(place *p)
+{
+    if (!p->x) return;
+    executor_stop(p->x);
+    runner_stop(p->tasks);
+    executor_free(p->x);
+    runner_free(p->tasks);
+    p->x = NULL;
+}
+
 static int tear_down(void **state)
 {
     place *p = *state;
-    executor_stop(p->x);
+    stop(p);
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p->worker);
@@ -87,8 +98,9 @@ static void start_with(place *p, const char *script, executor_settings settings)
     settings.state_dir = settings.work_dir = p->base;
     settings.worker = p->worker;
     error e = {0};
-    p->x = executor_start(&settings, p->q, &e);
-    if (!p->x) fail_msg("%s", e.message);
+    p->tasks = runner_new();
+    p->x = executor_open(&settings, p->q, p->tasks, &e);
+    if (!p->x || !runner_start(p->tasks, &e) || !executor_start(p->x, &e)) fail_msg("%s", e.message);
 }
 
 static void start(place *p, const char *script, int workers)
@@ -738,8 +750,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
         else
             start(p, PROLOGUE REPORT, 1);
         expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
-        executor_stop(p->x);
-        p->x = NULL;
+        stop(p);
     }
 }
 

@@ -31,6 +31,7 @@ bool __wrap_queue_get(queue *q, const char *id, queue_job *job, bool *found, err
 typedef struct place {
     char base[64];
     queue *q;
+    runner *tasks;
     executor *x;
     http_context context;
 } place;
@@ -49,8 +50,9 @@ static int set_up(void **state)
                                   .worker = "/nonexistent",
                                   .workers = 1,
                                   .memory_mb = 1024};
-    p->x = executor_start(&settings, p->q, &e);
-    if (!p->x) fail_msg("%s", e.message);
+    p->tasks = runner_new();
+    p->x = executor_open(&settings, p->q, p->tasks, &e);
+    if (!p->x || !executor_start(p->x, &e)) fail_msg("%s", e.message);
     p->context = (http_context){.q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
     get_fails = false;
     *state = p;
@@ -61,6 +63,8 @@ static int tear_down(void **state)
 {
     place *p = *state;
     executor_stop(p->x);
+    executor_free(p->x);
+    runner_free(p->tasks);
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p);
