@@ -32,6 +32,7 @@ typedef struct place {
     char base[64];
     queue *q;
     executor *x;
+    pthread_mutex_t frame_checks;
     http_context context;
 } place;
 
@@ -51,7 +52,9 @@ static int set_up(void **state)
                                   .memory_mb = 1024};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
-    p->context = (http_context){.q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
+    p->context = (http_context){
+        .q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3, .frame_checks = &p->frame_checks};
+    pthread_mutex_init(&p->frame_checks, NULL);
     get_fails = false;
     *state = p;
     return 0;
