@@ -46,6 +46,7 @@ typedef struct service {
     http_counters counters;
     delivery_counters calls;
     atomic_bool copying;
+    pthread_mutex_t frame_checks;
     http_context context;
     openapi *openapi;
     address_ranges proxies; /* none */
@@ -184,7 +185,9 @@ static void start(service *s)
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
     s->openapi = openapi_new();
+    pthread_mutex_init(&s->frame_checks, NULL);
     s->context = (http_context){.access = s->access,
+                                .frame_checks = &s->frame_checks,
                                 .q = s->q,
                                 .x = s->x,
                                 .roots = s->roots,

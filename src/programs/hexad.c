@@ -100,6 +100,7 @@ typedef struct service {
     size_t socket_count;
     access_control *access;
     http_counters counters;
+    pthread_mutex_t frame_checks;
     atomic_bool copying; /* a backup is being made */
     wait_list *waiting;
     notifier *notifier;
@@ -829,6 +830,7 @@ static bool init_http(service *s, error *e)
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
         .calls = &s->calls,
+        .frame_checks = &s->frame_checks,
         .copying = &s->copying,
         .documents = document_cache_new((size_t)c->kept_documents),
         .page = s->page,
@@ -1145,6 +1147,7 @@ int main(int argc, char **argv)
         .argc = argc,
         .argv = argv,
         .signals = -1,
+        .frame_checks = PTHREAD_MUTEX_INITIALIZER,
         .supervising = {.loop = "the supervisor", .effect = "jobs neither start nor end"},
         .serving = {.loop = "the serving thread", .effect = "requests are not answered"},
     };

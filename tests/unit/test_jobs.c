@@ -33,6 +33,7 @@ typedef struct place {
     queue *q;
     runner *tasks;
     executor *x;
+    pthread_mutex_t frame_checks;
     http_context context;
 } place;
 
@@ -53,7 +54,9 @@ static int set_up(void **state)
     p->tasks = runner_new();
     p->x = executor_open(&settings, p->q, p->tasks, &e);
     if (!p->x || !executor_start(p->x, &e)) fail_msg("%s", e.message);
-    p->context = (http_context){.q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
+    p->context = (http_context){
+        .q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3, .frame_checks = &p->frame_checks};
+    pthread_mutex_init(&p->frame_checks, NULL);
     get_fails = false;
     *state = p;
     return 0;
