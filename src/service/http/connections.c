@@ -10,7 +10,7 @@
 #include "base/core/memory.h"
 #include "base/core/runner.h"
 
-/* Maximum delay, in ms, until the thread notices an overdue connection. */
+/* Maximum delay, in ms, until the watcher notices an overdue connection. */
 #define WATCH_MS 250
 /* Maximum time, in ms, in which a connection over a limit must send its first request. */
 #define REFUSED_MS 2000
