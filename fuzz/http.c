@@ -136,6 +136,7 @@ static void take_the_slot(service *s)
                                   .threads = 1,
                                   .memory_mb = 64};
     s->tasks = runner_new();
+    s->waiting = wait_list_new(s->tasks);
     expect((s->x = executor_open(&settings, s->q, s->tasks, &e)));
     expect(runner_start(s->tasks, &e) && executor_start(s->x, &e));
     while (!is_there(s, id, QUEUE_RUNNING)) usleep(1000);
@@ -148,9 +149,9 @@ static void stop(void)
 {
     service *s = &the_service;
     server_stop(s->http);
-    wait_list_close(s->waiting);
     executor_stop(s->x);
     runner_stop(s->tasks);
+    wait_list_free(s->waiting);
     executor_free(s->x);
     runner_free(s->tasks);
     output_place_free(s->outputs);
@@ -183,7 +184,6 @@ static void start(service *s)
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);
-    expect((s->waiting = wait_list_open(&e)));
     s->openapi = openapi_new();
     pthread_mutex_init(&s->frame_checks, NULL);
     s->context = (http_context){.access = s->access,

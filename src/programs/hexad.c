@@ -1,5 +1,5 @@
 /* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It is the one
- * list of what ends when: first requests, then jobs, then background work, then what they used. */
+ * list of what ends when: first checks and requests, then jobs, then background work, then what they used. */
 #include <errno.h>
 #include <grp.h>
 #include <limits.h>
@@ -539,7 +539,7 @@ static bool init_executor(service *s, error *e)
     char text[SANDBOX_TEXT_SIZE];
     sandbox_mode mode = s->settings.sandbox;
     if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
-    if (!farm_open(&s->settings, s->work_dir, &s->farm, e)) return false;
+    if (!farm_open(&s->settings, s->work_dir, s->tasks, &s->farm, e)) return false;
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
@@ -605,13 +605,14 @@ static void fini_groups(service *s)
 
 static bool init_wait_list(service *s, error *e)
 {
-    s->waiting = wait_list_open(e);
-    return s->waiting != NULL;
+    (void)e;
+    s->waiting = wait_list_new(s->tasks);
+    return true;
 }
 
 static void fini_wait_list(service *s)
 {
-    wait_list_close(s->waiting);
+    wait_list_free(s->waiting);
 }
 
 static bool init_notifier(service *s, error *e)

@@ -97,6 +97,5 @@ void slurm_leave(engine_attempt *a)
 void slurm_list_soon(slurm *s)
 {
     s->list_due_ms = 0;
-    s->news = true;
-    pthread_cond_signal(&s->commands_due);
+    runner_wake(s->commands);
 }
