@@ -22,11 +22,13 @@ def mesh_reader(build):
             done = subprocess.run([build / "hexad-worker", command, path.suffix[1:], str(512 << 20), "10"], stdin=file,
                                   capture_output=True, timeout=PATIENCE_S)
         assert done.returncode == 0, done.stderr
-        magic, code, length, vertices, triangles, others, crossed, end = struct.unpack_from("<QII5Q", done.stdout)
-        text = done.stdout[56:56 + length].decode()
+        magic, code, length, size = struct.unpack_from("<QIIQ", done.stdout)
+        text = done.stdout[24:24 + length].decode()
+        assert len(done.stdout) == 24 + length if code else size == 40
         if code:
             return text
-        rest = done.stdout[56 + length:]
+        vertices, triangles, others, crossed, end = struct.unpack_from("<5Q", done.stdout, 24 + length)
+        rest = done.stdout[24 + length + size:]
         assert len(rest) == 24 * vertices + 12 * triangles
         return (numpy.frombuffer(rest, "<f8", 3 * vertices).reshape(-1, 3),
                 numpy.frombuffer(rest, "<u4", 3 * triangles, 24 * vertices).reshape(-1, 3), text, others)

@@ -257,8 +257,7 @@ def doubled(levels, mesh):
 
 
 @pytest.mark.sanitized
-@pytest.mark.parametrize("levels, mesh", [(40, EMPTY_MESH), (40, "a box"), (12, f"<!--{2**18 * ' '}-->{EMPTY_MESH}")],
-                         ids=["empty meshes", "boxes", "texts"])
+@pytest.mark.parametrize("levels, mesh", [(40, EMPTY_MESH), (40, "a box")], ids=["empty meshes", "boxes"])
 def test_components_that_repeat_objects_too_often_are_refused(look, tmp_path, levels, mesh):
     if mesh == "a box":
         mesh = write.mesh_of_3mf(write.box(numpy.random.default_rng(4)))
@@ -274,6 +273,13 @@ def test_components_that_repeat_an_object_are_read(look, tmp_path, r):
     found = look(tmp_path / "box.3mf")
     assert_box(found, corners)
     assert any(f"{12 * 4095} of {12 * 4096} triangles are duplicates" in note for note in found["notes"]), found
+
+
+def test_character_references_of_a_3mf_are_replaced(look, tmp_path, r):
+    corners = write.box(r)
+    objects = f'<object id="a&amp;b">{write.mesh_of_3mf(corners)}</object>'
+    write.write_3mf(tmp_path / "box.3mf", objects, '<item objectid="a&#38;b" transform="1&#32;0&#x20;0&#9;0 1 0 0 0 1 1 2 3"/>')
+    assert_box(look(tmp_path / "box.3mf"), corners + (1, 2, 3))
 
 
 def test_the_first_of_objects_with_the_same_id_is_read(look, tmp_path, r):

@@ -97,10 +97,7 @@ static void close_file(struct aiFileIO *io, struct aiFile *file)
 
 static int answer_fault(error_code code, const char *text)
 {
-    mesh_reader_header h = {
-        .magic = MESH_READER_MAGIC, .code = (uint32_t)code, .text_length = (uint32_t)strlen(text)};
-    if (h.text_length > MESH_READER_TEXT_MAX) h.text_length = MESH_READER_TEXT_MAX;
-    return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
+    return reader_refuse(code, text) ? 0 : 1;
 }
 
 /* What a command answers in addition to the triangles. */
@@ -352,9 +349,7 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
         plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
-    walk w = {
-        .scene = scene,
-        .header = {.magic = MESH_READER_MAGIC, .text_length = (uint32_t)strlen(known->text), .end = end}};
+    walk w = {.scene = scene, .header = {.end = end}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
@@ -362,9 +357,8 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
         visit(&w, scene->mRootNode, scaled, 0);
         if (w.pass == COUNT && w.one.refused != ERROR_NONE) return answer_fault(w.one.refused, w.one.text);
         w.header.crossed = w.one.crossed;
-        if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
-                                fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
-            w.failed = true;
+        if (w.pass == COUNT)
+            w.failed = !reader_answer(&w.header, sizeof w.header, known->text, strlen(known->text));
     }
     if (also == VALUES && !w.failed) answer_values(&w, own);
     if (also == POLYGONS && !w.failed) answer_polygons(&w, scaled);
@@ -374,15 +368,13 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
 /* The same of a mesh that was read without the library. */
 static int answer_plain(const plain_mesh *m, size_t end)
 {
-    const mesh_reader_header head = {.magic = MESH_READER_MAGIC,
-                                     .vertices = m->vertices,
+    const mesh_reader_header head = {.vertices = m->vertices,
                                      .triangles = m->triangles,
                                      .others = m->others,
-                                     .text_length = (uint32_t)strlen(m->text),
                                      .crossed = m->crossed,
                                      .end = end};
     const uint64_t counts[2] = {m->polygons, m->polygon_corners};
-    bool ok = reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
+    bool ok = reader_answer(&head, sizeof head, m->text, strlen(m->text)) &&
               reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
               reader_write(m->triangle, m->triangles * sizeof *m->triangle);
     if (m->keeps_polygons)

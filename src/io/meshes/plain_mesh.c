@@ -150,6 +150,25 @@ const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m)
     return data + (strncmp(data, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0);
 }
 
+bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what)
+{
+    switch (xml_read(document)) {
+    case XML_RESULT_READ:
+    case XML_RESULT_STOPPED:
+        return m->refused == ERROR_NONE;
+    case XML_RESULT_NO_MEMORY:
+        return plain_mesh_refuse_memory(m);
+    case XML_RESULT_DECLARATIONS:
+        return plain_mesh_refuse(
+            m, ERROR_INPUT_UNSUPPORTED, "%s has %s, which hexad does not read: save it without", what,
+            document->allows_doctype ? "declarations in its document type" : "a document type");
+    default:
+        return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED,
+                                 "%s is damaged: line %lu is not valid XML (%s). Save it again.", what,
+                                 document->line, document->why);
+    }
+}
+
 void plain_mesh_warn(plain_mesh *m, const char *format, ...)
 {
     const size_t used = strlen(m->text), begin = used > 0 ? used + 1 : 0;

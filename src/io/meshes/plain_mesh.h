@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
 
 typedef struct plain_mesh {
@@ -81,6 +82,10 @@ bool plain_mesh_refuse_memory(plain_mesh *m);
 /* Returns the file as a C string: the text behind the byte order mark, if there is one. Points into `data`. NULL:
  * the file is UTF-16, or has a byte 0 before other bytes, and is refused. */
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
+
+/* Reads an XML document, whose `begin` has refused the file where it returns false. `what` names the file in messages. False:
+ * the file is refused. */
+bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what);
 
 /* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));

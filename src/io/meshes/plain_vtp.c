@@ -1,12 +1,10 @@
-/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. expat finds the
+/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. base/xml finds the
  * arrays; what they hold is read here. Values of points and cells change no place and are not read. */
 #include <ctype.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <expat.h>
 #include <zlib.h>
 
 #include "io/meshes/base64.h"
@@ -38,7 +36,7 @@ typedef struct piece {
 typedef struct vtp {
     const char *data;
     size_t size; /* bytes */
-    XML_Parser parser;
+    xml document;
     plain_mesh *out;
     piece *pieces;
     size_t piece_count;
@@ -50,72 +48,45 @@ typedef struct vtp {
     size_t appended; /* where they begin */
 } vtp;
 
-static bool refuse(vtp *v, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
-
-static bool refuse(vtp *v, error_code code, const char *format, ...)
-{
-    char text[320];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (v->parser) XML_StopParser(v->parser, XML_FALSE);
-    return plain_mesh_refuse(v->out, code, "%s", text);
-}
-
-static bool refuse_memory(vtp *v)
-{
-    return refuse(v, ERROR_LIMIT_MEMORY,
-                  "reading it takes more memory than the limit: raise limits.memory_mb");
-}
-
-static unsigned long line_of(const vtp *v)
-{
-    return (unsigned long)XML_GetCurrentLineNumber(v->parser);
-}
-
 /* ---- the elements */
-
-static const char *find(const char **attributes, const char *name)
-{
-    for (; *attributes; attributes += 2)
-        if (strcmp(attributes[0], name) == 0) return attributes[1];
-    return NULL;
-}
 
 static bool read_count(vtp *v, const char **attributes, const char *name, size_t *out)
 {
-    const char *text = find(attributes, name);
+    const char *text = xml_attribute(attributes, name);
     char *end = NULL;
     const long long number = text ? strtoll(text, &end, 10) : 0;
     *out = number > 0 ? (size_t)number : 0;
     if (text && (end == text || end[strspn(end, " \t\r\n")] || number < 0))
-        return refuse(v, ERROR_INPUT_DAMAGED,
-                      "line %lu of the VTK file has %s=\"%.40s\", which is not a number", line_of(v), name,
-                      text);
+        return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                                 "line %lu of the VTK file has %s=\"%.40s\", which is not a number",
+                                 xml_line(&v->document), name, text);
     return true;
 }
 
 static void begin_file(vtp *v, const char *name, const char **attributes)
 {
-    const char *type = find(attributes, "type"), *order = find(attributes, "byte_order"),
-               *heads = find(attributes, "header_type"), *packing = find(attributes, "compressor");
+    const char *type = xml_attribute(attributes, "type"), *order = xml_attribute(attributes, "byte_order"),
+               *heads = xml_attribute(attributes, "header_type"),
+               *packing = xml_attribute(attributes, "compressor");
     v->has_file = true;
     if (strcmp(name, "VTKFile") != 0) {
-        refuse(v, ERROR_INPUT_DAMAGED, "the file is XML with the element \"%.40s\" and no VTK file", name);
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "the file is XML with the element \"%.40s\" and no VTK file", name);
     } else if (!type || strcmp(type, "PolyData") != 0) {
         const bool is_volume =
             type && (strcmp(type, "ImageData") == 0 || strcmp(type, "RectilinearGrid") == 0);
-        refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has the type \"%.40s\", and PolyData is read: %s",
-               type ? type : "",
-               is_volume
-                   ? "it is a volume. Save it as MetaImage with ParaView and name it as /surface/volume/path."
-                   : "apply Extract Surface in ParaView, and save it as .vtp.");
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED, "the VTK file has the type \"%.40s\", and PolyData is read: %s",
+            type ? type : "",
+            is_volume
+                ? "it is a volume. Save it as MetaImage with ParaView and name it as /surface/volume/path."
+                : "apply Extract Surface in ParaView, and save it as .vtp.");
     } else if (packing && *packing && strcmp(packing, "vtkZLibDataCompressor") != 0) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "the VTK file has the compressor \"%.60s\", which is not read: save it with zlib or without "
-               "compression",
-               packing);
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
+            "the VTK file has the compressor \"%.60s\", which is not read: save it with zlib or without "
+            "compression",
+            packing);
     }
     v->is_packed = packing && *packing;
     v->has_long_heads = heads && strcmp(heads, "UInt64") == 0;
@@ -127,13 +98,13 @@ static void begin_piece(vtp *v, const char **attributes)
     static const char *const counts[SECTIONS] = {"NumberOfVerts", "NumberOfLines", "NumberOfStrips",
                                                  "NumberOfPolys", "NumberOfPoints"};
     if (v->piece_count == most_pieces) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has more than %zu pieces: save it as one",
-               most_pieces);
+        plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                          "the VTK file has more than %zu pieces: save it as one", most_pieces);
         return;
     }
     piece *grown = realloc(v->pieces, (v->piece_count + 1) * sizeof *grown);
     if (!grown) {
-        refuse_memory(v);
+        plain_mesh_refuse_memory(v->out);
         return;
     }
     v->pieces = grown;
@@ -157,30 +128,25 @@ static bool find_type(const char *name, vtk_type *out)
     return false;
 }
 
-/* Where the tag at hand ends in the file. */
-static size_t behind_tag(const vtp *v)
-{
-    return (size_t)XML_GetCurrentByteIndex(v->parser) + (size_t)XML_GetCurrentByteCount(v->parser);
-}
-
 static void begin_array(vtp *v, const char **attributes)
 {
-    const char *name = find(attributes, "Name"), *type = find(attributes, "type"),
-               *format = find(attributes, "format"), *components = find(attributes, "NumberOfComponents");
+    const char *name = xml_attribute(attributes, "Name"), *type = xml_attribute(attributes, "type"),
+               *format = xml_attribute(attributes, "format"),
+               *components = xml_attribute(attributes, "NumberOfComponents");
     piece *p = &v->pieces[v->piece_count - 1];
     array *a = v->section == POINTS                        ? &p->connectivity[POINTS]
                : name && strcmp(name, "connectivity") == 0 ? &p->connectivity[v->section]
                : name && strcmp(name, "offsets") == 0      ? &p->offsets[v->section]
                                                            : NULL;
     if (!a) return;
-    *a = (array){.begin = behind_tag(v), .end = v->size};
+    *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
     if (!find_type(type, &a->type) || (v->section != POINTS && !vtk_type_is_whole(a->type)) ||
         (v->section == POINTS && components && strcmp(components, "3") != 0)) {
-        refuse(
-            v, ERROR_INPUT_UNSUPPORTED,
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
             "line %lu of the VTK file has an array of %.10s numbers of the type \"%.40s\": points have three "
             "numbers, and indices are whole",
-            line_of(v), components ? components : "1", type ? type : "");
+            xml_line(&v->document), components ? components : "1", type ? type : "");
         return;
     }
     a->place = !format || strcmp(format, "ascii") == 0 ? PLACE_TEXT
@@ -188,46 +154,47 @@ static void begin_array(vtp *v, const char **attributes)
                : strcmp(format, "appended") == 0       ? PLACE_APPENDED
                                                        : PLACE_NONE;
     if (a->place == PLACE_NONE)
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "line %lu of the VTK file has the format \"%.40s\": save it as ascii, binary or appended",
-               line_of(v), format);
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
+            "line %lu of the VTK file has the format \"%.40s\": save it as ascii, binary or appended",
+            xml_line(&v->document), format);
     if (a->place == PLACE_APPENDED && !read_count(v, attributes, "offset", &a->begin)) return;
     v->open = a;
 }
 
-/* What is appended may be no XML: expat does not go on. */
+/* What is appended may be no XML: reading stops. */
 static void begin_appended(vtp *v, const char **attributes)
 {
-    const char *encoding = find(attributes, "encoding");
+    const char *encoding = xml_attribute(attributes, "encoding");
     v->is_appended_base64 = !encoding || strcmp(encoding, "base64") == 0;
     if (!v->is_appended_base64 && strcmp(encoding, "raw") != 0) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "the VTK file has appended data in the encoding \"%.40s\": raw and base64 are read", encoding);
+        plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                          "the VTK file has appended data in the encoding \"%.40s\": raw and base64 are read",
+                          encoding);
         return;
     }
-    v->appended = behind_tag(v);
+    v->appended = xml_tag_end(&v->document);
     while (v->appended < v->size && isspace((unsigned char)v->data[v->appended])) v->appended++;
     if (v->appended >= v->size || v->data[v->appended] != '_') {
-        refuse(v, ERROR_INPUT_DAMAGED,
-               "the appended data of the VTK file do not begin with \"_\": it is damaged");
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "the appended data of the VTK file do not begin with \"_\": it is damaged");
         return;
     }
     v->appended++;
     v->has_appended = true;
-    XML_StopParser(v->parser, XML_FALSE);
 }
 
-static void XMLCALL begin_element(void *context, const char *name, const char **attributes)
+static bool begin_element(void *context, const char *name, const char **attributes)
 {
     static const char *const points = "Points";
     vtp *v = context;
     if (v->open && !v->open->has_end && v->open->place != PLACE_APPENDED) {
-        v->open->end = (size_t)XML_GetCurrentByteIndex(v->parser);
+        v->open->end = xml_tag_begin(&v->document);
         v->open->has_end = true;
     }
     if (!v->has_file) {
         begin_file(v, name, attributes);
-        return;
+        return v->out->refused == ERROR_NONE;
     }
     if (strcmp(name, "Piece") == 0) begin_piece(v, attributes);
     if (strcmp(name, "AppendedData") == 0) begin_appended(v, attributes);
@@ -236,14 +203,15 @@ static void XMLCALL begin_element(void *context, const char *name, const char **
     if (strcmp(name, points) == 0) v->section = POINTS;
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = k;
+    return v->out->refused == ERROR_NONE && !v->has_appended;
 }
 
-static void XMLCALL end_element(void *context, const char *name)
+static void end_element(void *context, const char *name)
 {
     vtp *v = context;
     if (strcmp(name, "DataArray") == 0) {
         if (v->open && !v->open->has_end && v->open->place != PLACE_APPENDED) {
-            v->open->end = (size_t)XML_GetCurrentByteIndex(v->parser);
+            v->open->end = xml_tag_begin(&v->document);
             v->open->has_end = true;
         }
         v->open = NULL;
@@ -251,37 +219,6 @@ static void XMLCALL end_element(void *context, const char *name)
     if (strcmp(name, "Points") == 0) v->section = -1;
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = -1;
-}
-
-static void XMLCALL refuse_doctype(void *context, const char *name, const char *system, const char *public,
-                                   int has_subset)
-{
-    (void)name, (void)system, (void)public, (void)has_subset;
-    refuse(context, ERROR_INPUT_UNSUPPORTED,
-           "the VTK file has a document type, which is not read: remove it");
-}
-
-static bool parse(vtp *v)
-{
-    enum { CHUNK = 1 << 30 };
-    enum XML_Status status = XML_STATUS_OK;
-    v->parser = XML_ParserCreate("UTF-8");
-    if (!v->parser) return refuse_memory(v);
-    XML_SetUserData(v->parser, v);
-    XML_SetElementHandler(v->parser, begin_element, end_element);
-    XML_SetStartDoctypeDeclHandler(v->parser, refuse_doctype);
-    for (size_t at = 0; status == XML_STATUS_OK && at < v->size;) {
-        const size_t some = v->size - at < CHUNK ? v->size - at : CHUNK;
-        status = XML_Parse(v->parser, v->data + at, (int)some, at + some == v->size);
-        at += some;
-    }
-    if (status != XML_STATUS_OK && !v->has_appended && v->out->refused == ERROR_NONE)
-        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
-                          "line %lu of the VTK file is not valid XML (%s): save it again", line_of(v),
-                          XML_ErrorString(XML_GetErrorCode(v->parser)));
-    XML_ParserFree(v->parser);
-    v->parser = NULL;
-    return v->out->refused == ERROR_NONE;
 }
 
 /* ---- bytes of an array */
@@ -329,9 +266,10 @@ typedef struct wanted {
 
 static bool damaged(vtp *v, const wanted *w, const char *why)
 {
-    return refuse(v, ERROR_INPUT_DAMAGED,
-                  "the array %s of piece %zu of the VTK file %s: it is damaged or truncated. Save it again.",
-                  w->name, w->piece, why);
+    return plain_mesh_refuse(
+        v->out, ERROR_INPUT_DAMAGED,
+        "the array %s of piece %zu of the VTK file %s: it is damaged or truncated. Save it again.", w->name,
+        w->piece, why);
 }
 
 static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
@@ -349,7 +287,7 @@ static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
     if (!s.is_base64) return read_bytes(&peek, to, w->bytes) || damaged(v, w, "ends early");
     /* one block of base64 with the length, whose bytes are in the same groups */
     unsigned char *both = malloc(size + w->bytes);
-    if (!both) return refuse_memory(v);
+    if (!both) return plain_mesh_refuse_memory(v->out);
     const bool ok = read_bytes(&s, both, size + w->bytes) || damaged(v, w, "ends early, or is not base64");
     if (ok) memcpy(to, both + size, w->bytes);
     free(both);
@@ -376,7 +314,7 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
     }
     const size_t heads = (3 + (size_t)blocks) * size;
     unsigned char *head = malloc(heads), *packed = NULL;
-    if (!head) return refuse_memory(v);
+    if (!head) return plain_mesh_refuse_memory(v->out);
     bool ok = read_bytes(&s, head, heads) || damaged(v, w, "ends within its lengths");
     uint64_t total = 0, most = 0;
     for (uint64_t k = 0; ok && k < blocks; k++) {
@@ -387,7 +325,8 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
     }
     if (ok && total > left) ok = damaged(v, w, "has blocks that are longer than the file");
     /* blocks of base64 follow one another in the same groups */
-    if (ok && s.is_base64 && (!(packed = malloc(total > 0 ? (size_t)total : 1)))) ok = refuse_memory(v);
+    if (ok && s.is_base64 && (!(packed = malloc(total > 0 ? (size_t)total : 1))))
+        ok = plain_mesh_refuse_memory(v->out);
     if (ok && s.is_base64 && !read_bytes(&s, packed, (size_t)total))
         ok = damaged(v, w, "ends early, or is not base64");
     if (ok && !s.is_base64 && total > (uint64_t)(s.end - s.at)) ok = damaged(v, w, "ends early");
@@ -473,7 +412,7 @@ static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, con
     w.bytes = count * each;
     unsigned char *bytes = malloc(w.bytes > 0 ? w.bytes : 1);
     if (!bytes) {
-        refuse_memory(v);
+        plain_mesh_refuse_memory(v->out);
         return NULL;
     }
     bool ok = a->place == PLACE_TEXT ? read_text(v, a, &w, count, is_whole, bytes)
@@ -494,7 +433,8 @@ static bool add_points(vtp *v, size_t index)
     bool swapped = false;
     if (count == 0) return true;
     if (count > UINT32_MAX)
-        return refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has %zu points: cut it into parts", count);
+        return plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                                 "the VTK file has %zu points: cut it into parts", count);
     unsigned char *bytes =
         read_array(v, &p->connectivity[POINTS], index, "Points", 3 * count, &type, &swapped);
     if (!bytes) return false;
@@ -519,7 +459,8 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
     int64_t *vertex = NULL;
     size_t room = 0;
     if (cells == 0) return true;
-    if (cells > SIZE_MAX / 16) return refuse(v, ERROR_INPUT_DAMAGED, "the VTK file has too many cells");
+    if (cells > SIZE_MAX / 16)
+        return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED, "the VTK file has too many cells");
     snprintf(name, sizeof name, "offsets of %s", vtk_cells_name(kind));
     unsigned char *offsets = read_array(v, &p->offsets[kind], index, name, cells, &type, &swapped),
                   *corners = NULL;
@@ -542,7 +483,7 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
         if (count > room) {
             int64_t *grown = realloc(vertex, count * sizeof *grown);
             if (!grown) {
-                ok = refuse_memory(v);
+                ok = plain_mesh_refuse_memory(v->out);
                 break;
             }
             vertex = grown;
@@ -575,7 +516,8 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out)
 {
     vtp v = {.data = data, .size = size, .out = out, .section = -1};
     if (strncmp(data, "# vtk DataFile", 14) == 0) return plain_mesh_read_vtk(data, size, out);
-    const bool ok = parse(&v) && build(&v);
+    v.document = (xml){.data = data, .size = size, .context = &v, .begin = begin_element, .end = end_element};
+    const bool ok = plain_mesh_read_xml(out, &v.document, "the VTK file") && build(&v);
     free(v.pieces);
     return ok;
 }

@@ -376,18 +376,16 @@ static bool answer(image *m, char what)
     char *list = NULL;
     bool ok = what == EXR_READER_LIST ? open_file(m) && (list = list_channels(m))
                                       : open_image(m) && (what == EXR_READER_WINDOW || read_pixels(m));
-    exr_reader_answer a = {.magic = EXR_READER_MAGIC, .code = (uint32_t)m->fault.code};
-    const char *text = list ? list : m->fault.message;
+    exr_reader_answer a = {0};
     if (ok && !list) {
         memcpy(a.low, &m->window.min, sizeof a.low);
         memcpy(a.high, &m->window.max, sizeof a.high);
         a.whole = m->whole;
         a.aspect = 1;
         exr_get_pixel_aspect_ratio(m->file, m->part_index, &a.aspect);
-    } else {
-        a.text_length = (uint32_t)strnlen(text, list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX);
     }
-    bool written = reader_write(&a, sizeof a) && reader_write(text, a.text_length);
+    bool written = ok ? reader_answer(&a, sizeof a, list, list ? strnlen(list, EXR_READER_LIST_MAX) : 0)
+                      : reader_refuse(m->fault.code, m->fault.message);
     if (written && ok && what == EXR_READER_PIXELS)
         written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof *m->values);
     free(list);

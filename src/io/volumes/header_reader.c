@@ -28,7 +28,9 @@ static const long most_files = 65536;
 /* What the process answers; one, as it reads one file. */
 typedef struct answer {
     header head;
-    char *text; /* with room for HEADER_TEXT_MAX */
+    error_code code;
+    char *text; /* with room for HEADER_TEXT_MAX: the message, or the names of data files */
+    size_t text_length;
 } answer;
 
 static bool refuse(answer *a, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
@@ -37,9 +39,9 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    a->head.code = (uint32_t)code;
+    a->code = code;
     vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
-    a->head.text_length = (uint32_t)strlen(a->text);
+    a->text_length = strlen(a->text);
     va_end(arguments);
     return false;
 }
@@ -48,13 +50,12 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 
 static bool add_name(answer *a, const char *name, size_t length)
 {
-    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
-        a->head.file_count == most_files)
+    if (length == 0 || a->text_length + length + 1 >= HEADER_TEXT_MAX || a->head.file_count == most_files)
         return refuse(a, ERROR_INPUT_UNSUPPORTED, "lists more than %ld data files, or one without a name",
                       most_files);
-    memcpy(a->text + a->head.text_length, name, length);
-    a->head.text_length += (uint32_t)length;
-    a->text[a->head.text_length++] = '\n';
+    memcpy(a->text + a->text_length, name, length);
+    a->text_length += length;
+    a->text[a->text_length++] = '\n';
     a->head.file_count++;
     return true;
 }
@@ -679,10 +680,10 @@ static bool read_file(answer *a, const char *name)
 
 __attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
 {
-    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}};
+    answer a = {.head = {.slope = 1}};
     if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(HEADER_TEXT_MAX))) return 2;
     read_file(&a, argv[1]);
-    bool written = fwrite(&a.head, sizeof a.head, 1, stdout) == 1 &&
-                   fwrite(a.text, 1, a.head.text_length, stdout) == a.head.text_length && fflush(stdout) == 0;
+    const bool written = a.code == ERROR_NONE ? reader_answer(&a.head, sizeof a.head, a.text, a.text_length)
+                                              : reader_refuse(a.code, a.text);
     _exit(written ? 0 : 1); /* nothing is left to do but to free what the libraries built */
 }

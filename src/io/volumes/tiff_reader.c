@@ -564,7 +564,7 @@ static void describe(const tiff_file *f, tiff_answer *a)
 static bool answer(tiff_file *f, const tiff_request *request)
 {
     unsigned char *page = NULL;
-    tiff_answer a = {.magic = TIFF_READER_MAGIC};
+    tiff_answer a = {0};
     f->fault = (error){0};
     if (request->what == TIFF_READER_OPEN) {
         open_file(f);
@@ -575,12 +575,9 @@ static bool answer(tiff_file *f, const tiff_request *request)
         else
             refuse(f, ERROR_INPUT_DAMAGED, "the file has no page %u", request->page);
     }
-    a.code = (uint32_t)f->fault.code;
-    if (f->fault.code == ERROR_NONE)
-        describe(f, &a);
-    else
-        a.text_length = (uint32_t)strnlen(f->fault.message, TIFF_READER_TEXT_MAX);
-    bool written = reader_write(&a, sizeof a) && reader_write(f->fault.message, a.text_length);
+    if (f->fault.code != ERROR_NONE) return reader_refuse(f->fault.code, f->fault.message);
+    describe(f, &a);
+    bool written = reader_answer(&a, sizeof a, NULL, 0);
     if (written && page)
         written =
             reader_write(page, (size_t)f->layout.width * f->layout.height * (size_t)numbers_bytes(f->type));

@@ -30,7 +30,6 @@ typedef struct tiff_stack {
     int64_t at;              /* the next slice */
     int64_t opened;          /* the file that the process has, or -1 */
     unsigned char *numbers;  /* of a page */
-    bool running;
     reader reader;
 } tiff_stack;
 
@@ -58,23 +57,7 @@ static bool start(tiff_stack *s, off_t bytes, error *e)
     const reader_params params = {s->program,      TIFF_READER_COMMAND,
                                   "file",          -1,
                                   s->memory_limit, seconds < 1e9 ? (unsigned)seconds : 1000000000};
-    return s->running || (s->running = reader_start(&params, &s->reader, e));
-}
-
-static bool read_answer(tiff_stack *s, tiff_answer *a, error *e)
-{
-    char text[TIFF_READER_TEXT_MAX + 1] = "";
-    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (a->magic != TIFF_READER_MAGIC || a->code >= ERROR_CODE_COUNT ||
-        a->text_length > TIFF_READER_TEXT_MAX ||
-        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    for (char *p = text; *p; p++)
-        if (*p < ' ' || *p > '~') *p = '?';
-    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+    return s->reader.stream || reader_start(&params, &s->reader, e);
 }
 
 static bool is_between(int64_t value, int64_t low, int64_t high)
@@ -105,14 +88,6 @@ static bool check_answer(const tiff_answer *a, error *e)
                      (long long)largest_side);
 }
 
-/* A process that did not answer to the end is judged, and another one serves what comes next. */
-static bool judge(tiff_stack *s, bool begun, error *e)
-{
-    s->running = false;
-    s->opened = -1;
-    return reader_end(&s->reader, begun, false, e);
-}
-
 /* Lets the process open a file: number k of a stack, or the one. */
 static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
 {
@@ -120,17 +95,16 @@ static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
     const tiff_request request = {TIFF_READER_OPEN, 0};
     int fd = is_stack(s) ? s->params.files->open(s->params.files->context, s->params.paths[k], e) : s->fd;
     if (fd < 0) return false;
-    *a = (tiff_answer){0};
     bool ok = reader_check_file(fd, "image", &size, e) &&
               (!is_stack(s) || tiff_stack_is(fd) ||
                error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the file is not a TIFF file, and others of the stack are: save it as TIFF")) &&
               start(s, size, e);
     if (ok) {
-        ok = reader_send(&s->reader, &request, sizeof request, fd, e) && read_answer(s, a, e) &&
-             check_answer(a, e);
+        ok = reader_send(&s->reader, &request, sizeof request, fd, e) &&
+             reader_get_answer(&s->reader, a, sizeof *a, NULL, 0, e) && check_answer(a, e);
         s->opened = ok ? k : -1;
-        if (!ok && (a->magic != TIFF_READER_MAGIC || a->code == ERROR_NONE)) ok = judge(s, a->magic != 0, e);
+        reader_settle(&s->reader, ok, e);
     }
     if (is_stack(s)) close(fd);
     return ok || (is_stack(s) ? error_prefix(e, "%s", s->params.paths[k]) : false);
@@ -146,14 +120,13 @@ static bool read_page(tiff_stack *s, int64_t page, error *e)
 {
     const tiff_request request = {TIFF_READER_PAGE, (uint32_t)page};
     const size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
-    tiff_answer a = {0};
-    bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) && read_answer(s, &a, e);
-    bool whole = ok || (a.magic == TIFF_READER_MAGIC && a.code != ERROR_NONE);
-    if (ok && (!is_alike(&a, &s->head) || fread(s->numbers, (size_t)numbers_bytes((header_type)a.type), count,
-                                                s->reader.stream) != count))
-        whole = ok = error_set(e, ERROR_INPUT_DAMAGED,
-                               "the file ended while it was read: check the disk and copy it again");
-    if (!whole) judge(s, false, e);
+    tiff_answer a;
+    const bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) &&
+                    reader_get_answer(&s->reader, &a, sizeof a, NULL, 0, e) &&
+                    (is_alike(&a, &s->head) || error_set(e, ERROR_INPUT_DAMAGED, "the file has changed")) &&
+                    reader_get(&s->reader, s->numbers, (size_t)numbers_bytes((header_type)a.type), count, e);
+    reader_settle(&s->reader, ok, e);
+    if (!s->reader.stream) s->opened = -1;
     return ok;
 }
 
@@ -197,8 +170,7 @@ static bool tiff_next(slices *base, double *values, error *e)
 static void tiff_close(slices *base)
 {
     tiff_stack *s = (tiff_stack *)base;
-    error unused = {0};
-    if (s->running) reader_end(&s->reader, true, true, &unused);
+    reader_close(&s->reader);
     free(s->numbers);
     free(s);
 }
@@ -287,7 +259,7 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
 {
     tiff_answer a;
     if (!open_file(s, (int64_t)k, &a, e)) return false;
-    if (s->head.magic == 0) s->head = a;
+    if (s->head.pages == 0) s->head = a;
     if (a.pages != 1)
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,

@@ -37,7 +37,6 @@ typedef struct zarr_volume {
     bool has_index;
     size_t chunk_bytes, index_bytes;
     int64_t step[ZARR_AXES_MOST]; /* in a chunk, from one number to the next along each axis */
-    bool running;
     reader reader;
 } zarr_volume;
 
@@ -63,38 +62,16 @@ static bool start(zarr_volume *v, error *e)
     const double seconds = fmin(seconds_at_least + seconds_per_chunk * chunk_count(v), seconds_most);
     const reader_params params = {v->params.program,      ZARR_READER_COMMAND, "chunk", -1,
                                   v->params.memory_limit, (unsigned)seconds};
-    return v->running || (v->running = reader_start(&params, &v->reader, e));
-}
-
-static bool read_answer(zarr_volume *v, unsigned char *to, size_t bytes, bool *is_whole, error *e)
-{
-    zarr_answer a = {0};
-    char text[ZARR_READER_TEXT_MAX + 1] = "";
-    *is_whole = false;
-    if (fread(&a, sizeof a, 1, v->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (a.magic != ZARR_READER_MAGIC || a.code >= ERROR_CODE_COUNT || a.text_length > ZARR_READER_TEXT_MAX ||
-        fread(text, 1, a.text_length, v->reader.stream) != a.text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    for (char *p = text; *p; p++)
-        if (*p < ' ' || *p > '~') *p = '?';
-    *is_whole = a.code != ERROR_NONE || fread(to, 1, bytes, v->reader.stream) == bytes;
-    if (a.code != ERROR_NONE) return error_set(e, (error_code)a.code, "%s", text);
-    return *is_whole || error_set(e, ERROR_INPUT_DAMAGED,
-                                  "the file ended while it was read: check the disk and copy it again");
+    return v->reader.stream || reader_start(&params, &v->reader, e);
 }
 
 static bool ask(zarr_volume *v, int file, const zarr_request *request, unsigned char *to, error *e)
 {
-    bool is_whole = true;
-    if (!start(v, e)) return false;
-    const bool ok = reader_send(&v->reader, request, sizeof *request, file, e) &&
-                    read_answer(v, to, request->unpacked, &is_whole, e);
-    if (ok || is_whole) return ok;
-    v->running = false;
-    return reader_end(&v->reader, false, false, e);
+    return start(v, e) && reader_settle(&v->reader,
+                                        reader_send(&v->reader, request, sizeof *request, file, e) &&
+                                            reader_get_answer(&v->reader, NULL, 0, NULL, 0, e) &&
+                                            reader_get(&v->reader, to, 1, request->unpacked, e),
+                                        e);
 }
 
 /* ---- chunks */
@@ -324,8 +301,7 @@ static bool zarr_next(slices *base, double *values, error *e)
 static void zarr_close(slices *base)
 {
     zarr_volume *v = (zarr_volume *)base;
-    error unused = {0};
-    if (v->running) reader_end(&v->reader, true, true, &unused);
+    reader_close(&v->reader);
     free(v->numbers);
     free(v->chunk);
     free(v->index);
