@@ -940,8 +940,8 @@ export type JobSpec = {
       compression?: "none" | "rle" | "zips" | "zip";
       /**
        * The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for
-       * STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY
-       * or STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
+       * STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or
+       * STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
        * combination decides. Default: "auto".
        */
       up?: "auto" | "y" | "z";
@@ -2087,8 +2087,8 @@ export type AnsweredSpec = {
       compression?: "none" | "rle" | "zips" | "zip";
       /**
        * The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for
-       * STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY
-       * or STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
+       * STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or
+       * STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
        * combination decides.
        */
       up?: "auto" | "y" | "z";

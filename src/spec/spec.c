@@ -94,7 +94,7 @@ bool spec_check_frames(const spec *s, spec_faults *faults, error *e)
  * of a combination decides. */
 bool spec_y_up(const spec *s)
 {
-    static const char *const z_up[] = {".stl", ".3mf", ".amf", ".vtk", ".vtp", ".gii"};
+    static const char *const z_up[] = {".stl", ".3mf", ".vtk", ".vtp", ".gii"};
     const spec_surface *first = &s->surface;
     if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
     while (first->part_count > 0) first = first->parts[0];

@@ -1560,7 +1560,7 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(preview_up),
      .prose = "The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z "
-              "for STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
+              "for STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
               "OBJ, OFF, PLY or STL file, the other axis if the mesh has a flat base along that axis only. "
               "The first part of a combination decides."},
     {.pointer = "/output/preview/camera",

@@ -1151,7 +1151,7 @@ class OutputPreview(_OutputPreviewRest):
         once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
     up: The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for STL,
-        3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
+        3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
         file, the other axis if the mesh has a flat base along that axis only. The first part of a combination
         decides. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the

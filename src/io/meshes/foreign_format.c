@@ -40,6 +40,16 @@ static bool is_iges(const char *data, size_t size)
     return blanks == NUMBER - 1 && data[SECTION + NUMBER] == '1';
 }
 
+/* DXF as text: a group code of 0, and the name SECTION in the next line. */
+static bool is_dxf(const char *data, size_t size)
+{
+    static const char blanks[] = " \t\r\n";
+    if (BEGINS("AutoCAD Binary DXF")) return true;
+    const char *code = data + strspn(data, blanks);
+    return *code == '0' && code[1] && strchr(blanks, code[1]) &&
+           strncmp(code + 1 + strspn(code + 1, blanks), "SECTION", 7) == 0;
+}
+
 const char *foreign_format(const char *ending, const char *data, size_t size)
 {
     if (BEGINS(" BDV\0\0\0\0"))
@@ -72,5 +82,10 @@ const char *foreign_format(const char *ending, const char *data, size_t size)
                "lh.stl).";
     if (BEGINS("#usda") || BEGINS("PXR-USDC"))
         return "the file is a USD file, which is not read. Convert it with Blender: import it, and export PLY or OBJ.";
+    if (strcasecmp(ending, "amf") == 0 || has_in_head(data, size, "<amf"))
+        return "the file is an AMF file, which is not read. Convert it with PrusaSlicer (prusa-slicer --export-stl part.amf).";
+    if (strcasecmp(ending, "dxf") == 0 || is_dxf(data, size))
+        return "the file is a DXF file, which is not read. Convert it with Blender: import it (add-on AutoCAD DXF), and export PLY "
+               "or OBJ.";
     return NULL;
 }

@@ -10,6 +10,7 @@
 
 #include <assimp/cfileio.h>
 #include <assimp/cimport.h>
+#include <assimp/commonMetaData.h>
 #include <assimp/scene.h>
 
 #include "base/core/error.h"
@@ -20,7 +21,6 @@
 #include "io/meshes/plain_mesh.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
-#include "io/meshes/xml_tags.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -490,13 +490,21 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* Reads the unit of AMF as text, which the library ignores. */
-static void read_amf_unit(const char *data, plain_mesh *out)
+/* The refusal of a scene in a format that the library reads wrongly; NULL: there is none. The library also recognises
+ * such files by words in them. */
+static const char *foreign_scene(const struct aiScene *scene)
 {
-    xml_tag tag;
-    if (!xml_next_tag(&data, &tag) || !xml_is(tag.name, "amf")) return;
-    const xml_word unit = xml_attribute(&tag, "unit");
-    plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
+    static const char *const formats[] = {"amf", "dxf"}, *const names[] = {"(AMF)", "(DXF)"};
+    const struct aiMetadata *data = scene->mMetaData;
+    for (unsigned k = 0; data && k < data->mNumProperties; k++) {
+        if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
+            data->mValues[k].mType != AI_AISTRING)
+            continue;
+        for (size_t n = 0; n < sizeof formats / sizeof *formats; n++)
+            if (strstr(((struct aiString *)data->mValues[k].mData)->data, names[n]))
+                return foreign_format(formats[n], "", 0);
+    }
+    return NULL;
 }
 
 /* Whether only the positions of vertices are read from files of this format. */
@@ -532,7 +540,6 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
         free(plain->vertex);
         free(plain->triangle);
     }
-    if (strcasecmp(ending, "amf") == 0) read_amf_unit(b->data, plain);
     if ((foreign = foreign_format(ending, b->data, b->size)))
         plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
@@ -585,7 +592,9 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
-                                           : answer_refusal(&b, memory, aiGetErrorString());
+    const char *foreign = scene ? foreign_scene(scene) : NULL;
+    int status = foreign                     ? answer_fault(ERROR_INPUT_UNSUPPORTED, foreign)
+                 : scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
+                                             : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

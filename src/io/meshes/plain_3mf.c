@@ -348,7 +348,9 @@ static char *find_root(package *p)
     return path;
 }
 
-bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres)
+/* Sets *millimetres to the length of the document's unit, with a warning unless it is 1. Without a name, the unit is the
+ * millimetre. False: the unit is unknown, and the file is refused. */
+static bool read_unit(xml_word unit, plain_mesh *out, double *millimetres)
 {
     static const struct {
         const char *name;
@@ -356,9 +358,9 @@ bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, doub
     } units[] = {{"micron", 0.001}, {"millimeter", 1}, {"centimeter", 10}, {"inch", 25.4},
                  {"foot", 304.8},   {"feet", 304.8},   {"meter", 1000}};
     *millimetres = 1;
-    if (!unit) return true;
+    if (!unit.at) return true;
     for (size_t k = 0; k < sizeof units / sizeof *units; k++)
-        if (strlen(units[k].name) == length && memcmp(units[k].name, unit, length) == 0) {
+        if (xml_is(unit, units[k].name)) {
             *millimetres = units[k].millimetres;
             if (*millimetres != 1)
                 plain_mesh_warn(
@@ -371,7 +373,7 @@ bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, doub
         out, ERROR_INPUT_UNSUPPORTED,
         "its unit \"%.*s\" is unknown. Save it with micron, millimeter, centimeter, inch, "
         "foot or meter.",
-        (int)(length < 40 ? length : 40), unit);
+        (int)(unit.length < 40 ? unit.length : 40), unit.at);
 }
 
 static bool build(package *p)
@@ -381,9 +383,8 @@ static bool build(package *p)
     const char *at = p->parts[0].text;
     bool is_building = false;
     while (xml_next_tag(&at, &tag)) {
-        const xml_word word = xml_attribute(&tag, "unit");
         if (!tag.is_end && xml_is(tag.name, "model") &&
-            !plain_mesh_read_unit(word.at, word.length, p->out, &unit))
+            !read_unit(xml_attribute(&tag, "unit"), p->out, &unit))
             return false;
         if (xml_is(tag.name, "build")) is_building = !tag.is_end && !tag.is_empty;
         if (tag.is_end || !is_building || !xml_is(tag.name, "item")) continue;

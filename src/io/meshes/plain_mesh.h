@@ -24,7 +24,7 @@ typedef struct plain_mesh {
     size_t vertex_room, triangle_room, corner_room; /* capacities, in entries */
     error_code refused;                             /* ERROR_NONE: the file is not refused */
     char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
-    /* 3MF and AMF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
+    /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
     bool is_quantised;   /* glTF: the coordinates are integers, which the library does not read */
@@ -66,11 +66,6 @@ bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out); /* poi
 bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 
 /* ---- functions for these readers */
-
-/* For 3MF and AMF: sets *millimetres to the length of the document's unit in millimetres, with a warning unless it
- * is 1. `unit` NULL: the document names no unit, and the unit is the millimetre. False: the unit is unknown, and the
- * file is refused. */
-bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres);
 
 /* Refuses the file, unless it is refused already; returns false. */
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
