@@ -1646,6 +1646,13 @@ const spec_row spec_rows[] = {
      AT(points_in[FILE_FORMAT_NPZ]),
      .prose =
          "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
+    {.pointer = "/output/points_vtp",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(points_in[FILE_FORMAT_VTP]),
+     .prose =
+         "Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property and "
+         "attribute, in double precision."},
     {.pointer = "/output/points_glb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",

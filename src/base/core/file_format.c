@@ -60,7 +60,7 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
         .as_volume = "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
     [FILE_FORMAT_VTP] = {.name = "VTK (XML)", .ending = {".vtp", ".vtk"}, .within = "<VTKFile",
-        .reading = FILE_FORMAT_READ, .positions_only = true, .z_up = true,
+        .reading = FILE_FORMAT_READ, .is_written = true, .positions_only = true, .z_up = true,
         .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
         .as_volume = "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a ""mesh as "
             "/surface/mesh/path)"},

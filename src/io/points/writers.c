@@ -4,8 +4,10 @@
 #include "io/points/glb.h"
 #include "io/points/npz.h"
 #include "io/points/usda.h"
+#include "io/points/vtp.h"
 
 const writer writers[FILE_FORMATS] = {
+    [FILE_FORMAT_VTP] = {.write = {vtp_write}},
     [FILE_FORMAT_NPZ] = {.write = {npz_write}, .verify = {npz_verify}},
     [FILE_FORMAT_GLTF] = {.write = {glb_write}, .verify = {glb_verify}, .has_colors = true},
     [FILE_FORMAT_USD] = {.write = {usda_write, usda_write_sequence, usda_write_stage},

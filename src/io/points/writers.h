@@ -23,11 +23,11 @@ typedef bool writer_function(FILE *file, const points *set, const scene *place, 
 typedef struct writer {
     writer_function
         *write[WRITER_PARTS]; /* to an empty file from its start; flushes it. NULL: no such file */
-    writer_function
-        *verify[WRITER_PARTS]; /* reads the file and compares it. Error: input_damaged (they differ) */
-    bool has_colors;           /* even without a color attribute */
-    bool has_mesh;             /* writes meshes, too */
-    bool has_instances;        /* of the scene */
+    writer_function *verify
+        [WRITER_PARTS]; /* reads the file and compares it, or NULL. Error: input_damaged (they differ) */
+    bool has_colors;    /* even without a color attribute */
+    bool has_mesh;      /* writes meshes, too */
+    bool has_instances; /* of the scene */
 } writer;
 
 extern const writer writers[FILE_FORMATS];

@@ -202,7 +202,7 @@ static bool write_format(const char *directory, file_format format, writer_part 
     char *name = writers_name(format, part, of_mesh), *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && w->write[part](file.stream, set, place, e);
-    if (ok && !w->verify[part](file.stream, set, place, e))
+    if (ok && w->verify[part] && !w->verify[part](file.stream, set, place, e))
         ok = error_prefix(e, "%s differs from the written data when it is read back: check the disk", name);
     ok = ok && results_commit(&file, name, outputs, e);
     store_file_abort(&file);
