@@ -991,6 +991,11 @@ export type JobSpec = {
      */
     points_npz?: boolean;
     /**
+     * Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property
+     * and attribute, in double precision. Default: false.
+     */
+    points_vtp?: boolean;
+    /**
      * Whether to write points.glb: the points as glTF, with normals, colours and all attributes. Default:
      * false.
      */
@@ -2133,6 +2138,11 @@ export type AnsweredSpec = {
      * Whether to write points.npz: an array of NumPy for each property and attribute, in double precision.
      */
     points_npz?: boolean;
+    /**
+     * Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property
+     * and attribute, in double precision.
+     */
+    points_vtp?: boolean;
     /** Whether to write points.glb: the points as glTF, with normals, colours and all attributes. */
     points_glb?: boolean;
     /**

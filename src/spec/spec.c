@@ -2,7 +2,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/core/frames.h"
 #include "spec/surface.h"
@@ -11,32 +10,25 @@
  * of a combination decides. */
 bool spec_y_up(const spec *s)
 {
-    static const char *const z_up[] = {".stl", ".3mf", ".vtk", ".vtp", ".gii"};
     const spec_surface *first = &s->surface;
     if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
     while (first->part_count > 0) first = first->parts[0];
     if (first->kind != SPEC_SURFACE_MESH) return first->kind == SPEC_SURFACE_VDB;
-    const char *ending = strrchr(first->mesh.path, '.');
-    for (size_t k = 0; ending && k < sizeof z_up / sizeof *z_up; k++)
-        if (strcasecmp(ending, z_up[k]) == 0) return false;
-    return true;
+    return !file_formats[file_format_of_name(first->mesh.path)].z_up;
 }
 
 bool spec_up_is_certain(const spec *s)
 {
-    static const char *const either[] = {".obj", ".off", ".ply", ".stl"};
     if (s->preview_up != SPEC_UP_AUTO || s->frame_count > 0 || s->surface.kind != SPEC_SURFACE_MESH)
         return true;
-    const char *ending = strrchr(s->surface.mesh.path, '.');
-    for (size_t k = 0; ending && k < sizeof either / sizeof *either; k++)
-        if (strcasecmp(ending, either[k]) == 0) return false;
-    return true;
+    return !file_formats[file_format_of_name(s->surface.mesh.path)].up_varies;
 }
 
 bool spec_has_other_outputs(const spec *s)
 {
-    return s->has_preview || s->has_convergence || s->has_mesh || s->has_points_vdb || s->has_points_npz ||
-           s->has_points_glb || s->has_points_usda;
+    bool has_points = false;
+    for (int k = 0; k < FILE_FORMATS; k++) has_points |= s->points_in[k];
+    return s->has_preview || s->has_convergence || s->has_mesh || has_points;
 }
 
 bool spec_attribute_has_file(const spec_attribute *a)

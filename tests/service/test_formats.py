@@ -272,3 +272,29 @@ def test_velocities_of_a_file_are_those_of_usd(run, carried):
     where, columns, _ = run(carried)
     arrays, _ = read_usda((where / "points.usda").read_text())
     assert (arrays["vector3f[] velocities"].astype("f4") == stack(columns, "v_x", "v_y", "v_z").astype("f4")).all()
+
+
+# ---- VTK
+
+@pytest.mark.extended
+def test_points_of_vtk(run, carried):
+    xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="python3-vtk9 is not installed")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    carried["output"] = {"preview": False, "ply": {"precision": "double"}, "points_npz": True, "points_vtp": True}
+    where, columns, _ = run(carried)
+    reader = xml.vtkXMLPolyDataReader()
+    reader.SetFileName(str(where / "points.vtp"))
+    reader.Update()
+    data = reader.GetOutput()
+    values = data.GetPointData()
+    assert reader.GetErrorCode() == 0
+    assert (data.GetNumberOfPoints(), data.GetNumberOfVerts(), data.GetNumberOfCells()) == (500, 500, 500)
+    assert (vtk_to_numpy(data.GetPoints().GetData()) == stack(columns, *"xyz")).all()
+    assert values.GetNormals().GetName() == "normal"
+    assert [data.GetCell(k).GetPointId(0) for k in (0, 1, 499)] == [0, 1, 499]
+    with numpy.load(where / "points.npz") as arrays:
+        names = [values.GetArrayName(k) for k in range(values.GetNumberOfArrays())]
+        assert sorted(names) == sorted(set(arrays) - {"position"})
+        for name in names:
+            read = vtk_to_numpy(values.GetArray(name))
+            assert (read == arrays[name]).all() and read.dtype == arrays[name].dtype, name

@@ -1208,6 +1208,7 @@ class _OutputRest(TypedDict, total=False):
     convergence: bool
     points_vdb: bool
     points_npz: bool
+    points_vtp: bool
     points_glb: bool
     points_usda: bool
     usd: OutputUsd
@@ -1238,6 +1239,8 @@ class Output(_OutputRest):
         and id (the index of the point in points.ply, from 0). Default: False.
     points_npz: Whether to write points.npz: an array of NumPy for each property and attribute, in double
         precision. Default: False.
+    points_vtp: Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each
+        property and attribute, in double precision. Default: False.
     points_glb: Whether to write points.glb: the points as glTF, with normals, colours and all attributes.
         Default: False.
     points_usda: Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all

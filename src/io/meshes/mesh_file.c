@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
 #include "io/meshes/mesh_reader.h"
@@ -281,13 +282,11 @@ bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *
 
 bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e)
 {
-    char ending[16];
     off_t size = 0;
     reader r;
     vec3 *point = NULL;
     size_t n = 0;
-    ending_of(file->path, ending);
-    if (strcmp(ending, "ply") != 0 && strcmp(ending, "npz") != 0)
+    if (!file_formats[file_format_of_name(file->path)].has_points)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the name of the file does not end in .ply or .npz: give points in one of these");
     if (!reader_check_file(file->fd, "points", &size, e) || !start(file, MESH_READER_COMMAND, size, &r, e))

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,6 +13,7 @@
 #include <assimp/scene.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 #include "io/meshes/content_end.h"
@@ -438,7 +438,7 @@ static const char file_too_large[] = "the file is larger than the memory limit: 
 /* Converts the strips of a PLY file to triangles, or ends the process. */
 static void expand_strips(const char *ending, bytes *b)
 {
-    if (strcasecmp(ending, "ply") != 0) return;
+    if (file_format_of_name(ending) != FILE_FORMAT_PLY) return;
     switch (ply_strips_expand(&b->data, &b->size)) {
     case PLY_STRIPS_NO_MEMORY:
         _exit(answer_fault(ERROR_LIMIT_MEMORY, file_too_large));
@@ -486,30 +486,23 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
  * such files by words in them. */
 static const char *foreign_scene(const struct aiScene *scene)
 {
-    static const char *const formats[] = {"amf", "dxf"}, *const names[] = {"(AMF)", "(DXF)"};
     const struct aiMetadata *data = scene->mMetaData;
     for (unsigned k = 0; data && k < data->mNumProperties; k++) {
         if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
             data->mValues[k].mType != AI_AISTRING)
             continue;
-        for (size_t n = 0; n < sizeof formats / sizeof *formats; n++)
-            if (strstr(((struct aiString *)data->mValues[k].mData)->data, names[n]))
-                return foreign_format(formats[n], "", 0);
+        const char *source = ((struct aiString *)data->mValues[k].mData)->data;
+        for (const file_format_row *row = file_formats; row < file_formats + FILE_FORMATS; row++)
+            if (row->is_misread && strstr(source, row->name)) return row->as_mesh;
     }
     return NULL;
-}
-
-/* Whether only the positions of vertices are read from files of this format. */
-static bool has_places_only(const char *ending)
-{
-    return strcasecmp(ending, "vtk") == 0 || strcasecmp(ending, "vtp") == 0 || strcasecmp(ending, "gii") == 0;
 }
 
 /* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
 static bool is_read_for_values(const char *ending)
 {
-    return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
-           strcasecmp(ending, "3mf") == 0;
+    const file_format format = file_format_of_name(ending);
+    return format == FILE_FORMAT_GLTF || format == FILE_FORMAT_3MF;
 }
 
 static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
@@ -568,7 +561,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
                           : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
                                                                         : NOTHING;
-    if (also == VALUES && has_places_only(argv[1]))
+    const file_format format = file_format_of_name(argv[1]);
+    if (also == VALUES && file_formats[format].positions_only)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "the values of the vertices of such files are not read: save it as PLY for attributes");
@@ -579,8 +573,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
     expand_strips(argv[1], &b);
-    if ((strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
-        (strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own)))
+    if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
+        (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);

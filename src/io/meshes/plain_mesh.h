@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
 
@@ -44,6 +45,9 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
 
 /* The same, and keeps the polygons. */
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* Whether a reader is here. */
+bool plain_mesh_reads(file_format format);
 
 /* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and NPZ.
  * (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */

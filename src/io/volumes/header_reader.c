@@ -14,6 +14,7 @@
 #include <nifti2_io.h>
 #include <teem/nrrd.h>
 
+#include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 #include "io/volumes/meta_image.h"
@@ -604,43 +605,11 @@ static size_t read_head(char *to, size_t size)
     return count > 0 ? (size_t)count : 0;
 }
 
-/* Files that are not read, by the bytes that they begin with, and a program that converts each. */
-static const struct {
-    size_t at, length;
-    const char *bytes, *what;
-} others[] = {
-    {0, 14, "# vtk DataFile",
-     "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
-    {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
-    {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
-    {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
-    {0, 4, "VOL\003",
-     "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)"},
-    {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
-    {0, 8, "\x89HDF\r\n\x1a\n",
-     "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
-    {0, 4, "\0\0\0\1", "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
-    {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
-    {0, 4, "PK\3\4", "a ZIP archive (unpack it; name the directory of an OME-Zarr image as the path)"},
-    {208, 4, "MAP ",
-     "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
-};
-
-/* What the file may be instead; `head` has the bytes of a header and a zero behind them at least. */
-static const char *guess(const char *head)
+/* What the file may be instead. */
+static const char *guess(const char *head, size_t length)
 {
-    int32_t size;
-    memcpy(&size, head, sizeof size);
-    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
-        if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
-    if (strstr(head, "<VTKFile"))
-        return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
-    if (strstr(head, "<GIFTI")) return "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)";
-    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (name its directory as the path)";
-    if (size == sizeof(nifti_1_header) || size == 0x5c010000)
-        return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
-    return "not a volume in a known format (raw numbers need an NRRD header: `unu make -h -t "
-           "TYPE -s X Y Z -i FILE`)";
+    const char *found = file_formats[file_format_of_bytes(head, length)].as_volume;
+    return found ? found : file_formats[FILE_FORMAT_RAW].as_volume;
 }
 
 /* `head` is the file's first `length` bytes, with zeros behind them. */
@@ -665,7 +634,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
             return read_nifti(a, head, length, name, packed);
     }
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: give an NRRD, NIfTI or MetaImage file",
-                  packed ? "compressed by gzip and contains " : "", guess(head));
+                  packed ? "compressed by gzip and contains " : "", guess(head, length));
 }
 
 static bool read_file(answer *a, const char *name)

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
 #include "io/volumes/numbers.h"
@@ -32,16 +33,6 @@ typedef struct tiff_stack {
     unsigned char *numbers;  /* of a page */
     reader reader;
 } tiff_stack;
-
-bool tiff_stack_is(int fd)
-{
-    static const char *const beginnings[] = {"II*\0", "MM\0*", "II+\0", "MM\0+"};
-    char head[4] = "";
-    if (pread(fd, head, sizeof head, 0) != sizeof head) return false;
-    for (size_t k = 0; k < sizeof beginnings / sizeof *beginnings; k++)
-        if (memcmp(head, beginnings[k], sizeof head) == 0) return true;
-    return false;
-}
 
 /* ---- talking to the process */
 
@@ -96,7 +87,7 @@ static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
     int fd = is_stack(s) ? s->params.files->open(s->params.files->context, s->params.paths[k], e) : s->fd;
     if (fd < 0) return false;
     bool ok = reader_check_file(fd, "image", &size, e) &&
-              (!is_stack(s) || tiff_stack_is(fd) ||
+              (!is_stack(s) || file_format_of_file(fd, "") == FILE_FORMAT_TIFF ||
                error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the file is not a TIFF file, and others of the stack are: save it as TIFF")) &&
               start(s, size, e);

@@ -100,7 +100,7 @@ static double measuring_memory(const job *j, double count)
  * without points. */
 static double memory_for(const job *j, int64_t held, double count)
 {
-    double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
+    double begin = fmax((double)held, j->spec->points_in[FILE_FORMAT_VDB] ? BYTES_WITH_OPENVDB : 0);
     return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
                                                 measuring_memory(j, count) + plan_picture_memory(j->spec));
 }

@@ -12,10 +12,10 @@
 #include "base/core/precision.h"
 #include "surface/field/patches.h"
 #include "io/points/column.h"
-#include "io/points/format.h"
 #include "io/points/ply.h"
 #include "io/points/property.h"
 #include "io/points/quantity.h"
+#include "io/points/writers.h"
 #include "surface/remesh/surface_mesh.h"
 #include "job/phases/instances.h"
 #include "job/phases/label_meshes.h"
@@ -175,33 +175,20 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     return true;
 }
 
-static bool write_format(const char *directory, const point_format *f, const points *set, const scene *place,
-                         json *outputs, error *e)
+static bool write_format(const char *directory, file_format format, writer_part part, const points *set,
+                         const scene *place, bool of_mesh, json *outputs, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, f->file);
+    const writer *w = &writers[format];
+    char *name = writers_name(format, part, of_mesh), *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, place, e);
-    if (ok && !f->verify(file.stream, set, place, e))
-        ok =
-            error_prefix(e, "%s differs from the written data when it is read back: check the disk", f->file);
-    ok = ok && outputs_commit(&file, f->file, outputs, e);
+    bool ok = store_file_begin(path, &file, e) && w->write[part](file.stream, set, place, e);
+    if (ok && w->verify[part] && !w->verify[part](file.stream, set, place, e))
+        ok = error_prefix(e, "%s differs from the written data when it is read back: check the disk", name);
+    ok = ok && outputs_commit(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
+    free(name);
     return ok;
-}
-
-/* Whether the spec requests this format. */
-static bool has_format(const spec *s, format_name which)
-{
-    const bool asked[FORMATS] = {[FORMAT_NPZ] = s->has_points_npz,
-                                 [FORMAT_GLB] = s->has_points_glb,
-                                 [FORMAT_USDA] = s->has_points_usda,
-                                 [FORMAT_USDA_SEQUENCE] = s->has_points_usda,
-                                 [FORMAT_USDA_STAGE] = s->has_points_usda,
-                                 [FORMAT_MESH_USDA] = s->has_mesh_usda,
-                                 [FORMAT_MESH_USDA_SEQUENCE] = s->has_mesh_usda,
-                                 [FORMAT_MESH_USDA_STAGE] = s->has_mesh_usda};
-    return asked[which];
 }
 
 /* Writes the formats of points, or of their mesh. A file of a whole sequence is written by the frame listed first. */
@@ -219,13 +206,14 @@ static bool write_formats(const char *directory, const results_input *in, const 
         instanced.instancer = in->instancer;
         if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
     }
-    for (int k = 0; ok && k < FORMATS; k++) {
-        const point_format *f = &formats[k];
-        if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
-        if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
-        const bool is_points_usda = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE || k == FORMAT_USDA_STAGE;
-        ok = write_format(directory, f, set, is_points_usda ? &instanced : &place, outputs, e);
-    }
+    const bool *asked = of_mesh ? s->mesh_in : s->points_in;
+    const int parts = s->frame_count > 0 && s->frame[0] == in->frame ? WRITER_PARTS : WRITER_SEQUENCE;
+    for (int k = 0; k < FILE_FORMATS; k++)
+        for (int part = 0; ok && asked[k] && part < parts; part++)
+            ok =
+                !writers[k].write[part] ||
+                write_format(directory, (file_format)k, (writer_part)part, set,
+                             writers[k].has_instances && !of_mesh ? &instanced : &place, of_mesh, outputs, e);
     layout_free(&frames);
     return ok;
 }
@@ -495,8 +483,8 @@ static bool write_pictures(const char *directory, const results_input *in, threa
 /* Whether a requested format has colors even without a color attribute: those of the preview. */
 static bool needs_color(const spec *s)
 {
-    for (int k = 0; k < FORMATS; k++)
-        if (formats[k].colored && has_format(s, (format_name)k)) return true;
+    for (int k = 0; k < FILE_FORMATS; k++)
+        if (writers[k].has_colors && (s->points_in[k] || s->mesh_in[k])) return true;
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
@@ -541,7 +529,8 @@ bool results_write(const char *directory, const results_input *in, threads *pool
         }
     }
     late_commit *late = begin_ply(directory, s, as_float, pool, spec_has_other_outputs(s), &job, e);
-    bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
+    bool ok = late &&
+              (!s->points_in[FILE_FORMAT_VDB] || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
               (!s->has_preview || write_pictures(directory, &with_color, pool, outputs, e)) &&
@@ -634,10 +623,19 @@ static int numbered_name_length(const char *name)
 static bool for_each_result(const char *directory, bool (*act)(const char *path, error *e), error *e)
 {
     bool ok = true;
-    for (size_t k = 0; ok && k < NAMES + FORMATS; k++) {
-        char *path = mem_printf("%s/%s", directory, k < NAMES ? names[k] : formats[k - NAMES].file);
+    for (size_t k = 0; ok && k < NAMES; k++) {
+        char *path = mem_printf("%s/%s", directory, names[k]);
         ok = act(path, e);
         free(path);
+    }
+    for (int k = 0; ok && k < FILE_FORMATS * WRITER_PARTS * 2; k++) {
+        const file_format format = (file_format)(k / 2 / WRITER_PARTS);
+        const writer_part part = (writer_part)(k / 2 % WRITER_PARTS);
+        if (!writers[format].write[part] || (k % 2 == 1 && !writers[format].has_mesh)) continue;
+        char *name = writers_name(format, part, k % 2 == 1), *path = mem_printf("%s/%s", directory, name);
+        ok = act(path, e);
+        free(path);
+        free(name);
     }
     DIR *listing = opendir(directory);
     for (struct dirent *entry; listing && ok && (entry = readdir(listing));) {

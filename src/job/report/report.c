@@ -5,6 +5,7 @@
 
 #include "base/core/build_part.h"
 #include "base/core/clock.h"
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
 #include "job/report/advice.h"
@@ -122,7 +123,10 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
 /* Whether there are outputs with floats relative to an origin. */
 static bool has_scenes(const spec *s)
 {
-    return s->has_points_glb || s->has_points_usda || s->has_mesh_usda;
+    bool has = false;
+    for (int k = 0; k < FILE_FORMATS; k++)
+        has |= file_formats[k].has_floats && (s->points_in[k] || s->mesh_in[k]);
+    return has;
 }
 
 /* Maximum number of sweeps in a report: 6 MB of text. A million would be 300 MB. */
