@@ -1,5 +1,5 @@
 /* format: the table of formats of points and of their mesh, other than PLY and OpenVDB. A new format needs a file with
- * two functions and a row in format.c.
+ * one function and a row in format.c.
  *
  * The same points give the same bytes: files have no dates and no paths. No function keeps state.
  */
@@ -18,10 +18,8 @@ typedef struct point_format {
     bool colored;     /* has colors even without a color attribute */
     bool of_sequence; /* covers all frames; is written with the first one */
     bool of_mesh;
-    /* Writes to an empty file from its start, and flushes it. */
+    /* Writes to an empty file from its start, and flushes it. The stream need not have a descriptor, nor be readable. */
     bool (*write)(FILE *file, const points *set, const scene *place, error *e);
-    /* Reads the file and compares it with the set. Error: input_damaged (they differ). */
-    bool (*verify)(FILE *file, const points *set, const scene *place, error *e);
 } point_format;
 
 typedef enum format_name {
