@@ -287,55 +287,51 @@ static uint64_t first_difference(hashed_stream *written, uint64_t at, unsigned c
     return UINT64_MAX;
 }
 
-/* Hashes a file and, if `written` is not NULL, compares it. *differs is as of first_difference. False: it cannot be
- * read. */
-static bool hash_file(int fd, hashed_stream *written, store_facts *out, uint64_t *differs, error *e)
+/* Reads a file: hashes it if `hex` is not NULL, and compares it if `written` is not NULL. *differs is as of
+ * first_difference. False: it cannot be read. */
+static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes, uint64_t *differs, error *e)
 {
     struct sha256_ctx context;
-    unsigned char *bytes = mem_resize(NULL, READ_BYTES); /* a small file touches few of its pages */
+    unsigned char *block = mem_resize(NULL, READ_BYTES); /* a small file touches few of its pages */
     uint64_t total = 0;
     int64_t got;
     *differs = UINT64_MAX;
     sha256_init(&context);
     do {
-        got = transfer_read_at(fd, bytes, READ_BYTES, total);
+        got = transfer_read_at(fd, block, READ_BYTES, total);
         if (got <= 0) break;
-        sha256_update(&context, (size_t)got, bytes);
+        if (hex) sha256_update(&context, (size_t)got, block);
         if (written && *differs == UINT64_MAX)
-            *differs = first_difference(written, total, bytes, (size_t)got);
+            *differs = first_difference(written, total, block, (size_t)got);
         total += (uint64_t)got;
     } while (got == READ_BYTES);
     const int why = errno;
-    free(bytes);
+    free(block);
     if (got < 0)
         return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s",
                          strerror(why));
-    print_digest(&context, out->sha256);
-    out->bytes = total;
+    if (hex) print_digest(&context, hex);
+    *bytes = total;
     return true;
 }
 
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
 {
-    store_facts facts;
     uint64_t unused;
-    if (!hash_file(fd, NULL, &facts, &unused, e)) return false;
-    strcpy(hex, facts.sha256);
-    *bytes = facts.bytes;
-    return true;
+    return read_file(fd, NULL, hex, bytes, &unused, e);
 }
 
 /* Reads a flushed file from the disk and compares it with what was written. */
-static bool verify(const store_file *file, store_facts *out, error *e)
+static bool verify(const store_file *file, char *hex, uint64_t *bytes, error *e)
 {
     const uint64_t length = hashed_stream_length(file->hashes);
     uint64_t differs;
     /* Advice only: file systems in memory keep the pages. */
     posix_fadvise(descriptor_of(file), 0, 0, POSIX_FADV_DONTNEED);
-    if (!hash_file(descriptor_of(file), file->hashes, out, &differs, e))
+    if (!read_file(descriptor_of(file), file->hashes, hex, bytes, &differs, e))
         return error_prefix(e, "%s", file->path);
-    if (differs == UINT64_MAX && out->bytes == length) return true;
-    if (differs == UINT64_MAX) differs = length < out->bytes ? length : out->bytes;
+    if (differs == UINT64_MAX && *bytes == length) return true;
+    if (differs == UINT64_MAX) differs = length < *bytes ? length : *bytes;
     return error_set(e, ERROR_STORAGE_FAILED,
                      "%s differs from the written data from byte %" PRIu64
                      " on when it is read back: check the disk, its connection and the kernel's log",
@@ -345,11 +341,11 @@ static bool verify(const store_file *file, store_facts *out, error *e)
 bool store_file_place_verified(store_file *file, store_facts *out, error *e)
 {
     store_facts facts;
-    if (!store_file_flush(file, e) || !verify(file, &facts, e)) {
+    if (!store_file_flush(file, e) || !verify(file, out ? facts.sha256 : NULL, &facts.bytes, e)) {
         store_file_abort(file);
         return false;
     }
-    *out = facts;
+    if (out) *out = facts;
     return rename_flushed(file, e);
 }
 

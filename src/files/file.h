@@ -65,8 +65,8 @@ typedef struct store_facts {
 } store_facts;
 
 /* Like place, for a file of begin_hashed. Flushes the file, drops it from the page cache, reads it again and compares
- * it with the hashes of what was written. A difference is the error storage_failed. Where a file system keeps its
- * files in the page cache (tmpfs), the bytes in memory are compared. */
+ * it with the hashes of what was written. A difference is the error storage_failed. File systems in memory (tmpfs)
+ * keep the pages: the bytes in memory are compared. `out` NULL: the facts are not needed, which saves a hash. */
 bool store_file_place_verified(store_file *file, store_facts *out, error *e);
 
 /* SHA-256 in hexadecimal digits, of bytes and of an open file. store_file_hash reads the file from its beginning and

@@ -45,9 +45,9 @@ def read_columns(data):
     kinds = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
     types = [(w[2], kinds[w[1]]) for w in words if w[0] == "property"]
     if words[1][1] == "ascii":
-        rows = [line.split() for line in body.decode("ascii").splitlines()]
-        assert len(rows) == count
-        return {name: numpy.array([float(row[k]) for row in rows]) for k, (name, _) in enumerate(types)}
+        assert body.count(b"\n") == count
+        rows = numpy.fromstring(body.decode("ascii"), sep=" ").reshape(count, len(types))
+        return {name: rows[:, k] for k, (name, _) in enumerate(types)}
     table = numpy.frombuffer(body, types)
     assert len(table) == count
     return {name: table[name].astype(float) for name, _ in types}
