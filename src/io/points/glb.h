@@ -13,6 +13,5 @@
 #include "io/points/scene.h"
 
 bool glb_write(FILE *file, const points *set, const scene *place, error *e);
-bool glb_verify(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

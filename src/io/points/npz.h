@@ -12,6 +12,5 @@
 #include "io/points/scene.h"
 
 bool npz_write(FILE *file, const points *set, const scene *place, error *e);
-bool npz_verify(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

@@ -14,14 +14,11 @@
 #include "io/points/scene.h"
 
 bool usda_write(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify(FILE *file, const points *set, const scene *place, error *e);
 
 /* The stage of the sequence, with the properties of this frame. */
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e);
 
 /* The same stage for the folder that contains those of all frames. */
 bool usda_write_stage(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify_stage(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

@@ -8,10 +8,9 @@
 
 const writer writers[FILE_FORMATS] = {
     [FILE_FORMAT_VTP] = {.write = {vtp_write}},
-    [FILE_FORMAT_NPZ] = {.write = {npz_write}, .verify = {npz_verify}},
-    [FILE_FORMAT_GLTF] = {.write = {glb_write}, .verify = {glb_verify}, .has_colors = true},
+    [FILE_FORMAT_NPZ] = {.write = {npz_write}},
+    [FILE_FORMAT_GLTF] = {.write = {glb_write}, .has_colors = true},
     [FILE_FORMAT_USD] = {.write = {usda_write, usda_write_sequence, usda_write_stage},
-                         .verify = {usda_verify, usda_verify_sequence, usda_verify_stage},
                          .has_colors = true,
                          .has_mesh = true,
                          .has_instances = true},

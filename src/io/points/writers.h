@@ -21,10 +21,9 @@ typedef enum writer_part { WRITER_POINTS, WRITER_SEQUENCE, WRITER_STAGE, WRITER_
 typedef bool writer_function(FILE *file, const points *set, const scene *place, error *e);
 
 typedef struct writer {
-    writer_function
-        *write[WRITER_PARTS]; /* to an empty file from its start; flushes it. NULL: no such file */
-    writer_function *verify
-        [WRITER_PARTS]; /* reads the file and compares it, or NULL. Error: input_damaged (they differ) */
+    /* Writes to an empty file from its start, and flushes it. The stream need not have a descriptor, nor be readable. NULL: no
+     * such file. */
+    writer_function *write[WRITER_PARTS];
     bool has_colors;    /* even without a color attribute */
     bool has_mesh;      /* writes meshes, too */
     bool has_instances; /* of the scene */

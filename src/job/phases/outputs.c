@@ -1,7 +1,5 @@
 #include "job/phases/outputs.h"
 
-#include "files/late_commit.h"
-
 json *outputs_add(json *outputs, const char *name)
 {
     json *output = json_append_object(outputs);
@@ -18,7 +16,7 @@ void outputs_put_facts(json *output, const store_facts *facts)
 bool outputs_commit(store_file *file, const char *name, json *outputs, error *e)
 {
     store_facts facts;
-    if (!late_commit_now(file, &facts, e)) return false;
+    if (!store_file_place_verified(file, &facts, e)) return false;
     outputs_put_facts(outputs_add(outputs, name), &facts);
     return true;
 }

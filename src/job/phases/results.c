@@ -145,31 +145,30 @@ static vec3 origin_of(const points *set)
     return middle;
 }
 
-/* Writes points.ply; `job` has the name and the points, and is completed here. With `beside` it is written by another
+/* Writes points.ply or a mesh; `job` has the points, and is completed here. With `beside` it is written by another
  * thread while other outputs are written, if it is large enough and binary: text uses all threads. */
-static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
-                              ply_job *job, error *e)
+static late_commit *begin_ply(const char *directory, const char *name, const spec *s, bool as_float,
+                              threads *pool, bool beside, ply_job *job, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, job->name);
+    char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
     job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    const bool more = threads_count(pool) > 1;
-    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && more;
+    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && threads_count(pool) > 1;
     job->pool = beside ? threads_beside(pool) : pool;
     const char *const *wanted = (const char *const *)s->ply_properties;
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
-                    store_file_begin(path, &file, e);
+                    store_file_begin_hashed(path, &file, e);
     free(path);
-    return ok ? late_commit_begin(&file, ply_write_job, ply_verify_job, job, beside, more) : NULL;
+    return ok ? late_commit_begin(&file, ply_write_job, job, beside) : NULL;
 }
 
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
                       bool as_float, threads *pool, json *outputs, error *e)
 {
-    ply_job job = {.name = name, .set = set};
+    ply_job job = {.set = set};
     store_facts facts;
-    late_commit *begun = begin_ply(directory, s, as_float, pool, false, &job, e);
+    late_commit *begun = begin_ply(directory, name, s, as_float, pool, false, &job, e);
     if (!begun || !late_commit_end(begun, &facts, e)) return false;
     outputs_put_facts(outputs_add(outputs, name), &facts);
     return true;
@@ -181,10 +180,8 @@ static bool write_format(const char *directory, file_format format, writer_part 
     const writer *w = &writers[format];
     char *name = writers_name(format, part, of_mesh), *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && w->write[part](file.stream, set, place, e);
-    if (ok && w->verify[part] && !w->verify[part](file.stream, set, place, e))
-        ok = error_prefix(e, "%s differs from the written data when it is read back: check the disk", name);
-    ok = ok && outputs_commit(&file, name, outputs, e);
+    const bool ok = store_file_begin_hashed(path, &file, e) && w->write[part](file.stream, set, place, e) &&
+                    outputs_commit(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     free(name);
@@ -441,11 +438,9 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
                              .values = values};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
-    bool ok = (rows || !needs_rows) && store_file_begin(path, &file, e) &&
-              vdb_write_points(fileno(file.stream), &grid, e);
-    if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
-        ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
-    ok = ok && outputs_commit(&file, "points.vdb", outputs, e);
+    const bool ok = (rows || !needs_rows) && store_file_begin_hashed(path, &file, e) &&
+                    vdb_write_points(file.stream, &grid, e) &&
+                    outputs_commit(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
     free(rows);
@@ -508,7 +503,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     points colored = *in->set;
     results_input with_color = *in;
     store_facts ply;
-    ply_job job = {.name = "points.ply", .set = &colored, .comments = in->comments};
+    ply_job job = {.set = &colored, .comments = in->comments};
     json *const told = outputs_add(outputs, "points.ply");
     vec3 *color = NULL;
     instances turned = {0};
@@ -528,7 +523,8 @@ bool results_write(const char *directory, const results_input *in, threads *pool
             return false;
         }
     }
-    late_commit *late = begin_ply(directory, s, as_float, pool, spec_has_other_outputs(s), &job, e);
+    late_commit *late =
+        begin_ply(directory, "points.ply", s, as_float, pool, spec_has_other_outputs(s), &job, e);
     bool ok = late &&
               (!s->points_in[FILE_FORMAT_VDB] || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
@@ -592,19 +588,11 @@ bool results_write_report(const char *directory, const json *report, error *e)
     char *path = mem_printf("%s/report.json", directory), *text = json_print_pretty(report);
     size_t length = strlen(text);
     store_file file = {0};
-    bool ok = write_summary(directory, report, length, e) && store_file_begin(path, &file, e);
-    if (ok && (fwrite(text, 1, length, file.stream) != length || fflush(file.stream) != 0))
-        ok = error_set(e, error_code_of_errno(errno), "cannot write %s: %m", path);
+    bool ok = write_summary(directory, report, length, e) && store_file_begin_hashed(path, &file, e);
     if (ok) {
-        char *back = mem_alloc(length + 1);
-        rewind(file.stream);
-        if (fread(back, 1, length + 1, file.stream) != length || memcmp(back, text, length) != 0)
-            ok = error_set(e, ERROR_INTERNAL,
-                           "report.json differs from the written data when it is read back: check the disk");
-        free(back);
+        fwrite(text, 1, length, file.stream); /* the flush checks the stream's error flag */
+        ok = store_file_place_verified(&file, NULL, e) && store_directory_sync(directory, e);
     }
-    if (ok) ok = store_file_commit(&file, e);
-    store_file_abort(&file);
     free(text);
     free(path);
     return ok;

@@ -1,5 +1,5 @@
-/* results: the files of a finished job. Each is written under a temporary name, read again, verified, hashed and then
- * renamed. */
+/* results: the files of a finished job. Each is written under a temporary name, read from the disk again, compared with
+ * what was written, and then renamed (files/file.h). */
 #ifndef HEXAD_JOB_PHASES_RESULTS_H
 #define HEXAD_JOB_PHASES_RESULTS_H
 
@@ -41,7 +41,8 @@ typedef struct results_input {
 } results_input;
 
 /* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to `outputs`.
- * Errors: internal (a failure of the disk, or a file that does not read back as written), limit_memory, cancelled. */
+ * Errors: storage_full, storage_failed (also if a file is not read as it was written), internal, limit_memory,
+ * cancelled. */
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    report_outputs *out, error *e);
 
