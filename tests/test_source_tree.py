@@ -221,9 +221,19 @@ def lost_recipes(root):
     return faults
 
 
+def unlicensed(root):
+    """Code whose first line, or the second one after #!, is not its licence."""
+    faults = []
+    for name in files_of(root, (*CODE, "tools", "page", "clients", "share"), (".c", ".h", ".cc", ".py", ".js", ".ts", ".sh")):
+        mark = "#" if name.endswith((".py", ".sh")) else "//"
+        if not re.match(rf"(#!.*\n)?{mark} SPDX-License-Identifier: Apache-2\.0\n", (root / name).read_text()):
+            faults.append(f"{name}: its first line, or the second after #!, is not {mark} SPDX-License-Identifier: Apache-2.0")
+    return faults
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
           private_phrases, unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
-          lost_recipes]
+          lost_recipes, unlicensed]
 
 
 @pytest.mark.parametrize(
@@ -247,8 +257,8 @@ def test_a_file_that_a_check_names_is_in_the_tree(source, name):
 def small(source, tmp_path):
     """A tree of a module and its pages, without a fault."""
     for name, text in {
-        "src/base/clock.c": "/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
-        "tests/clock.h": "int one(void);\n",
+        "src/base/clock.c": "// SPDX-License-Identifier: Apache-2.0\n/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
+        "tests/clock.h": "// SPDX-License-Identifier: Apache-2.0\nint one(void);\n",
         "tests/README.md": "| `clock.h` |\n",
         "CONTRIBUTING.md": "`no/such`\n\n## Recipes\n\n`src/FOLDER/NOUN.c`, `base/clock`, `Makefile.am`, `/such`, `make time` and `clock >doc/guide.md`\n",
         "ARCHITECTURE.md": "# The start\nSee [the guide](doc/guide.md) and [above](#the-start) for `base/clock` and `no/such`.\n",
@@ -298,6 +308,8 @@ FAULTS = [
     (imported_tests, "tests/service/test_new.py", "import pytest\n\nfrom test_rest import exchange\n",
      "tests/service/test_new.py:3: imports test_rest"),
     (imported_tests, "bench/new.py", "def run():\n    import test_rest\n", "bench/new.py:2: imports test_rest"),
+    (unlicensed, "src/base/new.h", "/* new: a new file. */\n", "src/base/new.h: its first line"),
+    (unlicensed, "tools/new.py", "#!/usr/bin/env python3\n\"\"\"New.\"\"\"\n# SPDX-License-Identifier: Apache-2.0\n", "tools/new.py: its first line"),
     (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
     (unnamed_tests, "tests/README.md", "`clock.h` and `gone.py`\n", "tests/README.md names gone.py"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`src/base/gone.c`\n", "CONTRIBUTING.md: a recipe names src/base/gone.c"),
