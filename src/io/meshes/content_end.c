@@ -102,12 +102,12 @@ static const char *skip_row(const ply_header *h, const ply_element *e, const cha
     for (const ply_property *p = e->property; p < e->property + e->properties; p++) {
         double count = 1;
         if (p->length) {
-            if (end - at < p->length->size) return NULL;
+            if ((size_t)(end - at) < number_bytes(p->length->number)) return NULL;
             count = ply_number(at, p->length, h->layout);
-            at += p->length->size;
+            at += number_bytes(p->length->number);
         }
-        if (!(count >= 0 && count * p->type->size <= (double)(end - at))) return NULL;
-        at += (size_t)count * (size_t)p->type->size;
+        if (!(count >= 0 && count * (double)number_bytes(p->type->number) <= (double)(end - at))) return NULL;
+        at += (size_t)count * number_bytes(p->type->number);
     }
     return at;
 }

@@ -30,7 +30,7 @@ typedef enum encoding {
 typedef struct array {
     int number; /* in the file, from 0 */
     encoding encoding;
-    vtk_type type;
+    number_type type;
     bool has_type, is_swapped, by_column;
     int dimensions;
     double side[SIDES];
@@ -68,15 +68,9 @@ static const char *find(const char **attributes, const char *name)
 
 static void read_type(const char *name, array *a)
 {
-    static const char *const names[VTK_TYPES] = {"INT8",   "UINT8", "INT16",  "UINT16",  "INT32",
-                                                 "UINT32", "INT64", "UINT64", "FLOAT32", "FLOAT64"};
     static const char prefix[] = "NIFTI_TYPE_";
     if (strncmp(name, prefix, sizeof prefix - 1) != 0) return;
-    for (int k = 0; k < VTK_TYPES; k++)
-        if (strcmp(name + sizeof prefix - 1, names[k]) == 0) {
-            a->type = (vtk_type)k;
-            a->has_type = true;
-        }
+    a->has_type = number_find(name + sizeof prefix - 1, &a->type);
 }
 
 static void begin_array(gifti *g, const char **attributes)
@@ -201,7 +195,7 @@ static bool check_array(gifti *g, const wanted *w, bool is_whole)
         return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
                                  "array %d of the GIfTI file (%s) is not rows of three numbers", a->number,
                                  w->intent);
-    if (!a->has_type || (is_whole && !vtk_type_is_whole(a->type)))
+    if (!a->has_type || (is_whole && !number_is_whole(a->type)))
         return plain_mesh_refuse(
             g->out, ERROR_INPUT_UNSUPPORTED,
             "array %d of the GIfTI file (%s) has numbers that are not read: save it with %s", a->number,
@@ -268,12 +262,12 @@ static bool read_packed(gifti *g, const wanted *w, size_t bytes, unsigned char *
 static unsigned char *read_array(gifti *g, wanted *w)
 {
     array *a = &w->array;
-    const bool is_text = a->encoding == ENCODING_TEXT, is_whole = vtk_type_is_whole(a->type);
+    const bool is_text = a->encoding == ENCODING_TEXT, is_whole = number_is_whole(a->type);
     if (is_text) {
-        a->type = is_whole ? VTK_INT64 : VTK_DOUBLE;
+        a->type = is_whole ? NUMBER_INT64 : NUMBER_DOUBLE;
         a->is_swapped = false;
     }
-    const double count = 3 * a->side[0], bytes = count * (double)vtk_type_bytes(a->type),
+    const double count = 3 * a->side[0], bytes = count * (double)number_bytes(a->type),
                  length = a->end > a->begin ? (double)(a->end - a->begin) : 0;
     /* whether the file can have them, before there is room for them */
     const double possible = is_text                        ? (length + 1) / 2 * 8
@@ -301,7 +295,7 @@ static const unsigned char *number_at(const wanted *w, const unsigned char *numb
 {
     const array *a = &w->array;
     return numbers +
-           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * vtk_type_bytes(a->type);
+           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * number_bytes(a->type);
 }
 
 /* ---- the mesh */
@@ -315,7 +309,7 @@ static bool add_points(gifti *g)
     for (size_t n = 0; ok && n < count; n++) {
         double at[3];
         for (size_t k = 0; k < 3; k++)
-            at[k] = vtk_number(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+            at[k] = number_value(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
         ok = plain_mesh_add_vertex(g->out, at);
     }
     free(numbers);
@@ -331,7 +325,7 @@ static bool add_triangles(gifti *g)
     for (size_t n = 0; ok && n < count; n++) {
         int64_t corner[3];
         for (size_t k = 0; k < 3; k++)
-            corner[k] = vtk_whole(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+            corner[k] = number_whole(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
         for (int k = 0; ok && k < 3; k++)
             if (corner[k] < 0 || corner[k] >= (int64_t)g->out->vertices)
                 ok = plain_mesh_refuse(

@@ -22,7 +22,7 @@ typedef enum place { PLACE_NONE, PLACE_TEXT, PLACE_BASE64, PLACE_APPENDED } plac
 
 typedef struct array {
     place place;
-    vtk_type type;
+    number_type type;
     size_t begin, end; /* in the file; of appended ones `begin` is counted from their common beginning */
     bool has_end;
 } array;
@@ -116,18 +116,6 @@ static void begin_piece(vtp *v, const char **attributes)
         if (!read_count(v, attributes, counts[k], &p->count[k])) return;
 }
 
-static bool find_type(const char *name, vtk_type *out)
-{
-    static const char *const names[VTK_TYPES] = {"Int8",   "UInt8", "Int16",  "UInt16",  "Int32",
-                                                 "UInt32", "Int64", "UInt64", "Float32", "Float64"};
-    for (int k = 0; name && k < VTK_TYPES; k++)
-        if (strcmp(name, names[k]) == 0) {
-            *out = (vtk_type)k;
-            return true;
-        }
-    return false;
-}
-
 static void begin_array(vtp *v, const char **attributes)
 {
     const char *name = xml_attribute(attributes, "Name"), *type = xml_attribute(attributes, "type"),
@@ -140,7 +128,7 @@ static void begin_array(vtp *v, const char **attributes)
                                                            : NULL;
     if (!a) return;
     *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
-    if (!find_type(type, &a->type) || (v->section != POINTS && !vtk_type_is_whole(a->type)) ||
+    if (!type || !number_find(type, &a->type) || (v->section != POINTS && !number_is_whole(a->type)) ||
         (v->section == POINTS && components && strcmp(components, "3") != 0)) {
         plain_mesh_refuse(
             v->out, ERROR_INPUT_UNSUPPORTED,
@@ -254,7 +242,7 @@ static size_t head_bytes(const vtp *v)
 
 static uint64_t head_at(const vtp *v, const unsigned char *at)
 {
-    const int64_t whole = vtk_whole(at, v->has_long_heads ? VTK_UINT64 : VTK_UINT32, v->is_swapped);
+    const int64_t whole = number_whole(at, v->has_long_heads ? NUMBER_UINT64 : NUMBER_UINT32, v->is_swapped);
     return (uint64_t)whole;
 }
 
@@ -378,12 +366,12 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
 /* `count` numbers of an array, to be freed. *type is what they are then, *swapped whether in the other byte order. NULL: the file is
  * refused. */
 static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, const char *name, size_t count,
-                                 vtk_type *type, bool *swapped)
+                                 number_type *type, bool *swapped)
 {
-    const bool is_whole = vtk_type_is_whole(a->type);
-    *type = a->place != PLACE_TEXT ? a->type : is_whole ? VTK_INT64 : VTK_DOUBLE;
+    const bool is_whole = number_is_whole(a->type);
+    *type = a->place != PLACE_TEXT ? a->type : is_whole ? NUMBER_INT64 : NUMBER_DOUBLE;
     *swapped = a->place != PLACE_TEXT && v->is_swapped;
-    const size_t each = vtk_type_bytes(*type);
+    const size_t each = number_bytes(*type);
     stream s = {v->data + a->begin, v->data + a->end, true};
     wanted w = {name, piece_index, 0};
     if (a->place == PLACE_NONE || (a->place == PLACE_APPENDED && !v->has_appended)) {
@@ -429,7 +417,7 @@ static bool add_points(vtp *v, size_t index)
 {
     const piece *p = &v->pieces[index];
     const size_t count = p->count[POINTS];
-    vtk_type type = VTK_DOUBLE;
+    number_type type = NUMBER_DOUBLE;
     bool swapped = false;
     if (count == 0) return true;
     if (count > UINT32_MAX)
@@ -438,11 +426,11 @@ static bool add_points(vtp *v, size_t index)
     unsigned char *bytes =
         read_array(v, &p->connectivity[POINTS], index, "Points", 3 * count, &type, &swapped);
     if (!bytes) return false;
-    const size_t each = vtk_type_bytes(type);
+    const size_t each = number_bytes(type);
     bool ok = plain_mesh_expect(v->out, v->out->vertices + count, 0);
     for (size_t n = 0; ok && n < count; n++) {
         double at[3];
-        for (size_t k = 0; k < 3; k++) at[k] = vtk_number(bytes + (3 * n + k) * each, type, swapped);
+        for (size_t k = 0; k < 3; k++) at[k] = number_value(bytes + (3 * n + k) * each, type, swapped);
         ok = plain_mesh_add_vertex(v->out, at);
     }
     free(bytes);
@@ -453,7 +441,7 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
 {
     const piece *p = &v->pieces[index];
     const size_t cells = p->count[kind];
-    vtk_type type = VTK_INT64, corner_type = VTK_INT64;
+    number_type type = NUMBER_INT64, corner_type = NUMBER_INT64;
     bool swapped = false, corner_swapped = false, ok = true;
     char name[64];
     int64_t *vertex = NULL;
@@ -465,7 +453,7 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
     unsigned char *offsets = read_array(v, &p->offsets[kind], index, name, cells, &type, &swapped),
                   *corners = NULL;
     const int64_t total =
-        offsets ? vtk_whole(offsets + (cells - 1) * vtk_type_bytes(type), type, swapped) : 0;
+        offsets ? number_whole(offsets + (cells - 1) * number_bytes(type), type, swapped) : 0;
     snprintf(name, sizeof name, "connectivity of %s", vtk_cells_name(kind));
     if (offsets && (total < 0 || total > INT64_MAX / 16))
         ok = damaged(v, &(wanted){name, index, 0}, "has an invalid length");
@@ -474,7 +462,7 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
                                &corner_swapped));
     int64_t begin = 0;
     for (size_t n = 0; ok && n < cells; n++) {
-        const int64_t end = vtk_whole(offsets + n * vtk_type_bytes(type), type, swapped);
+        const int64_t end = number_whole(offsets + n * number_bytes(type), type, swapped);
         if (end < begin || end > total) {
             ok = damaged(v, &(wanted){name, index, 0}, "has offsets that do not grow");
             break;
@@ -490,8 +478,8 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
             room = count;
         }
         for (size_t k = 0; k < count; k++)
-            vertex[k] = vtk_whole(corners + ((size_t)begin + k) * vtk_type_bytes(corner_type), corner_type,
-                                  corner_swapped);
+            vertex[k] = number_whole(corners + ((size_t)begin + k) * number_bytes(corner_type), corner_type,
+                                     corner_swapped);
         ok = vtk_add_cell(v->out, kind, (int64_t)n, vertex, count, first);
         begin = end;
     }

@@ -58,7 +58,7 @@ static bool check_values(const header *h, error *e)
     bool ended = h->warnings.count < DENSE_WARNINGS_MOST; /* a later one has room */
     for (uint32_t k = 0; ended && k < h->warnings.count; k++)
         ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;
-    return (ended && h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
+    return (ended && h->type < NUMBER_TYPES && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
            reader_invalid(e);
 }

@@ -12,24 +12,11 @@
 #include <sys/types.h>
 
 #include "base/core/error.h"
+#include "base/core/number.h"
 #include "io/volumes/warnings.h"
 
 #define HEADER_COMMAND "read-header"
 #define HEADER_TEXT_MAX (4u << 20)
-
-typedef enum header_type {
-    HEADER_INT8,
-    HEADER_UINT8,
-    HEADER_INT16,
-    HEADER_UINT16,
-    HEADER_INT32,
-    HEADER_UINT32,
-    HEADER_INT64,
-    HEADER_UINT64,
-    HEADER_FLOAT,
-    HEADER_DOUBLE,
-    HEADER_TYPE_COUNT
-} header_type;
 
 typedef enum header_encoding { HEADER_RAW, HEADER_GZIP, HEADER_ASCII, HEADER_ENCODING_COUNT } header_encoding;
 

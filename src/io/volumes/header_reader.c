@@ -153,12 +153,12 @@ static bool type_of_nrrd(answer *a, int type)
 {
     static const struct {
         int nrrd;
-        header_type type;
-    } types[] = {{nrrdTypeChar, HEADER_INT8},   {nrrdTypeUChar, HEADER_UINT8},
-                 {nrrdTypeShort, HEADER_INT16}, {nrrdTypeUShort, HEADER_UINT16},
-                 {nrrdTypeInt, HEADER_INT32},   {nrrdTypeUInt, HEADER_UINT32},
-                 {nrrdTypeLLong, HEADER_INT64}, {nrrdTypeULLong, HEADER_UINT64},
-                 {nrrdTypeFloat, HEADER_FLOAT}, {nrrdTypeDouble, HEADER_DOUBLE}};
+        number_type type;
+    } types[] = {{nrrdTypeChar, NUMBER_INT8},   {nrrdTypeUChar, NUMBER_UINT8},
+                 {nrrdTypeShort, NUMBER_INT16}, {nrrdTypeUShort, NUMBER_UINT16},
+                 {nrrdTypeInt, NUMBER_INT32},   {nrrdTypeUInt, NUMBER_UINT32},
+                 {nrrdTypeLLong, NUMBER_INT64}, {nrrdTypeULLong, NUMBER_UINT64},
+                 {nrrdTypeFloat, NUMBER_FLOAT}, {nrrdTypeDouble, NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
         if (types[k].nrrd == type) {
             a->head.type = types[k].type;
@@ -360,11 +360,11 @@ static bool type_of_nifti(answer *a, int type)
 {
     static const struct {
         int nifti;
-        header_type type;
-    } types[] = {{DT_INT8, HEADER_INT8},     {DT_UINT8, HEADER_UINT8},   {DT_INT16, HEADER_INT16},
-                 {DT_UINT16, HEADER_UINT16}, {DT_INT32, HEADER_INT32},   {DT_UINT32, HEADER_UINT32},
-                 {DT_INT64, HEADER_INT64},   {DT_UINT64, HEADER_UINT64}, {DT_FLOAT32, HEADER_FLOAT},
-                 {DT_FLOAT64, HEADER_DOUBLE}};
+        number_type type;
+    } types[] = {{DT_INT8, NUMBER_INT8},     {DT_UINT8, NUMBER_UINT8},   {DT_INT16, NUMBER_INT16},
+                 {DT_UINT16, NUMBER_UINT16}, {DT_INT32, NUMBER_INT32},   {DT_UINT32, NUMBER_UINT32},
+                 {DT_INT64, NUMBER_INT64},   {DT_UINT64, NUMBER_UINT64}, {DT_FLOAT32, NUMBER_FLOAT},
+                 {DT_FLOAT64, NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
         if (types[k].nifti == type) {
             a->head.type = types[k].type;

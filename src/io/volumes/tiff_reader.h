@@ -25,7 +25,7 @@ typedef struct tiff_answer {
     int64_t width, height, pages;                 /* of the file, for both requests */
     int64_t slices, channels, frames;             /* of a file of several pages */
     int64_t slice_step, channel_step, frame_step; /* in pages */
-    uint32_t type;                                /* a header_type */
+    uint32_t type;                                /* a number_type */
     double size[3];                               /* of a voxel; 0: unknown */
     double origin[3];                             /* the pixel at the origin of the world */
     char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */

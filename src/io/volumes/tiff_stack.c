@@ -62,7 +62,7 @@ static bool check_answer(const tiff_answer *a, error *e)
               is_between(a->pages, 1, largest_side) && is_between(a->slices, 1, a->pages) &&
               is_between(a->channels, 1, a->pages) && is_between(a->frames, 1, a->pages) &&
               is_between(a->slice_step, 1, a->pages) && is_between(a->channel_step, 1, a->pages) &&
-              is_between(a->frame_step, 1, a->pages) && a->type < HEADER_TYPE_COUNT &&
+              is_between(a->frame_step, 1, a->pages) && a->type < NUMBER_TYPES &&
               memchr(a->unit, 0, sizeof a->unit) &&
               a->warnings.count <= DENSE_WARNINGS_MOST / 2; /* later ones have room */
     ok = ok && (a->slices - 1) * a->slice_step + (a->channels - 1) * a->channel_step +
@@ -115,7 +115,7 @@ static bool read_page(tiff_stack *s, int64_t page, error *e)
     const bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) &&
                     reader_get_answer(&s->reader, &a, sizeof a, NULL, 0, e) &&
                     (is_alike(&a, &s->head) || error_set(e, ERROR_INPUT_DAMAGED, "the file has changed")) &&
-                    reader_get(&s->reader, s->numbers, (size_t)numbers_bytes((header_type)a.type), count, e);
+                    reader_get(&s->reader, s->numbers, number_bytes((number_type)a.type), count, e);
     reader_settle(&s->reader, ok, e);
     if (!s->reader.stream) s->opened = -1;
     return ok;
@@ -148,9 +148,9 @@ static bool tiff_next(slices *base, double *values, error *e)
 {
     tiff_stack *s = (tiff_stack *)base;
     const int64_t count = base->size[0] * base->size[1];
-    const header_type type = (header_type)s->head.type;
+    const number_type type = (number_type)s->head.type;
     if (!s->numbers &&
-        !(s->numbers = mem_array((size_t)count, (size_t)numbers_bytes(type), "a slice of the volume", e)))
+        !(s->numbers = mem_array((size_t)count, number_bytes(type), "a slice of the volume", e)))
         return false;
     if (!read_slice(s, s->at, e)) return false;
     numbers_convert(s->numbers, type, false, count, values, base->inexact);
@@ -220,8 +220,8 @@ static bool place(tiff_stack *s, int64_t slice_count, const double given[3], vec
         m[4 * k + 3] = vec3_get(origin, k) - size[k] * s->head.origin[k];
     }
     m[15] = 1;
-    s->base.type = numbers_name((header_type)s->head.type);
-    s->base.fine = numbers_need_doubles((header_type)s->head.type);
+    s->base.type = numbers_name((number_type)s->head.type);
+    s->base.fine = numbers_need_doubles((number_type)s->head.type);
     return true;
 }
 
@@ -261,8 +261,8 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
                      "%s: the image has %lld x %lld pixels of %s, and others have %lld x %lld of %s: save "
                      "images of one size and type",
                      s->params.paths[k], (long long)a.width, (long long)a.height,
-                     numbers_name((header_type)a.type), (long long)s->head.width, (long long)s->head.height,
-                     numbers_name((header_type)s->head.type));
+                     numbers_name((number_type)a.type), (long long)s->head.width, (long long)s->head.height,
+                     numbers_name((number_type)s->head.type));
 }
 
 static bool check_slices(tiff_stack *s, error *e)
