@@ -225,6 +225,16 @@ static void test_names_in_lost_and_found_are_not_taken_twice(void **state)
     }
 }
 
+/* The service's own checks of the disk, and files that NFS renames while they are open. */
+static void test_hidden_entries_stay(void **state)
+{
+    place *p = *state;
+    static const char *const hidden[] = {"attempts/.probe", "results/.probe", "results/.nfs000000000001"};
+    for (int i = 0; i < 3; i++) make(p, hidden[i]);
+    take(p);
+    for (int i = 0; i < 3; i++) expect_moved(p, hidden[i], false);
+}
+
 /* A waiting job would need the name. */
 static void test_a_blocking_entry_that_cannot_be_moved_is_an_error(void **state)
 {
@@ -253,6 +263,7 @@ int main(void)
         CASE(test_results_of_jobs_in_each_state),
         CASE(test_entries_noted_for_removal_are_kept),
         CASE(test_names_in_lost_and_found_are_not_taken_twice),
+        CASE(test_hidden_entries_stay),
         CASE(test_a_blocking_entry_that_cannot_be_moved_is_an_error),
     };
     log_set_level(LOG_LEVEL_ERROR);

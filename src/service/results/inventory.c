@@ -124,8 +124,7 @@ static bool list(const char *work_dir, int part, listing *l, error *e)
     l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
     DIR *stream = opendir(path);
     for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            append(l, entry->d_name, part, &capacity);
+        if (entry->d_name[0] != '.') append(l, entry->d_name, part, &capacity);
     bool ok = (stream && !errno) || error_set(e, ERROR_INTERNAL, "cannot list %s: %s", path, strerror(errno));
     if (stream) closedir(stream);
     free(path);
