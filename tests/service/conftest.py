@@ -9,6 +9,7 @@ from service import PATIENCE_S, Service, gated_worker
 
 # fixtures of modules
 from accounts import closed_service, users  # noqa: F401
+from carried_points import carried, finished  # noqa: F401
 from disks import new_disk  # noqa: F401
 from proxies import certificate  # noqa: F401
 from pyramid import mesh_reader  # noqa: F401

@@ -7,55 +7,15 @@ import subprocess
 import numpy
 import pytest
 
+from carried_points import linear_light
 from readers import read_columns, read_mesh
 from scenes import read_glb, read_usda, stack
 from service import sphere
-from volumes import write_nrrd
-
-FORMATS = {"points_npz": True, "points_glb": True, "points_usda": True}
-
-
-@pytest.fixture
-def run(worker, tmp_path):
-    """Runs a job that must succeed; its directory, its columns and report."""
-    def call(spec, where="out"):
-        done = worker(spec, output=where)
-        assert done.returncode in (0, 10, 11), done.stderr
-        return (tmp_path / where, read_columns((tmp_path / where / "points.ply").read_bytes()),
-                json.loads((tmp_path / where / "report.json").read_text()))
-    return call
-
-
-@pytest.fixture
-def carried(tmp_path):
-    """A sphere whose points carry a number, a colour and a vector."""
-    n = 16
-    rng = numpy.random.default_rng(31)
-    matrix = numpy.diag([0.2, 0.2, 0.2, 1.0])
-    matrix[:3, 3] = -1.5
-    write_nrrd(tmp_path / "heat.nrrd", rng.random((n, n, n)).astype("f4"), matrix)
-    values = rng.random((3, n, n, n)).astype("<f4")
-    vectors = " ".join("(" + ",".join(repr(float(v)) for v in matrix[:3, k]) + ")" for k in range(3))
-    head = ["NRRD0005", "type: float", "dimension: 4", f"sizes: 3 {n} {n} {n}", "encoding: raw", "endian: little",
-            "space: left-posterior-superior", f"space directions: none {vectors}", "space origin: (-1.5,-1.5,-1.5)",
-            "kinds: vector domain domain domain"]
-    (tmp_path / "wind.nrrd").write_bytes(("\n".join(head) + "\n\n").encode() + values.tobytes(order="F"))
-    spec = sphere(500, output={"preview": False, "ply": {"precision": "double"}, **FORMATS})
-    spec["attributes"] = [{"from": str(tmp_path / "heat.nrrd"), "as": "heat"},
-                          {"from": str(tmp_path / "wind.nrrd"), "as": "wind"},
-                          {"from": str(tmp_path / "wind.nrrd"), "as": "Cd", "type": "color"},
-                          {"from": str(tmp_path / "heat.nrrd"), "as": "label", "type": "int"}]
-    return spec
-
-
-def linear_light(srgb):
-    return numpy.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
 
 # ---- NumPy
 
-def test_arrays_of_numpy(run, carried):
-    where, columns, report = run(carried)
+def test_arrays_of_numpy(finished, carried):
+    where, columns, report = finished(carried)
     with numpy.load(where / "points.npz") as arrays:
         assert set(arrays) == {"position", "normal", "rgb", "radius", "kappa", "kappa1", "kappa2", "alpha", "energy", "spacing",
                                "spacing_local", "id", "heat", "wind", "Cd", "label"}
@@ -66,15 +26,15 @@ def test_arrays_of_numpy(run, carried):
         assert (arrays["id"] == numpy.arange(500)).all() and arrays["label"].dtype == numpy.int64
         assert (arrays["heat"] == columns["heat"]).all() and (arrays["label"] == columns["label"]).all()
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "points.npz", "points.glb", "points.usda"]
-    again, _, _ = run(carried, "again")
+    again, _, _ = finished(carried, "again")
     for name in ("points.npz", "points.glb", "points.usda"):
         assert (where / name).read_bytes() == (again / name).read_bytes()
 
 
 # ---- glTF
 
-def test_points_of_gltf(run, carried):
-    where, columns, _ = run(carried)
+def test_points_of_gltf(finished, carried):
+    where, columns, _ = finished(carried)
     arrays, document = read_glb((where / "points.glb").read_bytes())
     assert (arrays["POSITION"] == stack(columns, *"xyz").astype("f4")).all()
     assert (arrays["NORMAL"] == stack(columns, "nx", "ny", "nz").astype("f4")).all()
@@ -103,9 +63,9 @@ def by_node(source):
 
 
 @pytest.mark.extended
-def test_khronos_finds_no_fault(run, carried, by_node):
+def test_khronos_finds_no_fault(finished, carried, by_node):
     for spec in (carried, sphere(300, output={"preview": False, "points_glb": True})):
-        where, _, _ = run(spec)
+        where, _, _ = finished(spec)
         report = by_node("validate.js", where / "points.glb")
         assert (report["issues"]["numErrors"], report["issues"]["numWarnings"]) == (0, 0), report["issues"]
         assert report["info"]["totalVertexCount"] == (500 if spec is carried else 300)
@@ -113,8 +73,8 @@ def test_khronos_finds_no_fault(run, carried, by_node):
 
 # ---- USD
 
-def test_points_of_usd(run, carried):
-    where, columns, _ = run(carried)
+def test_points_of_usd(finished, carried):
+    where, columns, _ = finished(carried)
     arrays, stage = read_usda((where / "points.usda").read_text())
     assert stage == {"defaultPrim": '"points"', "metersPerUnit": "1", "upAxis": '"Z"'}
     assert (arrays["point3f[] points"].astype("f4") == stack(columns, *"xyz").astype("f4")).all()
@@ -131,8 +91,8 @@ def test_points_of_usd(run, carried):
     assert numpy.allclose(low, (at - radius).min(0)) and numpy.allclose(high, (at + radius).max(0))
 
 
-def test_the_mesh_of_usd(run):
-    where, _, report = run(sphere(300, output={"preview": False, "mesh": True, "mesh_usda": True}))
+def test_the_mesh_of_usd(finished):
+    where, _, report = finished(sphere(300, output={"preview": False, "mesh": True, "mesh_usda": True}))
     text = (where / "mesh.usda").read_text()
     arrays, stage = read_usda(text)
     assert 'def Mesh "mesh"' in text and 'subdivisionScheme = "none"' in text and stage["defaultPrim"] == '"mesh"'
@@ -144,10 +104,10 @@ def test_the_mesh_of_usd(run):
 
 
 @pytest.mark.extended
-def test_other_readers_of_usd_find_the_same(run, carried, by_node):
+def test_other_readers_of_usd_find_the_same(finished, carried, by_node):
     """three.js' parser the numbers, and tinyusdz the stage, which it does not take with a word among the numbers."""
     carried["output"].update({"mesh": True, "mesh_usda": True})
-    where, columns, _ = run(carried)
+    where, columns, _ = finished(carried)
     names = ("points.usda", "mesh.usda")
     found = by_node("read_usd.mjs", *(where / name for name in names))
     for name, one in zip(names, found):
@@ -266,10 +226,10 @@ def test_the_stage_follows_the_output_directory(growing, tmp_path):
             assert path.strip("@") == f".{frame}/points.usda"
 
 
-def test_velocities_of_a_file_are_those_of_usd(run, carried):
+def test_velocities_of_a_file_are_those_of_usd(finished, carried):
     """A file tells them for a second, as USD wants them."""
     carried["attributes"][1]["as"] = "v"
-    where, columns, _ = run(carried)
+    where, columns, _ = finished(carried)
     arrays, _ = read_usda((where / "points.usda").read_text())
     assert (arrays["vector3f[] velocities"].astype("f4") == stack(columns, "v_x", "v_y", "v_z").astype("f4")).all()
 
@@ -277,11 +237,11 @@ def test_velocities_of_a_file_are_those_of_usd(run, carried):
 # ---- VTK
 
 @pytest.mark.extended
-def test_points_of_vtk(run, carried):
+def test_points_of_vtk(finished, carried):
     xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="python3-vtk9 is not installed")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     carried["output"] = {"preview": False, "ply": {"precision": "double"}, "points_npz": True, "points_vtp": True}
-    where, columns, _ = run(carried)
+    where, columns, _ = finished(carried)
     reader = xml.vtkXMLPolyDataReader()
     reader.SetFileName(str(where / "points.vtp"))
     reader.Update()

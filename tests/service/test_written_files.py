@@ -11,21 +11,22 @@ import tempfile
 import numpy
 import pytest
 
-from readers import read_columns, read_mesh
-from test_formats import carried, linear_light, read_glb, read_usda, run  # noqa: F401 (fixtures)
+from carried_points import linear_light
+from readers import read_mesh
+from scenes import read_glb, read_usda
 
 MILLION = pytest.param(1000000, marks=pytest.mark.extended)
 OWN = {"position": ("x", "y", "z"), "normal": ("nx", "ny", "nz")}
 
 
 @pytest.fixture
-def written(run, carried):  # noqa: F811
+def written(finished, carried):
     """Runs a job with all formats: its directory, the columns of points.ply, and the arrays of points.npz."""
     def call(count, **output):
         carried["sampling"] = {"count": count}
         carried["solver"] = {"max_sweeps": 2}
         carried["output"].update(orient={}, **output)
-        where, columns, report = run(carried)
+        where, columns, report = finished(carried)
         for told in report["outputs"]:
             data = (where / told["name"]).read_bytes()
             assert (told["bytes"], told["sha256"]) == (len(data), hashlib.sha256(data).hexdigest()), told["name"]
