@@ -36,6 +36,7 @@ typedef struct service {
     listen_socket socket;
     access_control *access;
     queue *q;
+    ledger *counts;
     executor *x;
     wait_list *waiting;
     store_inputs *inputs;
@@ -127,6 +128,7 @@ static void take_the_slot(service *s)
     expect(chmod(worker, 0700) == 0);
     put_job(s, id);
     executor_settings settings = {.engine = &engine_local,
+                                  .counts = s->counts,
                                   .state_dir = s->base,
                                   .work_dir = s->base,
                                   .worker = worker,
@@ -150,6 +152,7 @@ static void stop(void)
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);
     queue_close(s->q);
+    ledger_free(s->counts);
     access_close(s->access);
     listen_close(&s->socket);
     pages_free(s->pages);
@@ -175,10 +178,12 @@ static void start(service *s)
     expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
+    s->counts = ledger_new();
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
     s->openapi = openapi_new();
     s->context = (http_context){.access = s->access,
+                                .counts = s->counts,
                                 .q = s->q,
                                 .x = s->x,
                                 .roots = s->roots,
@@ -195,16 +200,16 @@ static void start(service *s)
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(&origin, 1, &e)));
     pages_add(s->pages, where, s->socket.address);
-    server_settings limits = {
-        .routes = &api_routes,
-        .context = &s->context,
-        .counters = &s->counters,
-        .waiting = s->waiting,
-        .connections = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
-        .body_limit_bytes = 4096,
-        .header_limit_bytes = 8192,
-        .proxies = &s->proxies,
-        .pages = s->pages};
+    server_settings limits = {.routes = &api_routes,
+                              .context = &s->context,
+                              .counters = &s->counters,
+                              .waiting = s->waiting,
+                              .counts = s->counts,
+                              .connections = {.connection_limit = 100, .timeout_s = 60},
+                              .body_limit_bytes = 4096,
+                              .header_limit_bytes = 8192,
+                              .proxies = &s->proxies,
+                              .pages = s->pages};
     expect((s->http = server_start(&limits, &s->socket, 1, s->access, &e)));
     free(where);
     free(file);

@@ -45,6 +45,7 @@ typedef struct place {
     char base[64];
     char *worker;
     queue *q;
+    ledger *counts;
     executor *x;
 } place;
 
@@ -57,6 +58,7 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
+    p->counts = ledger_new();
     *state = p;
     return 0;
 }
@@ -66,6 +68,7 @@ static int tear_down(void **state)
     place *p = *state;
     executor_stop(p->x);
     queue_close(p->q);
+    ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));
     free(p->worker);
     free(p);
@@ -86,6 +89,7 @@ static void start_with(place *p, const char *script, executor_settings settings)
     assert_int_equal(chmod(p->worker, 0700), 0);
     settings.state_dir = settings.work_dir = p->base;
     settings.worker = p->worker;
+    settings.counts = p->counts;
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);

@@ -32,6 +32,7 @@ typedef struct place {
     char base[64];
     queue *q;
     executor *x;
+    ledger *counts;
     http_context context;
 } place;
 
@@ -43,7 +44,9 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
+    p->counts = ledger_new();
     executor_settings settings = {.engine = &engine_local,
+                                  .counts = p->counts,
                                   .state_dir = p->base,
                                   .work_dir = p->base,
                                   .worker = "/nonexistent",
@@ -51,7 +54,8 @@ static int set_up(void **state)
                                   .memory_mb = 1024};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
-    p->context = (http_context){.q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
+    p->context =
+        (http_context){.counts = p->counts, .q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
     get_fails = false;
     *state = p;
     return 0;
@@ -62,6 +66,7 @@ static int tear_down(void **state)
     place *p = *state;
     executor_stop(p->x);
     queue_close(p->q);
+    ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));
     free(p);
     return 0;

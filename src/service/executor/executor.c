@@ -165,7 +165,7 @@ static queue_resources find_free(const executor *x)
         .all_threads = x->threads,
         .memory_mb = x->memory_mb * x->times,
         .all_memory_mb = x->memory_mb,
-        .most_of_owner = x->settings.most_of_owner,
+        .most_of_owner = (int)ledger_get_limits(x->settings.counts, LEDGER_ATTEMPTS).holder,
         .weights = x->settings.weights,
     };
     for (size_t i = 0; i < x->slot_count; i++) {
@@ -539,7 +539,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     if (ok) storage_check(&x->storage); /* removes what a kill has left of a probe, before the inventory */
     ok = ok && recover(x, e) &&
          output_cleanup_start(q, output_place_roots(settings->outputs), &x->cleanup, e) &&
-         (!settings->outputs || (x->redelivery = redelivery_start(q, settings->outputs, x->work_dir, e))) &&
+         (!settings->outputs ||
+          (x->redelivery = redelivery_start(q, settings->counts, settings->outputs, x->work_dir, e))) &&
          (x->retention =
               retention_start(q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
     if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
@@ -690,7 +691,8 @@ executor_load executor_get_load(executor *x)
     executor_load load = {.workers = (int)x->workers,
                           .all_threads = (int)(x->threads * x->times),
                           .all_memory_mb = x->memory_mb * x->times,
-                          .most_of_owner = x->settings.most_of_owner};
+                          .most_of_owner =
+                              (int)ledger_get_limits(x->settings.counts, LEDGER_ATTEMPTS).holder};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
         load.attempts += usage.attempts;

@@ -18,14 +18,14 @@ enum { THREADS = 4 };
 
 struct redelivery {
     queue *q;
+    ledger *counts;
     output_place *outputs;
     char *work_dir;
     pthread_t thread[THREADS];
     size_t count; /* number of started threads */
     pthread_mutex_t mutex;
     pthread_cond_t woken;
-    uint64_t wakes;      /* number of wake-ups */
-    char *user[THREADS]; /* the users whose results are copied now; NULL: an unused place */
+    uint64_t wakes; /* number of wake-ups */
     bool stop;
 };
 
@@ -61,32 +61,19 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     return ok;
 }
 
-/* Requires the mutex. An unused element of `user`; NULL: a thread copies results of this user already. */
-static char **find_place(redelivery *r, const char *user)
-{
-    char **place = NULL;
-    for (size_t i = 0; i < THREADS; i++) {
-        if (r->user[i] && strcmp(r->user[i], user) == 0) return NULL;
-        if (!r->user[i]) place = &r->user[i];
-    }
-    return place;
-}
-
-/* Takes the first marked job of a user whose results no other thread copies. *place is the element of `user` that
- * now holds the user's name; NULL: there is no such job. False: a database error. */
-static bool take(redelivery *r, queue_uncopied *job, char ***place)
+/* Takes the first marked job of a user whose results no other thread copies. *taken: there is such a job, and its
+ * user holds a delivery. False: a database error. */
+static bool take(redelivery *r, queue_uncopied *job, bool *taken)
 {
     bool ok = true, found = true;
-    *place = NULL;
+    *taken = false;
     pthread_mutex_lock(&r->mutex);
-    for (int64_t after = 0; ok && found && !*place && !r->stop;) {
+    for (int64_t after = 0; ok && found && !*taken && !r->stop;) {
         ok = queue_next_uncopied(r->q, after, job, &found, NULL);
         if (!ok || !found) break;
         after = job->seq;
-        if ((*place = find_place(r, job->owner)))
-            **place = mem_strdup(job->owner);
-        else
-            queue_uncopied_clear(job);
+        *taken = ledger_take(r->counts, LEDGER_DELIVERIES, job->owner, 1) == LEDGER_FITS;
+        if (!*taken) queue_uncopied_clear(job);
     }
     pthread_mutex_unlock(&r->mutex);
     return ok;
@@ -105,16 +92,11 @@ static bool copy_job(redelivery *r, const queue_uncopied *job)
 static bool work(redelivery *r, bool *any)
 {
     queue_uncopied job = {0};
-    char **place;
-    bool ok = take(r, &job, &place);
-    *any = ok && place;
+    bool ok = take(r, &job, any);
     if (!*any) return ok;
     ok = copy_job(r, &job);
+    ledger_give_back(r->counts, LEDGER_DELIVERIES, job.owner, 1);
     queue_uncopied_clear(&job);
-    pthread_mutex_lock(&r->mutex);
-    free(*place);
-    *place = NULL;
-    pthread_mutex_unlock(&r->mutex);
     return ok;
 }
 
@@ -176,10 +158,12 @@ void redelivery_stop(redelivery *r)
     release(r);
 }
 
-redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e)
+redelivery *redelivery_start(queue *q, ledger *counts, output_place *outputs, const char *work_dir, error *e)
 {
     redelivery *r = mem_alloc(sizeof *r);
     r->q = q;
+    r->counts = counts;
+    ledger_limit(counts, LEDGER_DELIVERIES, (ledger_limits){.holder = 1});
     r->outputs = outputs;
     r->work_dir = mem_strdup(work_dir);
     pthread_mutex_init(&r->mutex, NULL);

@@ -7,13 +7,14 @@
 #ifndef HEXAD_SERVICE_RESULTS_REDELIVERY_H
 #define HEXAD_SERVICE_RESULTS_REDELIVERY_H
 
+#include "service/ledger/ledger.h"
 #include "service/results/output_place.h"
 
 typedef struct redelivery redelivery;
 
-/* Starts the threads. The queue and the place must outlive it; the path is copied. NULL on failure. Errors: those of
- * background_start. */
-redelivery *redelivery_start(queue *q, output_place *outputs, const char *work_dir, error *e);
+/* Starts the threads. The queue, the ledger and the place must outlive it; the path is copied. NULL on failure. Errors:
+ * those of background_start. */
+redelivery *redelivery_start(queue *q, ledger *counts, output_place *outputs, const char *work_dir, error *e);
 /* Waits for the copies in progress and frees. Accepts NULL. */
 void redelivery_stop(redelivery *r);
 
