@@ -245,7 +245,7 @@ static bool check_output(const http_context *c, const access_caller *caller, con
     error e = {0};
     const spec *s = o->s;
     if (!s->directory) return true;
-    char *path = s->frames ? frames_path(s->directory, s->frame[0]) : mem_strdup(s->directory);
+    char *path = output_place_directory(s->directory, s->frames ? s->frame[0] : QUEUE_NO_FRAME);
     bool good = output_place_check(c->outputs, caller->user, path, &e);
     free(path);
     if (!good) refuse_member(o, "/output/directory", &e, r);

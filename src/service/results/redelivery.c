@@ -6,7 +6,6 @@
 
 #include "base/core/background.h"
 #include "base/core/clock.h"
-#include "base/core/frames.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/results/result.h"
@@ -44,20 +43,15 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     error fault = {0};
     /* unused before: output_cleanup may be removing files of earlier copies */
     ulid_make(clock_wall_ms(), unique);
-    char *from = result_directory(r->work_dir, job->id, task->frame),
-         *name = mem_printf(".%s.hexad-tmp", unique);
-    char *to =
-        task->frame == QUEUE_NO_FRAME ? mem_strdup(job->directory) : frames_path(job->directory, task->frame);
-    char *above = task->frame == QUEUE_NO_FRAME ? NULL : frames_above(job->directory);
-    bool copied = output_place_copy(r->outputs, job->owner, from, to, above, name, &fault) ||
-                  error_prefix(&fault, "output.directory");
+    char *from = result_directory(r->work_dir, job->id, task->frame), *name = output_place_temporary(unique),
+         *to = output_place_directory(job->directory, task->frame);
+    bool copied = output_place_copy(r->outputs, job->owner, from, job->directory, task->frame, name, &fault);
     bool ok = queue_note_copied(r->q, job->id, task, copied ? NULL : &fault, name, e);
     log_write(copied ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "result %s job=%s directory=%s%s%s",
               copied ? "delivered" : "not delivered", job->id, to, copied ? "" : ": ", fault.message);
     free(from);
     free(name);
     free(to);
-    free(above);
     return ok;
 }
 
