@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/queue.h>
 
 #include <microhttpd.h>
 
@@ -19,14 +20,14 @@ typedef struct waiter {
     struct MHD_Connection *connection;
     char topic[TOPIC_SIZE];
     int64_t until_ms;
-    struct waiter *next;
+    LIST_ENTRY(waiter) link;
 } waiter;
 
 struct wait_list {
     pthread_t thread;
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* monotonic clock */
-    waiter *first;
+    LIST_HEAD(, waiter) waiters;
     uint64_t happened;
     bool dismissed;
 };
@@ -44,13 +45,10 @@ static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
 static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
 {
     int64_t now = clock_monotonic_ms();
-    for (waiter **at = &l->first; *at;) {
-        waiter *w = *at;
-        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) {
-            at = &w->next;
-            continue;
-        }
-        *at = w->next;
+    for (waiter *w = LIST_FIRST(&l->waiters), *next; w; w = next) {
+        next = LIST_NEXT(w, link);
+        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) continue;
+        LIST_REMOVE(w, link);
         loop_resume(w->served_by, w->connection);
         free(w);
     }
@@ -61,7 +59,7 @@ static void *resume_overdue(void *argument)
     wait_list *l = argument;
     pthread_mutex_lock(&l->mutex);
     while (!l->dismissed) {
-        if (l->first)
+        if (!LIST_EMPTY(&l->waiters))
             background_wait_until(&l->changed, &l->mutex, clock_monotonic_ms() + TICK_MS);
         else
             pthread_cond_wait(&l->changed, &l->mutex);
@@ -129,9 +127,8 @@ bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connect
         w->connection = connection;
         w->until_ms = until_ms;
         strncpy(w->topic, topic, sizeof w->topic - 1);
-        w->next = l->first;
-        l->first = w;
-        if (!w->next) pthread_cond_broadcast(&l->changed);
+        LIST_INSERT_HEAD(&l->waiters, w, link);
+        if (!LIST_NEXT(w, link)) pthread_cond_broadcast(&l->changed);
     }
     pthread_mutex_unlock(&l->mutex);
     return stays;

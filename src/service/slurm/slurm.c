@@ -25,9 +25,10 @@
 
 slurm_batch *slurm_batch_find(slurm *s, const char *name)
 {
-    slurm_batch *b = s->batches;
-    while (b && strcmp(b->name, name) != 0) b = b->next;
-    return b;
+    slurm_batch *b;
+    LIST_FOREACH (b, &s->batches, link)
+        if (strcmp(b->name, name) == 0) return b;
+    return NULL;
 }
 
 slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
@@ -35,8 +36,7 @@ slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
     slurm_batch *b = mem_alloc(sizeof *b);
     b->name = mem_strdup(name);
     b->shared = shared;
-    b->next = s->batches;
-    s->batches = b;
+    LIST_INSERT_HEAD(&s->batches, b, link);
     return b;
 }
 
@@ -48,12 +48,10 @@ slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number)
     return &b->tasks[number];
 }
 
-void slurm_batch_release(slurm *s, slurm_batch *b)
+void slurm_batch_release(slurm_batch *b)
 {
     if (--b->users) return;
-    slurm_batch **link = &s->batches;
-    while (*link != b) link = &(*link)->next;
-    *link = b->next;
+    LIST_REMOVE(b, link);
     free(b->name);
     free(b->list);
     free(b->tasks);
@@ -94,7 +92,7 @@ void slurm_take(engine_attempt *a, const attempt_files_batch *by)
     a->late = by->number > 0;
     count(a, 1);
     if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
-    slurm_batch_release(s, own);
+    slurm_batch_release(own);
 }
 
 void slurm_forsake(engine_attempt *a)
@@ -107,7 +105,7 @@ void slurm_leave(engine_attempt *a)
 {
     if (!a->batch) return;
     count(a, (size_t)-1);
-    slurm_batch_release(a->place, a->batch);
+    slurm_batch_release(a->batch);
     a->batch = NULL;
 }
 
@@ -203,8 +201,7 @@ static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const 
         if (!b) b = slurm_batch_new(s, batch->name, batch->number);
         slurm_enter(a, b, (size_t)batch->task);
     }
-    *s->last = a;
-    s->last = &a->next;
+    TAILQ_INSERT_TAIL(&s->attempts, a, link);
     s->attempt_count++;
     a->since_ms = s->newest_ms = clock_monotonic_ms();
     s->more = r->more;
@@ -266,9 +263,10 @@ static void put_trash(slurm *s, char *directory)
 /* The caller holds the mutex. */
 static bool has_attempt(const slurm *s, const char *name)
 {
-    const engine_attempt *a = s->first;
-    while (a && strcmp(a->name, name) != 0) a = a->next;
-    return a;
+    const engine_attempt *a;
+    TAILQ_FOREACH (a, &s->attempts, link)
+        if (strcmp(a->name, name) == 0) return true;
+    return false;
 }
 
 static void sweep(void *place)
@@ -342,10 +340,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
         snprintf(ending->why, sizeof ending->why, "%.250s", e.message);
     }
     pthread_mutex_lock(&s->mutex);
-    engine_attempt **link = &s->first;
-    while (*link != a) link = &(*link)->next;
-    *link = a->next;
-    if (s->last == &a->next) s->last = link;
+    TAILQ_REMOVE(&s->attempts, a, link);
     s->attempt_count--;
     s->quiet = 0;
     put_trash(s, mem_strdup(a->directory));
@@ -448,8 +443,8 @@ static void place_free(slurm *s)
     pthread_mutex_destroy(&s->mutex);
     pthread_cond_destroy(&s->commands_due);
     pthread_cond_destroy(&s->files_due);
-    for (engine_attempt *a = s->first, *next; a; a = next) { /* attempts that were left */
-        next = a->next;
+    for (engine_attempt *a; (a = TAILQ_FIRST(&s->attempts));) { /* attempts that were left */
+        TAILQ_REMOVE(&s->attempts, a, link);
         slurm_leave(a);
         attempt_free(a);
     }
@@ -475,7 +470,7 @@ slurm *slurm_open(const slurm_settings *settings, error *e)
     slurm *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->farm = mem_printf("%s/" ATTEMPT_FILES_FARM, settings->work_dir);
-    s->last = &s->first;
+    TAILQ_INIT(&s->attempts);
     s->wake_fd = -1;
     s->serial = (uint64_t)clock_wall_ms();
     pthread_mutex_init(&s->mutex, NULL);
