@@ -167,6 +167,7 @@ static void start(service *s)
     const char *under = getenv("TMPDIR");
     snprintf(s->base, sizeof s->base, "%.40s/hexad-fuzz-XXXXXX", under ? under : "/tmp");
     expect(mkdtemp(s->base));
+    s->counts = ledger_new();
     snprintf(s->socket_path, sizeof s->socket_path, "%s/socket", s->base);
     put_file(s->base, "tokens", tokens);
     char *where = mem_printf("unix:%s", s->socket_path), *file = mem_printf("%s/tokens", s->base);
@@ -175,10 +176,9 @@ static void start(service *s)
     expect(listen_open(where, false, &s->socket, &e));
     expect((s->access = access_open(&(access_settings){.token_file = file}, &e)));
     expect((s->q = queue_open(s->base, &e)));
-    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
+    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, s->counts, &e)));
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
-    s->counts = ledger_new();
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
     s->openapi = openapi_new();

@@ -48,7 +48,7 @@
 #include "service/results/instance.h"
 #include "service/results/output_place.h"
 #include "files/file.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 #include "files/output.h"
 #include "files/path_map.h"
 #include "files/root.h"
@@ -197,6 +197,8 @@ static bool init_ledger(service *s, error *e)
         {LEDGER_BODIES, bytes_of_bodies(c, c->user_body_bytes, BODIES_OF_USER),
          bytes_of_bodies(c, c->body_total_bytes, BODIES_IN_ALL)},
         {LEDGER_ANSWERS, c->user_answer_bytes, c->answer_total_bytes},
+        {LEDGER_UPLOADS, c->user_uploads, 0},
+        {LEDGER_UPLOAD_BYTES, c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4, 0},
         {LEDGER_SUBMISSIONS, c->user_submissions, 0},
         {LEDGER_JOBS, c->user_queued, 0},
         {LEDGER_ATTEMPTS, c->user_running, 0},
@@ -260,17 +262,10 @@ static void fini_checker(service *s)
 static bool init_inputs(service *s, error *e)
 {
     s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
-    s->inputs =
-        store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
-    if (!s->inputs) {
-        free(s->inputs_dir);
-        return false;
-    }
-    const config *c = &s->settings;
-    store_inputs_bound_users(s->inputs,
-                             c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4,
-                             (int)c->user_uploads);
-    return true;
+    s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes,
+                                  s->settings.upload_total_bytes, s->counts, e);
+    if (!s->inputs) free(s->inputs_dir);
+    return s->inputs != NULL;
 }
 
 static void fini_inputs(service *s)

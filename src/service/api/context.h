@@ -14,7 +14,7 @@
 #include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
 #include "service/results/output_place.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 #include "files/path_map.h"
 #include "files/root.h"
 #include "service/webhook/delivery.h"

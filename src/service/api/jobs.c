@@ -590,7 +590,7 @@ static char **list_sent(const spec *s, size_t *count)
     char name[STORE_INPUT_NAME_SIZE], **names = NULL;
     *count = 0;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
-        if (!store_inputs_is_sent(input.path, name)) continue;
+        if (!sent_file_match(input.path, name)) continue;
         names = mem_resize(names, (*count + 1) * sizeof *names);
         names[(*count)++] = mem_strdup(name);
     }

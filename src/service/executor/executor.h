@@ -23,7 +23,7 @@
 #include "service/queue/queue.h"
 #include "service/results/fetches.h"
 #include "service/results/output_place.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 typedef struct executor executor;
 

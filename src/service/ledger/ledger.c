@@ -50,6 +50,12 @@ static const row rows[LEDGER_RESOURCES] = {
     [LEDGER_PICTURE_THREADS] = {.what = "threads for pictures"},
     [LEDGER_STREAM_THREADS] = {.what = "threads for streams"},
     [LEDGER_DELIVERIES] = {.what = "jobs whose results are delivered again"},
+    [LEDGER_UPLOADS] = {.what = "simultaneous uploads",
+                        .holder = {"user_uploads", "too_many_requests", 1, "wait for one to end"}},
+    [LEDGER_UPLOAD_BYTES] =
+        {.what = "bytes of uploads",
+         .holder = {"user_upload_bytes", "storage_full", 0,
+                    "delete uploads that are not needed; unused ones expire after inputs_keep_s"}},
     [LEDGER_SUBMISSIONS] = {.what = "submissions in an hour",
                             .holder = {"user_submissions", "too_many_submissions"},
                             .an_hour = true},
@@ -226,16 +232,22 @@ ledger_decision ledger_take(ledger *l, ledger_resource what, const char *holder,
     return decision;
 }
 
-void ledger_give_back(ledger *l, ledger_resource what, const char *holder, int64_t amount)
+void ledger_add(ledger *l, ledger_resource what, const char *holder, int64_t amount)
 {
+    const int64_t now_ms = clock_monotonic_ms();
+    assert(!rows[what].an_hour);
     if (!amount) return;
     pthread_mutex_lock(&l->mutex);
-    account *a = find(l, holder);
-    a->held[what] -= amount;
-    l->all[what] -= amount;
-    assert(a->held[what] >= 0 && !rows[what].an_hour);
-    free_empty(l, a, clock_monotonic_ms());
+    account *a = open_account(l, holder, now_ms);
+    a->held[what] += amount;
+    l->all[what] += amount;
+    free_empty(l, a, now_ms);
     pthread_mutex_unlock(&l->mutex);
+}
+
+void ledger_give_back(ledger *l, ledger_resource what, const char *holder, int64_t amount)
+{
+    ledger_add(l, what, holder, -amount);
 }
 
 int64_t ledger_held(ledger *l, ledger_resource what, const char *holder)

@@ -3,8 +3,9 @@
  * One table (ledger.c) has a row for each resource: what is counted, the settings that limit it, the problem of a
  * refusal, and what a caller can do. All refusals have the same form.
  *
- * A holder is a name: that of a user, or "client ADDRESS" for a client whose user is unknown. The ledger counts in
- * memory, so a restart begins with 0. The queue counts jobs, attempts and results in the database; the ledger has the
+ * A holder is a name: that of a user, or "client ADDRESS" for a client whose user is unknown; for uploads the hash of
+ * the user's name, since the store has only that. The ledger counts in memory, so a restart begins with 0, except for
+ * uploads, whose store counts its files again. The queue counts jobs, attempts and results in the database; the ledger has the
  * rows of these resources, and the first two limits.
  *
  * Any thread may call all functions. None of them blocks, or calls another module while it holds the ledger's mutex.
@@ -23,7 +24,9 @@ typedef enum ledger_resource {
     LEDGER_HEAVY_THREADS,
     LEDGER_PICTURE_THREADS,
     LEDGER_STREAM_THREADS,
-    LEDGER_DELIVERIES,  /* jobs whose results are copied again at the same time */
+    LEDGER_DELIVERIES, /* jobs whose results are copied again at the same time */
+    LEDGER_UPLOADS,    /* at the same time */
+    LEDGER_UPLOAD_BYTES,
     LEDGER_SUBMISSIONS, /* jobs an hour: what is taken is given back at the rate of the limit */
     LEDGER_JOBS,        /* unfinished; counted by the queue */
     LEDGER_ATTEMPTS,    /* running; counted by the queue */
@@ -54,6 +57,8 @@ ledger_limits ledger_get_limits(ledger *l, ledger_resource what);
 ledger_decision ledger_check(ledger *l, ledger_resource what, const char *holder, int64_t amount);
 /* As ledger_check, and takes the amount if it fits. */
 ledger_decision ledger_take(ledger *l, ledger_resource what, const char *holder, int64_t amount);
+/* Takes the amount whether it fits or not; a negative one is given back. Not for a rate. */
+void ledger_add(ledger *l, ledger_resource what, const char *holder, int64_t amount);
 void ledger_give_back(ledger *l, ledger_resource what, const char *holder, int64_t amount);
 int64_t ledger_held(ledger *l, ledger_resource what, const char *holder);
 

@@ -16,7 +16,7 @@
 #include "base/core/error.h"
 #include "service/queue/queue.h"
 #include "service/results/fetches.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 typedef struct retention retention;
 
