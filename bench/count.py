@@ -37,8 +37,7 @@ CASES = {
 WHOLE = "whole run"
 # Functions with all that they call. Those with an indent are part of the ones above, and of each other.
 PHASES = ("volume_open", "surface_scan", "sizing_field_new", "levels_plan", "sampler_new", "sampler_step",
-          "  refine_particles", "  relax_build", "  relax_sweep", "sampler_finalize", "quality_measure", "ply_write",
-          "ply_verify")
+          "  refine_particles", "  relax_build", "  relax_sweep", "sampler_finalize", "quality_measure", "ply_write")
 
 
 def instruction_set():

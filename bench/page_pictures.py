@@ -17,7 +17,7 @@ sys.path.insert(0, str(HERE.parent / "tests" / "service"))
 
 from browser import Browser, is_there  # noqa: E402
 from service import OPEN_TCP, Service, long_sphere, sphere, wait_until  # noqa: E402
-from test_access import new_token, with_token  # noqa: E402
+from accounts import new_token, with_token  # noqa: E402
 
 HEIGHT, TALLEST = 900, 6000  # of the screen; of a picture
 LONG_NAME = "shot_0420_fx_explosion_v012_final_for_review_with_a_name_that_somebody_typed_and_which_does_not_end_soon"

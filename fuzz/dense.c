@@ -27,22 +27,25 @@ static char *answered; /* what the stream reads */
 bool reader_start(const reader_params *p, reader *out, error *e)
 {
     static char text[HEADER_TEXT_MAX];
-    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}, .text = text};
+    answer a = {.head = {.slope = 1}, .text = text};
     (void)e;
     expect(dup2(p->fd, STDIN_FILENO) == STDIN_FILENO);
     read_file(&a, p->argument);
-    answered = realloc(answered, sizeof a.head + a.head.text_length);
+    const size_t size = a.code == ERROR_NONE ? sizeof a.head : 0;
+    const reader_head head = {READER_MAGIC, (uint32_t)a.code, (uint32_t)a.text_length, size};
+    answered = realloc(answered, sizeof head + a.text_length + size);
     expect(answered);
-    memcpy(answered, &a.head, sizeof a.head);
-    memcpy(answered + sizeof a.head, a.text, a.head.text_length);
-    out->stream = fmemopen(answered, sizeof a.head + a.head.text_length, "rb");
+    memcpy(answered, &head, sizeof head);
+    memcpy(answered + sizeof head, a.text, a.text_length);
+    memcpy(answered + sizeof head + a.text_length, &a.head, size);
+    out->stream = fmemopen(answered, sizeof head + a.text_length + size, "rb");
     expect(out->stream);
     return true;
 }
 
-bool reader_end(reader *r, bool begun, bool ok, error *e)
+bool reader_end(reader *r, bool ok, error *e)
 {
-    (void)begun, (void)e;
+    (void)e;
     fclose(r->stream);
     return ok;
 }

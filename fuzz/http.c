@@ -37,6 +37,7 @@ typedef struct service {
     access_control *access;
     queue *q;
     ledger *counts;
+    runner *tasks;
     executor *x;
     wait_list *waiting;
     store_inputs *inputs;
@@ -46,6 +47,7 @@ typedef struct service {
     http_counters counters;
     delivery_counters calls;
     atomic_bool copying;
+    pthread_mutex_t frame_checks;
     http_context context;
     openapi *openapi;
     address_ranges proxies; /* none */
@@ -135,7 +137,10 @@ static void take_the_slot(service *s)
                                   .workers = 1,
                                   .threads = 1,
                                   .memory_mb = 64};
-    expect((s->x = executor_start(&settings, s->q, &e)));
+    s->tasks = runner_new();
+    s->waiting = wait_list_new(s->tasks);
+    expect((s->x = executor_open(&settings, s->q, s->tasks, &e)));
+    expect(runner_start(s->tasks, &e) && executor_start(s->x, &e));
     while (!is_there(s, id, QUEUE_RUNNING)) usleep(1000);
     free(worker);
 }
@@ -146,8 +151,11 @@ static void stop(void)
 {
     service *s = &the_service;
     server_stop(s->http);
-    wait_list_close(s->waiting);
     executor_stop(s->x);
+    runner_stop(s->tasks);
+    wait_list_free(s->waiting);
+    executor_free(s->x);
+    runner_free(s->tasks);
     output_place_free(s->outputs);
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);
@@ -180,10 +188,11 @@ static void start(service *s)
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);
-    expect((s->waiting = wait_list_open(&e)));
     s->openapi = openapi_new();
+    pthread_mutex_init(&s->frame_checks, NULL);
     s->context = (http_context){.access = s->access,
                                 .counts = s->counts,
+                                .frame_checks = &s->frame_checks,
                                 .q = s->q,
                                 .x = s->x,
                                 .roots = s->roots,

@@ -40,16 +40,15 @@ static void make_levelset(mesh *m)
 static void read_points(const uint8_t *data, size_t size)
 {
     error e = {0};
-    mesh_reader_header told = {0};
     vec3 *point = NULL;
     size_t count = 0;
-    FILE *stream = fmemopen((void *)data, size, "rb");
-    expect(stream);
-    const bool ok = mesh_file_parse_points(stream, memory, &told, &point, &count, &e);
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    const bool ok = mesh_file_parse_points(&from, memory, &point, &count, &e);
     expect(ok ? count > 0 : *e.message != 0);
     for (size_t i = 0; i < count; i++) expect(isfinite(point[i].x + point[i].y + point[i].z));
     free(point);
-    fclose(stream);
+    fclose(from.stream);
 }
 
 static void read_values(const uint8_t *data, size_t size)
@@ -59,9 +58,9 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_values values = {0};
     mesh_reader_header told = {0};
     mesh_notes notes = {0};
-    FILE *stream = fmemopen((void *)data, size, "rb");
-    expect(stream);
-    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, &values, NULL, &e);
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, &values, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < values.count; k++) {
         const mesh_reader_values *head = &values.head[k];
@@ -70,7 +69,7 @@ static void read_values(const uint8_t *data, size_t size)
         for (size_t i = 0; i < m.vertex_count * head->components; i++) sum += values.value[k][i];
         expect(sum == sum || sum != sum);
     }
-    fclose(stream);
+    fclose(from.stream);
     mesh_values_free(&values);
     mesh_free(&m);
 }
@@ -82,14 +81,14 @@ static void read_polygons(const uint8_t *data, size_t size)
     mesh_polygons polygons = {0};
     mesh_reader_header told = {0};
     mesh_notes notes = {0};
-    FILE *stream = fmemopen((void *)data, size, "rb");
-    expect(stream);
-    bool ok = mesh_file_parse(stream, memory, &told, &m, &notes, NULL, &polygons, &e);
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, NULL, &polygons, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < polygons.count; k++)
         for (size_t c = polygons.first[k]; c < polygons.first[k + 1]; c++)
             expect(polygons.corner[c] < m.vertex_count);
-    fclose(stream);
+    fclose(from.stream);
     mesh_polygons_free(&polygons);
     mesh_free(&m);
 }
@@ -144,13 +143,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     read_polygons(data, size);
     read_points(data, size);
     read_files(data, size);
-    FILE *stream = fmemopen((void *)data, size, "rb");
-    expect(stream);
-    if (mesh_file_parse(stream, memory, &told, &m, &notes, NULL, NULL, &e))
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    if (mesh_file_parse(&from, memory, &told, &m, &notes, NULL, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);
-    fclose(stream);
+    fclose(from.stream);
     mesh_free(&m);
     return 0;
 }

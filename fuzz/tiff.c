@@ -26,7 +26,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         unsigned char *numbers = read_page(&f, (uint32_t)page);
         expect(numbers || (f.fault.code != ERROR_NONE && *f.fault.message));
         unsigned sum = 0; /* every number is there */
-        const size_t bytes = (size_t)a.width * (size_t)a.height * (size_t)numbers_bytes(f.type);
+        const size_t bytes = (size_t)a.width * (size_t)a.height * number_bytes(f.type);
         for (size_t k = 0; numbers && k < bytes; k++) sum += numbers[k];
         (void)sum;
         free(numbers);

@@ -52,8 +52,8 @@ bool reader_send(reader *r, const void *request, size_t size, int file, error *e
     (void)e;
     expect(size == sizeof(zarr_request));
     const bool ok = read_chunk(&c, file, request);
-    const zarr_answer a = {ZARR_READER_MAGIC, (uint32_t)c.fault.code,
-                           ok ? 0 : (uint32_t)strlen(c.fault.message)};
+    const reader_head a = {READER_MAGIC, (uint32_t)c.fault.code, ok ? 0 : (uint32_t)strlen(c.fault.message),
+                           0};
     const size_t bytes = sizeof a + (ok ? c.count : a.text_length);
     expect(ok ? c.count == ((const zarr_request *)request)->unpacked
               : c.fault.code != ERROR_NONE && *c.fault.message);
@@ -69,9 +69,9 @@ bool reader_send(reader *r, const void *request, size_t size, int file, error *e
     return true;
 }
 
-bool reader_end(reader *r, bool begun, bool ok, error *e)
+bool reader_end(reader *r, bool ok, error *e)
 {
-    (void)r, (void)begun, (void)e;
+    (void)r, (void)e;
     return ok;
 }
 

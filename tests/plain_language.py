@@ -12,8 +12,8 @@ import subprocess
 import sys
 import tokenize
 
-FOLDERS = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "NEWS.md", "doc", "etc", "bench/README.md", "page", "share", "clients",
-           "src")
+FOLDERS = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "NEWS.md", "doc", "etc", "bench/README.md", "tests/README.md", "page", "share",
+           "clients", "src")
 # Tables that quote code and messages of earlier builds, and generated files.
 NOT_TEXTS = ("doc/measured/inputs.md", "doc/measured/messages.md", "doc/measured/mutation", "doc/measured/reproduction/",
              "doc/page-", "page/package", "src/service/api/openapi_examples.json")

@@ -1,14 +1,19 @@
 """Which layer and which module of src may include which: the tables of ARCHITECTURE.md, compared with all include lines.
 
 A layer is a folder of src. A module is a row of the table of modules: a folder with the folders below it. Layers and modules may
-include what their rows name and what those rows name in turn. The daemon shares with the worker only what SHARED names. Each
-check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree with one fault,
-where the list must name it.
+include what their rows name and what those rows name in turn. The daemon shares with the worker only what SHARED names. No files
+call each other in a circle. Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on
+a small tree with one fault, where the list must name it.
 """
 import pathlib
 import re
+import sys
 
 import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "tools"))
+
+import complexity  # noqa: E402
 
 LAYERS = "| layer | holds | may use |"
 MODULES = "| module | holds | may use |"
@@ -142,7 +147,14 @@ def code_that_the_daemon_shares(root):
     return faults
 
 
-CHECKS = [layers_out_of_order, folders_without_a_layer, includes_against_layers, code_that_the_daemon_shares, modules_without_a_row, rows_without_a_folder, circles_of_rows, forbidden_includes]
+def circles_of_calls(root):
+    """Files that reach each other by calls. Functions belong where no circle remains: a file of its own, or the file that is called."""
+    return [" ".join(path.relative_to(root).as_posix() for path in group) + ": these files call each other"
+            for group in complexity.circles(complexity.sources(root / "src", ".c"))]
+
+
+CHECKS = [layers_out_of_order, folders_without_a_layer, includes_against_layers, code_that_the_daemon_shares, modules_without_a_row,
+          rows_without_a_folder, circles_of_rows, forbidden_includes, circles_of_calls]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -164,7 +176,7 @@ def small(tmp_path):
         "ARCHITECTURE.md": f"{LAYERS}\n|---|---|---|\n| base | memory | |\n| io | files | base |\n| service | jobs | io |\n"
                            f"| programs | mains | all |\n\n{MODULES_TABLE}",
         "src/base/core/memory.h": "int size;\n",
-        "src/base/json/json.c": '#include "base/core/memory.h"\n',
+        "src/base/json/json.c": '#include "base/core/memory.h"\n\nvoid json(void)\n{\n    memory();\n}\n',
         "src/io/points/ply.c": '#include "base/core/memory.h"\n#include "config.h"\n',
         "src/io/points/scene.h": "int scene;\n",
         "src/io/pictures/chart.h": '#include "io/points/scene.h"\n',

@@ -22,7 +22,7 @@ import isolation_routes  # noqa: E402
 CODE = ("src", "tests", "fuzz", "bench")
 CLANG_FORMAT = "clang-format-14"
 
-PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"bench/README\.md", r"doc/.*")  # where pages may be
+PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"(bench|tests)/README\.md", r"doc/.*")  # where pages may be
 
 
 def files_of(root, folders, endings):
@@ -45,7 +45,7 @@ def code_of(root, folders=CODE):
 
 
 def pages_of(root):
-    return files_of(root, ("doc", "bench/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
+    return files_of(root, ("doc", "bench/README.md", "tests/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
 
 
 # ---- the checks
@@ -109,15 +109,23 @@ def other_versions(root):
     return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
 
 
+def anchors_of(page):
+    """The anchors of the headings of a page."""
+    headings = re.findall(r"^#+ +(.*?) *$", re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S), re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 def lost_names(root):
-    """Links of pages to files that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
+    """Links of pages to files or headings that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
     faults = []
     folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
     for name in pages_of(root):
         text = (root / name).read_text()
         here = (root / name).parent
-        for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-            if "://" not in link and not (here / link).exists():
+        for link in re.findall(r"\]\(([^)\s]+)[^)]*\)", text):
+            file, _, anchor = link.partition("#")
+            target = here / file if file else root / name
+            if "://" not in link and not (target.exists() and (not anchor or anchor in anchors_of(target))):
                 faults.append(f"{name}: the link to {link} leads nowhere")
         for path in re.findall(r"`(?:src/)?([a-z_]+(?:/[a-z_]+)+)(?:\.(?:[ch]|cc))?`", text):
             if path.split("/")[0] in folders and not [*(root / "src").glob(path + ".*"), *(root / "src").glob(path)]:
@@ -135,7 +143,7 @@ def private_phrases(root):
     return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
 
 
-PRINTERS = ("src/client/", "src/job/inspect/page.c", "src/job/phases/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
+PRINTERS = ("src/client/", "src/job/inspect/page.c", "src/job/report/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
 PLAIN_PRINTERS = ("src/client/list_query.c",)  # writes URLs
 
 
@@ -180,8 +188,52 @@ def untimed_calls(root):
             for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
 
 
+def imported_tests(root):
+    """Lines that import a file of tests: what two files share is in a module without tests (tests/README.md)."""
+    return [f"{name}:{number}: imports {found[1]}: move what both use into a module without tests"
+            for name in files_of(root, (*CODE, "tools"), (".py",)) for number, line in enumerate((root / name).read_text().splitlines(), 1)
+            if (found := re.match(r"\s*(?:from|import) (test_\w+)", line))]
+
+
+def unnamed_tests(root):
+    """Tests and fixtures that tests/README.md does not name, and names that are nowhere."""
+    named = set(re.findall(r"`(\w+\.(?:py|h))`", (root / "tests/README.md").read_text()))
+    there, wanted = ({pathlib.PurePath(name).name for name in files_of(root, folders, (".py", ".h"))}
+                     for folders in (("tests",), ("tests/service", "tests/unit")))
+    return ([f"tests/README.md does not name {name}" for name in sorted(wanted - named)]
+            + [f"tests/README.md names {name}, which is nowhere" for name in sorted(named - there)])
+
+
+def lost_recipes(root):
+    """Files and targets of make in the recipes of CONTRIBUTING.md that are nowhere. A name with a word in capitals is a placeholder."""
+    recipes = (root / "CONTRIBUTING.md").read_text().partition("\n## Recipes\n")[2]
+    files = {pathlib.PurePath(name).name for name in files_of(root, (".",), "")}
+    targets = {"distcheck", *re.findall(r"^([\w-]+)(?=[\w -]*:(?!=))", (root / "Makefile.am").read_text(), re.M)}
+    faults = []
+    for words in re.findall(r"`([^`]+)`", recipes):
+        command, *rest = re.split(r"[\s<>]+", words)
+        if command == "make":
+            faults += [f"CONTRIBUTING.md: there is no target {word} of make" for word in rest if word not in targets]
+        paths = [word for word in (command, *rest) if re.fullmatch(r"\w[\w.-]*(/[\w.*-]+)+|[\w-]+\.(?:[ch]|cc|py|md|json|inc|ac|am|conf)", word)
+                 and not re.search(r"(?<![a-zA-Z])[A-Z]{3,}(?![a-zA-Z])", word)]
+        faults += [f"CONTRIBUTING.md: a recipe names {path}, which is nowhere" for path in paths if path not in files
+                   and not any([*top.glob(path), *top.glob(path + ".*")] for top in (root, root / "src"))]
+    return faults
+
+
+def unlicensed(root):
+    """Code whose first line, or the second one after #!, is not its licence."""
+    faults = []
+    for name in files_of(root, (*CODE, "tools", "page", "clients", "share"), (".c", ".h", ".cc", ".py", ".js", ".ts", ".sh")):
+        mark = "#" if name.endswith((".py", ".sh")) else "//"
+        if not re.match(rf"(#!.*\n)?{mark} SPDX-License-Identifier: Apache-2\.0\n", (root / name).read_text()):
+            faults.append(f"{name}: its first line, or the second after #!, is not {mark} SPDX-License-Identifier: Apache-2.0")
+    return faults
+
+
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints, indexed_lists, untimed_calls]
+          private_phrases, unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
+          lost_recipes, unlicensed]
 
 
 @pytest.mark.parametrize(
@@ -205,12 +257,14 @@ def test_a_file_that_a_check_names_is_in_the_tree(source, name):
 def small(source, tmp_path):
     """A tree of a module and its pages, without a fault."""
     for name, text in {
-        "src/base/clock.c": "/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
-        "tests/clock.h": "int one(void);\n",
-        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
+        "src/base/clock.c": "// SPDX-License-Identifier: Apache-2.0\n/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
+        "tests/clock.h": "// SPDX-License-Identifier: Apache-2.0\nint one(void);\n",
+        "tests/README.md": "| `clock.h` |\n",
+        "CONTRIBUTING.md": "`no/such`\n\n## Recipes\n\n`src/FOLDER/NOUN.c`, `base/clock`, `Makefile.am`, `/such`, `make time` and `clock >doc/guide.md`\n",
+        "ARCHITECTURE.md": "# The start\nSee [the guide](doc/guide.md) and [above](#the-start) for `base/clock` and `no/such`.\n",
         file_index.PAGE: file_index.BEGIN + "\n## src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
-        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md\ninclude $(srcdir)/src/base/Makefile.inc\n",
+        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md tests/README.md\ntime: all\ninclude $(srcdir)/src/base/Makefile.inc\n",
         "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
         "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
         "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
@@ -234,6 +288,7 @@ FAULTS = [
     (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
+    (lost_names, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
     (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
@@ -250,6 +305,16 @@ FAULTS = [
      "        use(a, i);\n}\n", "src/base/clock.c:4: iterate with"),
     (indexed_lists, "src/base/clock.c", "/* clock: the time. */\nconst json *one(const json_at *a)\n{\n    return json_element(a, 1);\n}\n",
      "src/base/clock.c:4: iterate with"),
+    (imported_tests, "tests/service/test_new.py", "import pytest\n\nfrom test_rest import exchange\n",
+     "tests/service/test_new.py:3: imports test_rest"),
+    (imported_tests, "bench/new.py", "def run():\n    import test_rest\n", "bench/new.py:2: imports test_rest"),
+    (unlicensed, "src/base/new.h", "/* new: a new file. */\n", "src/base/new.h: its first line"),
+    (unlicensed, "tools/new.py", "#!/usr/bin/env python3\n\"\"\"New.\"\"\"\n# SPDX-License-Identifier: Apache-2.0\n", "tools/new.py: its first line"),
+    (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
+    (unnamed_tests, "tests/README.md", "`clock.h` and `gone.py`\n", "tests/README.md names gone.py"),
+    (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`src/base/gone.c`\n", "CONTRIBUTING.md: a recipe names src/base/gone.c"),
+    (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`gone.h`\n", "CONTRIBUTING.md: a recipe names gone.h"),
+    (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`make time gone`\n", "CONTRIBUTING.md: there is no target gone"),
     (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 

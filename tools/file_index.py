@@ -19,8 +19,8 @@ SUFFIXES = (".h", ".c", ".cc", ".js", ".py")
 
 
 def first_comment(text):
-    """The text of the first comment or docstring, without its markers; empty if the file does not start with one."""
-    text = re.sub(r"\A(#!.*\n|\s+|#include .*\n)+", "", text)
+    """The text of the first comment or docstring, without its markers; empty if the file does not start with one. The licence is skipped."""
+    text = re.sub(r"\A(#!.*\n|(//|#) SPDX-.*\n|\s+|#include .*\n)+", "", text)
     for pattern in (r'\A"""(.*?)"""', r"\A/\*+(.*?)\*/", r"\A((?://[^\n]*\n)+)"):
         found = re.match(pattern, text, re.S)
         if found:

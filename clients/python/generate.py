@@ -17,7 +17,9 @@ from hexad.transport import Transport
 Schema = Dict[str, Any]
 WIDTH = 110
 
-SPEC_HEAD = '''"""The members of a spec, for editors and type checkers. Written by generate.py; do not edit.
+LICENCE = "# SPDX-License-Identifier: Apache-2.0\n"
+
+SPEC_HEAD = LICENCE + '''"""The members of a spec, for editors and type checkers. Written by generate.py; do not edit.
 
 Each class is a dict. A spec may be written with them or as plain dicts and lists; a member that is left out has its
 default. Ranges are of the service, which checks them.
@@ -27,7 +29,7 @@ from typing import Any, Literal, Mapping, Sequence, TypedDict, Union
 __all__ = [
 '''
 
-PROBLEMS_HEAD = '''"""The errors of the service, a class for each code. Written by generate.py; do not edit."""
+PROBLEMS_HEAD = LICENCE + '''"""The errors of the service, a class for each code. Written by generate.py; do not edit."""
 from typing import Dict, Type
 
 from .errors import Problem

@@ -940,8 +940,8 @@ export type JobSpec = {
       compression?: "none" | "rle" | "zips" | "zip";
       /**
        * The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for
-       * STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY
-       * or STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
+       * STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or
+       * STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
        * combination decides. Default: "auto".
        */
       up?: "auto" | "y" | "z";
@@ -990,6 +990,11 @@ export type JobSpec = {
      * Default: false.
      */
     points_npz?: boolean;
+    /**
+     * Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property
+     * and attribute, in double precision. Default: false.
+     */
+    points_vtp?: boolean;
     /**
      * Whether to write points.glb: the points as glTF, with normals, colours and all attributes. Default:
      * false.
@@ -2087,8 +2092,8 @@ export type AnsweredSpec = {
       compression?: "none" | "rle" | "zips" | "zip";
       /**
        * The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for
-       * STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY
-       * or STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
+       * STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or
+       * STL file, the other axis if the mesh has a flat base along that axis only. The first part of a
        * combination decides.
        */
       up?: "auto" | "y" | "z";
@@ -2133,6 +2138,11 @@ export type AnsweredSpec = {
      * Whether to write points.npz: an array of NumPy for each property and attribute, in double precision.
      */
     points_npz?: boolean;
+    /**
+     * Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property
+     * and attribute, in double precision.
+     */
+    points_vtp?: boolean;
     /** Whether to write points.glb: the points as glTF, with normals, colours and all attributes. */
     points_glb?: boolean;
     /**

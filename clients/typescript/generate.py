@@ -23,7 +23,8 @@ from hexad.transport import Transport  # noqa: E402
 Schema = Dict[str, Any]
 WIDTH = 110
 MODULES = ("hexad.js", "node.js", "sha256.js")
-HEAD = "// Written by generate.py from the OpenAPI document; do not edit.\n"
+LICENCE = "// SPDX-License-Identifier: Apache-2.0\n"
+HEAD = LICENCE + "// Written by generate.py from the OpenAPI document; do not edit.\n"
 BYTES, JSON = "application/octet-stream", "application/json"
 NAMES = {"string": "string", "integer": "number", "number": "number", "boolean": "boolean", "null": "null"}
 
@@ -169,6 +170,9 @@ def declare(tsc: str, directory: pathlib.Path) -> None:
             shutil.copy(HERE / name, work)
         shutil.copy(directory / "api.d.ts", work)
         subprocess.run([tsc, "--project", work, "--outDir", directory, "--typeRoots", node_types(tsc)], check=True)
+    for name in MODULES:
+        types = (directory / name).with_suffix(".d.ts")
+        types.write_text(LICENCE + types.read_text())
 
 
 def main(build: pathlib.Path, directory: pathlib.Path) -> None:

@@ -1,5 +1,6 @@
 #include "client/command.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,6 +31,20 @@ int command_ask(client *c, const char *method, const char *path, const char *bod
     }
     client_reply_clear(&reply);
     return code;
+}
+
+json *command_next_tasks(client *c, const char *id, double *after, int *code)
+{
+    json *page = NULL;
+    if (isnan(*after)) return NULL;
+    char *path = *after < 0
+                     ? mem_printf("/v1/jobs/%s/tasks?limit=%d", id, COMMAND_PAGE_MOST)
+                     : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", id, COMMAND_PAGE_MOST, *after);
+    *code = command_ask(c, "GET", path, NULL, &page);
+    json_at root = json_root(page);
+    *after = json_number(json_member(&root, "next"), NAN);
+    free(path);
+    return page;
 }
 
 bool command_has_ended(json_at job)

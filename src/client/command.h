@@ -75,6 +75,9 @@ char *command_job_path(const char *id, const char *rest);
  * document of the reply, which the caller frees, or NULL. */
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document);
 
+/* Entries of a page that is requested, at most. */
+#define COMMAND_PAGE_MOST 500
+
 /* The next page of a job's tasks, a document that the caller frees. *after is TASKS_FROM_THE_FIRST before the first
  * page. NULL after the last page, or if *code is not COMMAND_OK. */
 #define TASKS_FROM_THE_FIRST (-1.0)
@@ -91,6 +94,9 @@ void command_explain_waiting(client *c, FILE *file);
 /* Prints the users that have all running attempts that the setting user_running permits: other jobs of them wait.
  * `owner`: this user only; NULL: all. */
 void command_explain_user_limits(client *c, const char *owner, FILE *file);
+
+/* The same, from a document of /v1/workers. */
+void command_print_user_limits(const json *document, const char *owner, FILE *file);
 
 /* Waits for the end of a job, prints it, and returns its exit code. */
 int command_wait_for(client *c, const char *path, const command_options *options);

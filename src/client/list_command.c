@@ -1,6 +1,5 @@
 /* list_command: the commands list, show and attempts of hexadctl. */
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,7 +13,6 @@
 #include "files/file.h"
 
 #define JOBS_DEFAULT 50
-#define PAGE_MOST 500
 /* Maximum number of failed frames of an array that `show` prints. */
 #define FAILURES_SHOWN 20
 /* Maximum number of dependent jobs that `show` prints. */
@@ -102,7 +100,7 @@ int command_list(client *c, const char *argument, const command_options *options
     for (bool more = true; code == COMMAND_OK && more; more = l.next && left > 0) {
         json *page = NULL;
         char limit[24];
-        snprintf(limit, sizeof limit, "%ld", left < PAGE_MOST ? left : PAGE_MOST);
+        snprintf(limit, sizeof limit, "%ld", left < COMMAND_PAGE_MOST ? left : COMMAND_PAGE_MOST);
         asked.limit = limit;
         char *path = list_query_path(c, &asked, l.next);
         code = command_ask(c, "GET", path, NULL, &page);
@@ -119,19 +117,6 @@ int command_list(client *c, const char *argument, const command_options *options
     }
     listing_clear(&l);
     return code;
-}
-
-json *command_next_tasks(client *c, const char *id, double *after, int *code)
-{
-    json *page = NULL;
-    if (isnan(*after)) return NULL;
-    char *path = *after < 0 ? mem_printf("/v1/jobs/%s/tasks?limit=%d", id, PAGE_MOST)
-                            : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", id, PAGE_MOST, *after);
-    *code = command_ask(c, "GET", path, NULL, &page);
-    json_at root = json_root(page);
-    *after = json_number(json_member(&root, "next"), NAN);
-    free(path);
-    return page;
 }
 
 static bool is_failure(json_at task)
@@ -250,8 +235,8 @@ int command_attempts(client *c, const char *argument, const command_options *opt
     if (!options->json) l.rows = job_table_new_attempts();
     for (bool more = true; code == COMMAND_OK && more; more = l.next != NULL) {
         json *page = NULL;
-        char *path =
-            mem_printf("%s?limit=%d%s%s", base, PAGE_MOST, l.next ? "&after=" : "", l.next ? l.next : "");
+        char *path = mem_printf("%s?limit=%d%s%s", base, COMMAND_PAGE_MOST, l.next ? "&after=" : "",
+                                l.next ? l.next : "");
         code = command_ask(c, "GET", path, NULL, &page);
         if (code == COMMAND_OK) take_page(&l, page);
         json_free(page);

@@ -14,6 +14,7 @@
 
 #include "base/core/denial.h"
 #include "base/core/memory.h"
+#include "base/core/transfer.h"
 
 /* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a disk of
  * 350 MB/s; a whole file of 235 MB delays them by 120 ms. */
@@ -85,7 +86,7 @@ void store_file_clear(const char *path)
     free(parent);
 }
 
-bool store_file_begin(const char *path, store_file *file, error *e)
+static bool begin(const char *path, bool is_hashed, store_file *file, error *e)
 {
     uint64_t random = 0;
     if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "create", path);
@@ -97,7 +98,8 @@ bool store_file_begin(const char *path, store_file *file, error *e)
         free(temporary);
         return false;
     }
-    FILE *stream = fdopen(fd, "w+b");
+    hashed_stream *hashes = NULL;
+    FILE *stream = is_hashed ? hashed_stream_open(fd, &hashes) : fdopen(fd, "w+b");
     if (!stream) {
         fail(e, "create", path);
         close(fd);
@@ -105,8 +107,23 @@ bool store_file_begin(const char *path, store_file *file, error *e)
         free(temporary);
         return false;
     }
-    *file = (store_file){stream, mem_strdup(path), temporary};
+    *file = (store_file){stream, mem_strdup(path), temporary, hashes};
     return true;
+}
+
+bool store_file_begin(const char *path, store_file *file, error *e)
+{
+    return begin(path, false, file, e);
+}
+
+bool store_file_begin_hashed(const char *path, store_file *file, error *e)
+{
+    return begin(path, true, file, e);
+}
+
+static int descriptor_of(const store_file *file)
+{
+    return file->hashes ? hashed_stream_descriptor(file->hashes) : fileno(file->stream);
 }
 
 void store_file_abort(store_file *file)
@@ -141,21 +158,16 @@ bool store_file_flush(store_file *file, error *e)
 {
     /* fflush may succeed although an earlier write failed */
     bool failed = ferror(file->stream) != 0;
-    if (!failed && fflush(file->stream) == 0 && store_flush(fileno(file->stream))) return true;
+    if (!failed && fflush(file->stream) == 0 && store_flush(descriptor_of(file))) return true;
     if (failed) errno = find_cause(file->stream);
     if (!errno) errno = EIO;
     return fail(e, "write", file->path);
 }
 
-void store_file_begin_flush(store_file *file)
-{
-    sync_file_range(fileno(file->stream), 0, 0, SYNC_FILE_RANGE_WRITE);
-}
-
-bool store_file_place(store_file *file, error *e)
+/* Closes a flushed file and renames it. */
+static bool rename_flushed(store_file *file, error *e)
 {
     bool ok = false;
-    if (!store_file_flush(file, e)) goto done;
     int closed = fclose(file->stream);
     file->stream = NULL;
     if (closed != 0) {
@@ -172,6 +184,13 @@ bool store_file_place(store_file *file, error *e)
 done:
     store_file_abort(file);
     return ok;
+}
+
+bool store_file_place(store_file *file, error *e)
+{
+    if (store_file_flush(file, e)) return rename_flushed(file, e);
+    store_file_abort(file);
+    return false;
 }
 
 bool store_file_commit(store_file *file, error *e)
@@ -254,28 +273,80 @@ void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
     print_digest(&context, hex);
 }
 
-bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
+/* Bytes that are read at a time for a hash: a multiple of the blocks of hashed_stream. */
+enum { READ_BYTES = 64 * HASHED_STREAM_BLOCK };
+
+/* Compares `count` bytes, read from a multiple of the block's length, with the written ones. `bytes` has space for
+ * whole blocks. Returns the first byte of the first block that differs; UINT64_MAX if none differs. */
+static uint64_t first_difference(hashed_stream *written, uint64_t at, unsigned char *bytes, size_t count)
+{
+    const size_t rest = count % HASHED_STREAM_BLOCK;
+    if (rest) memset(bytes + count, 0, HASHED_STREAM_BLOCK - rest);
+    for (size_t k = 0; k < count; k += HASHED_STREAM_BLOCK)
+        if (!hashed_stream_has(written, (at + k) / HASHED_STREAM_BLOCK, bytes + k)) return at + k;
+    return UINT64_MAX;
+}
+
+/* Reads a file: hashes it if `hex` is not NULL, and compares it if `written` is not NULL. *differs is as of
+ * first_difference. False: it cannot be read. */
+static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes, uint64_t *differs, error *e)
 {
     struct sha256_ctx context;
-    sha256_init(&context);
-    size_t size = 256 * 1024;
-    uint8_t *block = mem_resize(NULL, size); /* a small file touches few of its pages */
+    unsigned char *block = mem_resize(NULL, READ_BYTES); /* a small file touches few of its pages */
     uint64_t total = 0;
-    ssize_t got;
-    while ((got = pread(fd, block, size, (off_t)total)) != 0) {
-        if (got < 0 && errno == EINTR) continue;
-        if (got < 0) break;
-        sha256_update(&context, (size_t)got, block);
+    int64_t got;
+    *differs = UINT64_MAX;
+    sha256_init(&context);
+    do {
+        got = transfer_read_at(fd, block, READ_BYTES, total);
+        if (got <= 0) break;
+        if (hex) sha256_update(&context, (size_t)got, block);
+        if (written && *differs == UINT64_MAX)
+            *differs = first_difference(written, total, block, (size_t)got);
         total += (uint64_t)got;
-    }
-    int why = errno;
+    } while (got == READ_BYTES);
+    const int why = errno;
     free(block);
     if (got < 0)
         return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s",
                          strerror(why));
-    print_digest(&context, hex);
+    if (hex) print_digest(&context, hex);
     *bytes = total;
     return true;
+}
+
+bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
+{
+    uint64_t unused;
+    return read_file(fd, NULL, hex, bytes, &unused, e);
+}
+
+/* Reads a flushed file from the disk and compares it with what was written. */
+static bool verify(const store_file *file, char *hex, uint64_t *bytes, error *e)
+{
+    const uint64_t length = hashed_stream_length(file->hashes);
+    uint64_t differs;
+    /* Advice only: file systems in memory keep the pages. */
+    posix_fadvise(descriptor_of(file), 0, 0, POSIX_FADV_DONTNEED);
+    if (!read_file(descriptor_of(file), file->hashes, hex, bytes, &differs, e))
+        return error_prefix(e, "%s", file->path);
+    if (differs == UINT64_MAX && *bytes == length) return true;
+    if (differs == UINT64_MAX) differs = length < *bytes ? length : *bytes;
+    return error_set(e, ERROR_STORAGE_FAILED,
+                     "%s differs from the written data from byte %" PRIu64
+                     " on when it is read back: check the disk, its connection and the kernel's log",
+                     file->path, differs);
+}
+
+bool store_file_place_verified(store_file *file, store_facts *out, error *e)
+{
+    store_facts facts;
+    if (!store_file_flush(file, e) || !verify(file, out ? facts.sha256 : NULL, &facts.bytes, e)) {
+        store_file_abort(file);
+        return false;
+    }
+    if (out) *out = facts;
+    return rename_flushed(file, e);
 }
 
 static int64_t ns_of(struct timespec t)

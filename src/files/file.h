@@ -2,7 +2,8 @@
  * file, never a part of it.
  *
  * A file is written in its directory under a temporary name. It is flushed to disk and renamed, and its directory is
- * flushed. Errors have the code storage_full, storage_failed or internal and name the path and the cause. The
+ * flushed. A file of a job is then read from the disk again and compared with hashes of what was written
+ * (hashed_stream.h). Errors have the code storage_full, storage_failed or internal and name the path and the cause. The
  * functions keep no state. Any thread may call them; a store_file belongs to one thread.
  */
 #ifndef HEXAD_FILES_FILE_H
@@ -14,25 +15,26 @@
 #include <stdio.h>
 
 #include "base/core/error.h"
+#include "files/hashed_stream.h"
 
 typedef struct store_file {
     FILE *stream; /* stream to write to; owned by the store_file */
     char *path, *temporary;
+    hashed_stream *hashes; /* of what is written; owned by the stream. NULL except after begin_hashed */
 } store_file;
 
 /* Opens the temporary file for reading and writing. After success the caller calls exactly one of commit, place and
  * abort. Each of them leaves *file empty. If commit or place fails, the temporary file has been removed. Abort
  * accepts an empty file. */
 bool store_file_begin(const char *path, store_file *file, error *e);
+/* Like begin, for a file whose bytes are hashed while they are written. The stream only writes and has no descriptor. */
+bool store_file_begin_hashed(const char *path, store_file *file, error *e);
 bool store_file_commit(store_file *file, error *e);
 /* Like commit, without flushing the directory. The caller flushes the directory once for all its files. */
 bool store_file_place(store_file *file, error *e);
 /* Flushes the written bytes to disk. This is the first and slowest step of commit. If it is called earlier, commit
  * has little left to do. After a failure the caller calls abort. */
 bool store_file_flush(store_file *file, error *e);
-/* Makes the kernel start writing to disk the bytes that have left the stream (fflush it first). Returns at once and
- * guarantees nothing. */
-void store_file_begin_flush(store_file *file);
 void store_file_abort(store_file *file);
 
 /* Removes the temporary files for `path` that were neither committed nor aborted. Their processes must have ended,
@@ -55,9 +57,20 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
  * accepted. */
 bool store_file_check_private(int fd, const char *path, error *e);
 
+/* Facts of a stored file, for clients. */
+#define STORE_HASH_SIZE 65
+typedef struct store_facts {
+    char sha256[STORE_HASH_SIZE];
+    uint64_t bytes;
+} store_facts;
+
+/* Like place, for a file of begin_hashed. Flushes the file, drops it from the page cache, reads it again and compares
+ * it with the hashes of what was written. A difference is the error storage_failed. File systems in memory (tmpfs)
+ * keep the pages: the bytes in memory are compared. `out` NULL: the facts are not needed, which saves a hash. */
+bool store_file_place_verified(store_file *file, store_facts *out, error *e);
+
 /* SHA-256 in hexadecimal digits, of bytes and of an open file. store_file_hash reads the file from its beginning and
  * does not move the offset of `fd`. *bytes is the number of bytes read. */
-#define STORE_HASH_SIZE 65
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
 
@@ -71,12 +84,6 @@ typedef struct store_identity {
 /* The identity of an open file. False if fstat fails. */
 bool store_identify(int fd, store_identity *out);
 bool store_identity_equals(const store_identity *a, const store_identity *b);
-
-/* Facts of a stored file, for clients. */
-typedef struct store_facts {
-    char sha256[STORE_HASH_SIZE];
-    uint64_t bytes;
-} store_facts;
 
 /* Makes a directory and its missing parents with mode 0777 less the umask. If the directory exists, returns true. */
 bool store_directory_create(const char *path, error *e);

@@ -25,7 +25,7 @@ char *farm_work_directory(const config *c, const char *state_dir, error *e)
 
 #if HEXAD_WITH_SLURM
 
-static struct slurm *open_slurm(config *c, const char *work_dir, error *e)
+static struct slurm *open_slurm(config *c, const char *work_dir, runner *to, error *e)
 {
     if (!*c->work_dir) {
         error_set(
@@ -55,7 +55,7 @@ static struct slurm *open_slurm(config *c, const char *work_dir, error *e)
         .together = (int)c->slurm_batch_attempts,
         .more_s = c->slurm_batch_s,
     };
-    return slurm_open(&settings, e);
+    return slurm_open(&settings, to, e);
 }
 
 void farm_close(struct slurm *farm)
@@ -70,10 +70,11 @@ const engine *farm_engine(const struct slurm *farm)
 
 #else
 
-static struct slurm *open_slurm(config *c, const char *work_dir, error *e)
+static struct slurm *open_slurm(config *c, const char *work_dir, runner *to, error *e)
 {
     (void)c;
     (void)work_dir;
+    (void)to;
     error_set(e, ERROR_NOT_SUPPORTED, "engine slurm: %s", build_part_missing(BUILD_PART_SLURM));
     return NULL;
 }
@@ -91,12 +92,12 @@ const engine *farm_engine(const struct slurm *farm)
 
 #endif
 
-bool farm_open(config *c, const char *work_dir, struct slurm **opened, error *e)
+bool farm_open(config *c, const char *work_dir, runner *to, struct slurm **opened, error *e)
 {
     *opened = NULL;
     if (strcmp(c->engine, "local") == 0) return true;
     if (strcmp(c->engine, "slurm") != 0)
         return error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
-    *opened = open_slurm(c, work_dir, e);
+    *opened = open_slurm(c, work_dir, to, e);
     return *opened != NULL;
 }

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 #include "service/config/config.h"
 #include "service/executor/engine.h"
 
@@ -14,9 +15,9 @@ struct slurm;
  * error on failure. */
 char *farm_work_directory(const config *c, const char *state_dir, error *e);
 
-/* Opens the engine for Slurm. *opened is NULL with engine = local. The settings must outlive it. Errors:
+/* Opens the engine for Slurm, whose tasks are added to the runner. *opened is NULL with engine = local. The settings must outlive it. Errors:
  * spec_invalid; not_supported in a build without Slurm; those of slurm_open. */
-bool farm_open(config *c, const char *work_dir, struct slurm **opened, error *e);
+bool farm_open(config *c, const char *work_dir, runner *to, struct slurm **opened, error *e);
 void farm_close(struct slurm *farm); /* accepts NULL */
 
 /* The engine of attempts. If `farm` is NULL, it is engine_local; otherwise its place is `farm`. */

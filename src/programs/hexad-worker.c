@@ -17,6 +17,7 @@
 #include "base/core/frames.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
+#include "base/core/reader.h"
 #include "base/core/sandbox.h"
 #include "base/core/terminal_text.h"
 #include "base/core/worker_contract.h"
@@ -30,7 +31,7 @@
 #include "io/meshes/mesh_reader.h"
 #include "sampling/packing/energy.h"
 #include "job/phases/run.h"
-#include "job/phases/summary.h"
+#include "job/report/summary.h"
 #include "spec/attach_spec.h"
 #include "spec/schema.h"
 #include "spec/spec.h"
@@ -647,17 +648,36 @@ static int refuse_command(const char *name)
     return fail(&e, NULL);
 }
 
+/* What reads untrusted files, in processes that jobs start with these commands. */
+typedef struct reader_program {
+    const char *command;
+    int (*run)(int argc, char **argv); /* NULL: a function of a module */
+    const char *module, *symbol;
+} reader_program;
+
+static const reader_program *find_reader(const char *name)
+{
+    static const reader_program programs[] = {
+        {MESH_READER_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_VALUES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_POLYGONS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {HEADER_COMMAND, NULL, HEADER_MODULE, "header_reader_main"},
+        {TIFF_READER_COMMAND, NULL, TIFF_READER_MODULE, "tiff_reader_main"},
+        {ZARR_READER_COMMAND, NULL, ZARR_READER_MODULE, "zarr_reader_main"},
+        {EXR_READER_COMMAND, exr_reader_main, NULL, NULL},
+        {THUMBNAIL_COMMAND, thumbnail_main, NULL, NULL}};
+    for (size_t k = 0; k < sizeof programs / sizeof *programs; k++)
+        if (strcmp(name, programs[k].command) == 0) return &programs[k];
+    return NULL;
+}
+
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "--help";
-    if (strcmp(name, MESH_READER_COMMAND) == 0 || strcmp(name, MESH_VALUES_COMMAND) == 0 ||
-        strcmp(name, MESH_POLYGONS_COMMAND) == 0)
-        return mesh_reader_main(argc - 1, argv + 1);
-    if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
-    if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
-    if (strcmp(name, TIFF_READER_COMMAND) == 0) return tiff_reader_main(argc - 1, argv + 1);
-    if (strcmp(name, ZARR_READER_COMMAND) == 0) return zarr_reader_main(argc - 1, argv + 1);
-    if (strcmp(name, THUMBNAIL_COMMAND) == 0) return thumbnail_main(argc - 1, argv + 1);
+    const reader_program *reads = find_reader(name);
+    if (reads)
+        return reads->run ? reads->run(argc - 1, argv + 1)
+                          : reader_run_module(reads->module, reads->symbol, argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
     if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);
     if (strcmp(name, COMMAND_ATTACH) == 0) return obey(argc - 1, argv + 1, run);

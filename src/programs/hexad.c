@@ -1,4 +1,5 @@
-/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. */
+/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It is the one
+ * list of what ends when: first checks and requests, then jobs, then background work, then what they used. */
 #include <errno.h>
 #include <grp.h>
 #include <limits.h>
@@ -27,6 +28,7 @@
 #include "base/core/log.h"
 #include "base/core/manager.h"
 #include "base/core/memory.h"
+#include "base/core/runner.h"
 #include "base/core/sandbox.h"
 #include "base/core/stall.h"
 #include "base/core/terminal_text.h"
@@ -77,6 +79,7 @@ typedef struct service {
     char *state_dir, *work_dir; /* absolute */
     char *allow_command;        /* permits the user whose name follows; NULL: no settings file */
     ledger *counts;
+    runner *tasks;
     queue *q;
     checker *checker;
     store_inputs *inputs;
@@ -99,6 +102,7 @@ typedef struct service {
     size_t socket_count;
     access_control *access;
     http_counters counters;
+    pthread_mutex_t frame_checks;
     atomic_bool copying; /* a backup is being made */
     wait_list *waiting;
     notifier *notifier;
@@ -569,19 +573,54 @@ static bool init_executor(service *s, error *e)
     char text[SANDBOX_TEXT_SIZE];
     sandbox_mode mode = s->settings.sandbox;
     if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
-    if (!farm_open(&s->settings, s->work_dir, &s->farm, e)) return false;
+    if (!farm_open(&s->settings, s->work_dir, s->tasks, &s->farm, e)) return false;
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
-    s->x = executor_start(&settings, s->q, e);
+    s->x = executor_open(&settings, s->q, s->tasks, e);
     if (!s->x) farm_close(s->farm);
     return s->x != NULL;
 }
 
 static void fini_executor(service *s)
 {
-    executor_stop(s->x);
+    executor_free(s->x);
     farm_close(s->farm);
+}
+
+static bool init_tasks(service *s, error *e)
+{
+    (void)e;
+    s->tasks = runner_new();
+    return true;
+}
+
+static void fini_tasks(service *s)
+{
+    runner_free(s->tasks);
+}
+
+/* What starts before can add tasks. */
+static bool init_background(service *s, error *e)
+{
+    if (runner_start(s->tasks, e)) return true;
+    runner_stop(s->tasks);
+    return false;
+}
+
+static void fini_background(service *s)
+{
+    runner_stop(s->tasks);
+}
+
+static bool init_supervisor(service *s, error *e)
+{
+    return executor_start(s->x, e);
+}
+
+static void fini_supervisor(service *s)
+{
+    executor_stop(s->x);
 }
 
 static bool init_groups(service *s, error *e)
@@ -600,24 +639,25 @@ static void fini_groups(service *s)
 
 static bool init_wait_list(service *s, error *e)
 {
-    s->waiting = wait_list_open(e);
-    return s->waiting != NULL;
+    (void)e;
+    s->waiting = wait_list_new(s->tasks);
+    return true;
 }
 
 static void fini_wait_list(service *s)
 {
-    wait_list_close(s->waiting);
+    wait_list_free(s->waiting);
 }
 
 static bool init_notifier(service *s, error *e)
 {
-    s->notifier = notifier_start(s->q, s->x, s->waiting, e);
+    s->notifier = notifier_add(s->tasks, s->q, s->x, s->waiting, e);
     return s->notifier != NULL;
 }
 
 static void fini_notifier(service *s)
 {
-    notifier_stop(s->notifier);
+    notifier_free(s->notifier);
 }
 
 static bool init_webhooks(service *s, error *e)
@@ -639,7 +679,7 @@ static bool init_webhooks(service *s, error *e)
         .retry_after_s = c->webhook_retry_after_s,
         .counters = &s->calls,
     };
-    if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);
+    if (c->webhook_hosts.count) s->delivery = delivery_add(s->tasks, &settings, s->q, e);
     if (s->delivery || !c->webhook_hosts.count) return true;
     webhook_hosts_free(s->webhook_hosts);
     return false;
@@ -647,7 +687,7 @@ static bool init_webhooks(service *s, error *e)
 
 static void fini_webhooks(service *s)
 {
-    delivery_stop(s->delivery);
+    delivery_free(s->delivery);
     webhook_hosts_free(s->webhook_hosts);
 }
 
@@ -810,6 +850,7 @@ static bool init_http(service *s, error *e)
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
         .calls = &s->calls,
+        .frame_checks = &s->frame_checks,
         .copying = &s->copying,
         .documents = document_cache_new((size_t)c->kept_documents),
         .page = s->page,
@@ -859,17 +900,31 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
-    {"ledger", init_ledger, fini_ledger},       {"queue", init_queue, fini_queue},
-    {"inputs", init_inputs, fini_inputs},       {"roots", init_roots, fini_roots},
-    {"outputs", init_outputs, fini_outputs},    {"mappings", init_mappings, fini_mappings},
-    {"users", init_users, fini_users},          {"socket", init_sockets, fini_sockets},
-    {"access", init_access, fini_access},       {"groups", init_groups, fini_groups},
-    {"executor", init_executor, fini_executor}, {"wait_list", init_wait_list, fini_wait_list},
-    {"notifier", init_notifier, fini_notifier}, {"webhooks", init_webhooks, fini_webhooks},
-    {"network", init_network, fini_network},    {"page", init_page, fini_page},
-    {"openapi", init_openapi, fini_openapi},    {"http", init_http, fini_http},
-    {"checker", init_checker, fini_checker},    {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals},
+    {"state", init_state, fini_state},
+    {"ledger", init_ledger, fini_ledger},
+    {"tasks", init_tasks, fini_tasks},
+    {"queue", init_queue, fini_queue},
+    {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},
+    {"outputs", init_outputs, fini_outputs},
+    {"mappings", init_mappings, fini_mappings},
+    {"users", init_users, fini_users},
+    {"socket", init_sockets, fini_sockets},
+    {"access", init_access, fini_access},
+    {"groups", init_groups, fini_groups},
+    {"executor", init_executor, fini_executor},
+    {"wait_list", init_wait_list, fini_wait_list},
+    {"notifier", init_notifier, fini_notifier},
+    {"webhooks", init_webhooks, fini_webhooks},
+    {"background", init_background, fini_background},
+    {"supervisor", init_supervisor, fini_supervisor},
+    {"network", init_network, fini_network},
+    {"page", init_page, fini_page},
+    {"openapi", init_openapi, fini_openapi},
+    {"http", init_http, fini_http},
+    {"checker", init_checker, fini_checker},
+    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Whether the supervisor and the serving thread have advanced since the last call, which woke them. */
@@ -1113,6 +1168,7 @@ int main(int argc, char **argv)
         .argc = argc,
         .argv = argv,
         .signals = -1,
+        .frame_checks = PTHREAD_MUTEX_INITIALIZER,
         .supervising = {.loop = "the supervisor", .effect = "jobs neither start nor end"},
         .serving = {.loop = "the serving thread", .effect = "requests are not answered"},
     };

@@ -13,6 +13,7 @@
 #include <stdio.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "geometry/space/vec3.h"
 #include "base/json/json.h"
 #include "spec/spec_words.h"
@@ -299,8 +300,8 @@ typedef struct spec {
     spec_compression preview_compression; /* of it */
     int turntable;                        /* frames; 0: none */
     bool has_preview_exr;                 /* true by default; nothing without has_preview */
-    bool has_convergence, has_points_vdb, has_points_npz, has_points_glb, has_points_usda, has_mesh,
-        has_mesh_usda, has_label_meshes;
+    bool has_convergence, has_mesh, has_label_meshes;
+    bool points_in[FILE_FORMATS], mesh_in[FILE_FORMATS]; /* files besides points.ply and mesh.ply */
 
     char *directory; /* NULL: no copy */
 

@@ -1560,7 +1560,7 @@ const spec_row spec_rows[] = {
      .otherwise = "\"auto\"",
      AT(preview_up),
      .prose = "The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z "
-              "for STL, 3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
+              "for STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
               "OBJ, OFF, PLY or STL file, the other axis if the mesh has a flat base along that axis only. "
               "The first part of a combination decides."},
     {.pointer = "/output/preview/camera",
@@ -1637,24 +1637,31 @@ const spec_row spec_rows[] = {
     {.pointer = "/output/points_vdb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
-     AT(has_points_vdb),
+     AT(points_in[FILE_FORMAT_VDB]),
      .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
               "spacing) and id (the index of the point in points.ply, from 0)."},
     {.pointer = "/output/points_npz",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
-     AT(has_points_npz),
+     AT(points_in[FILE_FORMAT_NPZ]),
      .prose =
          "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
+    {.pointer = "/output/points_vtp",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(points_in[FILE_FORMAT_VTP]),
+     .prose =
+         "Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property and "
+         "attribute, in double precision."},
     {.pointer = "/output/points_glb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
-     AT(has_points_glb),
+     AT(points_in[FILE_FORMAT_GLTF]),
      .prose = "Whether to write points.glb: the points as glTF, with normals, colours and all attributes."},
     {.pointer = "/output/points_usda",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
-     AT(has_points_usda),
+     AT(points_in[FILE_FORMAT_USD]),
      .prose =
          "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
     GROUP("/output/usd", SPEC_OPTIONAL, "Options of points.usda."),
@@ -1704,7 +1711,7 @@ const spec_row spec_rows[] = {
     {.pointer = "/output/mesh_usda",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
-     AT(has_mesh_usda),
+     AT(mesh_in[FILE_FORMAT_USD]),
      .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
     {.pointer = "/output/label_meshes",
      .type = SPEC_TYPE_BOOL,

@@ -225,7 +225,7 @@ class Book:
     def is_no_answer(self, reply):
         if reply is None:
             return True
-        is_stopping = reply.status == 503 and reply.json["detail"] == "the service is stopping"
+        is_stopping = reply.status == 503 and reply.json["detail"].startswith("the service is stopping")
         return is_stopping or self.tolerant and reply.status >= 500 and bool(reply.json["detail"])
 
     def look(self, daemon, job):

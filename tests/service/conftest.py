@@ -1,9 +1,24 @@
 import json
+import pathlib
 import subprocess
+import sys
 
 import pytest
 
 from service import PATIENCE_S, Service, gated_worker
+
+# fixtures of modules
+from accounts import closed_service, users  # noqa: F401
+from disks import new_disk  # noqa: F401
+from proxies import certificate  # noqa: F401
+from pyramid import mesh_reader  # noqa: F401
+from receivers import receiver, secret  # noqa: F401
+from sessions import with_tokens  # noqa: F401
+from shared_service import farm  # noqa: F401
+from slurm_farm import front, gate, new_cluster, new_farm, running_cluster, slurm  # noqa: F401
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
+import setclock  # noqa: E402
 
 
 @pytest.fixture
@@ -103,3 +118,11 @@ def solve(worker, tmp_path):
             return json.loads(done.stderr.splitlines()[-1]), None
         return json.loads((tmp_path / "out" / "report.json").read_text()), (tmp_path / "out" / "points.ply").read_bytes()
     return call
+
+
+@pytest.fixture
+def clock(tmp_path):
+    """A wall clock that a test sets for the programs that it starts."""
+    if setclock.why_not():
+        pytest.skip(setclock.why_not())
+    return setclock.Clock(tmp_path)

@@ -232,11 +232,18 @@ def of_production(path, corners):
               {"3D/Objects/a.model": f'<object id="1">{mesh_of_3mf(corners / 25.4)}</object>'})
 
 
-def amf(path, corners, unit):
-    vertices = "".join("<vertex><coordinates><x>%r</x><y>%r</y><z>%r</z></coordinates></vertex>" % tuple(v) for v in corners.tolist())
-    triangles = "".join("<triangle><v1>%d</v1><v2>%d</v2><v3>%d</v3></triangle>" % tuple(f) for f in FACES)
-    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>\n<!-- unit="foot" -->
-<amf{f' unit="{unit}"' if unit else ""}><object id="0"><mesh><vertices>{vertices}</vertices><volume>{triangles}</volume></mesh></object></amf>""")
+# a tetrahedron
+AMF = ("""<?xml version="1.0" encoding="utf-8"?>\n<!-- a part -->\n<amf unit="inch"><object id="0"><mesh><vertices>""" +
+       "".join("<vertex><coordinates><x>%d</x><y>%d</y><z>%d</z></coordinates></vertex>" % v for v in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))) +
+       "</vertices><volume>" + "".join("<triangle><v1>%d</v1><v2>%d</v2><v3>%d</v3></triangle>" % f for f in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))) +
+       "</volume></mesh></object></amf>").encode()
+
+# four faces, as AutoCAD writes them
+DXF = ("  0\r\nSECTION\r\n  2\r\nENTITIES\r\n" +
+       "".join("  0\r\n3DFACE\r\n  8\r\n0\r\n" + "".join(f" {10 * axis + k + 10}\r\n{v[axis]}.0\r\n" for k, v in enumerate(f) for axis in range(3))
+               for f in (((0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 0, 0)), ((0, 0, 0), (1, 0, 0), (0, 0, 1), (0, 0, 1)),
+                         ((1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 1)), ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1)))) +
+       "  0\r\nENDSEC\r\n  0\r\nEOF\r\n").encode()
 
 
 def fbx(path, corners, unit):

@@ -45,9 +45,9 @@ def read_columns(data):
     kinds = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
     types = [(w[2], kinds[w[1]]) for w in words if w[0] == "property"]
     if words[1][1] == "ascii":
-        rows = [line.split() for line in body.decode("ascii").splitlines()]
-        assert len(rows) == count
-        return {name: numpy.array([float(row[k]) for row in rows]) for k, (name, _) in enumerate(types)}
+        assert body.count(b"\n") == count
+        rows = numpy.fromstring(body.decode("ascii"), sep=" ").reshape(count, len(types))
+        return {name: rows[:, k] for k, (name, _) in enumerate(types)}
     table = numpy.frombuffer(body, types)
     assert len(table) == count
     return {name: table[name].astype(float) for name, _ in types}
@@ -69,7 +69,7 @@ def _read_faces(data):
         vertices = numpy.array([[float(v) for v in line.split()] for line in lines[:count]])
         rows = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
     else:
-        kinds = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4"}
+        kinds = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
         table = numpy.frombuffer(body, [(w[2], kinds[w[1]]) for w in words[3:at]], count)
         vertices = numpy.stack([table[name].astype(float) for name in names], axis=1)
         packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)] + [(w[2], kinds[w[1]]) for w in more],

@@ -1,4 +1,4 @@
-"""A daemon in a state directory of its own, and what tests ask of it over HTTP."""
+"""A daemon in a state directory of its own, specs of jobs for it, and what tests ask of it over HTTP."""
 import hashlib
 import http.client
 import json
@@ -32,6 +32,12 @@ def wait_until(condition, what, seconds=PATIENCE_S, interval=0.01):
         time.sleep(max(interval, min(passed / 20, 0.2)))  # between two evaluations, not a guess at a duration
 
 
+def aged(path):
+    """A file that was changed long before now is what the cache trusts; the time of change of an inode cannot be set,
+    so the test waits until it is old enough."""
+    wait_until(lambda: time.time() - path.stat().st_ctime > 3, "the file to be older than the clocks' doubt")
+
+
 def sphere(count=200, **parts):
     """A spec of a job that takes a moment."""
     spec = {
@@ -49,6 +55,12 @@ def long_sphere(count=20000, **parts):
     solver = {"max_sweeps": 1000000, "step_tolerance": 1e-12, "energy_tolerance": 1e-12}
     return sphere(count=count, solver=solver, **parts)
 
+
+# the rings of frames 2, 4 and 5 are too thin for so few points to have six neighbours
+PARTLY_UNRESOLVED = sphere(
+    100, surface={"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.4}},
+    outcome={"require": {"hex_fraction": 0.5}}, output={"preview": False},
+    queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.02, 0.4, 0.02, 0.02]}})
 
 # The contract of a worker, held by one that runs until its gate opens: a file beside the state directory.
 GATED_WORKER = """#!/bin/sh
@@ -286,3 +298,33 @@ class Stream:
 
     def close(self):
         self.socket.close()
+
+
+def expect_problem(reply, status, code, pointer=None):
+    assert reply.status == status, reply.body
+    assert reply.headers["Content-Type"] == "application/problem+json"
+    problem = reply.json
+    assert problem["status"] == status and problem["code"] == code, problem
+    assert problem["title"] and problem["detail"] and problem["type"]
+    if pointer is not None:
+        assert pointer in [e["pointer"] for e in problem["errors"]], problem
+        assert all(e["detail"] for e in problem["errors"])
+    return problem
+
+
+def exchange(service, data):
+    """Sends bytes as they are, but for the address for "Host: x", and returns all that comes until the server closes."""
+    data = data.replace(b"Host: x\r\n", f"Host: {service.address}\r\n".encode())
+    host, _, port = service.address.rpartition(":")
+    with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as s:
+        try:
+            s.sendall(data)
+        except (BrokenPipeError, ConnectionResetError):
+            pass
+        got = b""
+        try:
+            while piece := s.recv(65536):
+                got += piece
+        except ConnectionResetError:
+            pass
+        return got

@@ -1,6 +1,5 @@
 """Who may do what: Unix peers, tokens, scopes; and how many connections a client may have."""
 import fcntl
-import http.client
 import hashlib
 import json
 import os
@@ -15,8 +14,9 @@ import tempfile
 
 import pytest
 
-from service import OPEN_TCP, PATIENCE_S, Stream, long_sphere, sphere, wait_until
-from test_rest import expect_problem
+from accounts import new_token, with_token
+from commands import run_hexad
+from service import OPEN_TCP, PATIENCE_S, Stream, expect_problem, long_sphere, sphere, wait_until
 
 # asks a Unix socket as another user: USER GROUP SOCKET METHOD PATH; prints the status and the body
 ASK_AS = """
@@ -33,18 +33,6 @@ while piece := s.recv(65536):
     got += piece
 print(got.split()[1].decode())
 """
-
-
-def new_token(service, *words):
-    done = subprocess.run([service.build / "hexadctl", "token", "add", *words, "--file", service.state / "tokens"],
-                          capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
-
-
-def with_token(service, token, method, path, document=None, **more):
-    headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json", **more}
-    return service.request(method, path, json.dumps(document) if document is not None else None, headers)
 
 
 @pytest.mark.extended
@@ -72,16 +60,6 @@ def test_a_token_for_a_user_that_the_machine_does_not_have_is_added_with_a_warni
     assert file == str(tmp_path / "tokens")
     assert (tmp_path / "tokens").read_text().splitlines()[1].split()[:2] == [revoked, "no-such-user"]
     assert "warning" not in add(pwd.getpwuid(os.geteuid()).pw_name)
-
-
-@pytest.fixture
-def closed_service(new_service):
-    """On a loopback port, with an admin's token."""
-    service = new_service()
-    service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
-    service.state.mkdir(mode=0o700)
-    service.token = new_token(service, "root", "--scopes", "admin")
-    return service.start()
 
 
 def test_no_token_no_answer(closed_service):
@@ -263,10 +241,6 @@ def test_a_token_file_that_cannot_be_read_is_in_readyz_and_in_the_log(closed_ser
     assert re.search(rf"error no token is valid: {tokens}: other users can access the file: .*Run: chmod", service.log.read_text())
     tokens.chmod(0o600)
     assert state() == (200, "ok", 0)
-
-
-def run_hexad(build, *options):
-    return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
 
 
 def test_ports_that_are_refused(build, tmp_path):

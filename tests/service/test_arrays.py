@@ -4,11 +4,10 @@ import math
 import os
 import shutil
 import subprocess
-import time
 
 import pytest
 
-from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere, wait_until
+from service import PATIENCE_S, Service, aged, gated_worker, long_sphere, sphere, wait_until
 
 
 TETRAHEDRON = "OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
@@ -318,12 +317,6 @@ def test_a_directory_that_cannot_be_made_is_refused(new_service, tmp_path):
     (show / "taken").unlink()
     service.wait_state(service.submit(sphere(output={"directory": f"{show}/taken/a"})), "succeeded")
     assert (show / "taken" / "a" / "report.json").is_file()
-
-
-def aged(path):
-    """A file that was changed long before now is what the cache trusts; the time of change of an inode cannot be set,
-    so the test waits until it is old enough."""
-    wait_until(lambda: time.time() - path.stat().st_ctime > 3, "the file to be older than the clocks' doubt")
 
 
 def test_a_repeat_is_given_the_result(new_service, footage, tmp_path):

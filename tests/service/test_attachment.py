@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 
 import bars
 from readers import read_columns
+from scenes import read_glb, read_usda
 from service import PATIENCE_S, Service
-from test_formats import read_glb, read_usda
 
 SOURCE = [{"from": "geometry", "name": "source"}]
 

@@ -9,11 +9,9 @@ import shutil
 
 import pytest
 
-from service import sphere, wait_until
-from test_control import control
-from test_rest import expect_problem
-from test_sharing import farm  # noqa: F401, a fixture
-from test_storage import MIB, figure, new_disk, service_on, small  # noqa: F401, a fixture
+from commands import control
+from disks import MIB, figure, service_on, small
+from service import expect_problem, sphere, wait_until
 
 JOBS = int(os.environ.get("HEXAD_BOUNDS_JOBS", 14))
 DISK_MIB = int(os.environ.get("HEXAD_BOUNDS_MIB", 16))
@@ -88,7 +86,7 @@ def test_what_is_deleted_makes_room(new_service):
 
 
 @pytest.mark.sanitized
-def test_each_user_has_a_bound(farm):  # noqa: F811
+def test_each_user_has_a_bound(farm):
     shared = farm("--user_results_count", 1)
     first, second = shared.submit("ann"), shared.submit("ann")
     assert shared.running() == ("ann", first)
@@ -133,7 +131,7 @@ def test_a_fetch_of_what_is_there_is_a_delivery(new_service, tmp_path):
     wait_until(lambda: gone(service, job), "room")
 
 
-def test_many_jobs_on_a_small_disk(new_disk, new_service):  # noqa: F811
+def test_many_jobs_on_a_small_disk(new_disk, new_service):
     """Their results together are larger than the disk; each is fetched, and none is lost."""
     disk = new_disk(DISK_MIB)
     service = service_on(disk, new_service, "--results_mb", DISK_MIB // 2, "--free_space_mb", DISK_MIB // 8,

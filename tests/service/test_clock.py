@@ -1,29 +1,15 @@
 """A wall clock that is set while the daemon runs, and while it does not."""
 import hashlib
 import json
-import pathlib
-import sys
 
-import pytest
-
+from receivers import hooked
 from service import sphere, wait_until
-from test_pages import ask, cookie_of, sign_in, with_tokens  # noqa: F401
-from test_webhooks import hooked, receiver, secret  # noqa: F401
-
-sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
-import setclock  # noqa: E402
+from sessions import ask, cookie_of, sign_in
 
 HOUR, DAY = 3600, 86400
 
 
-@pytest.fixture
-def clock(tmp_path):
-    if setclock.why_not():
-        pytest.skip(setclock.why_not())
-    return setclock.Clock(tmp_path)
-
-
-def test_a_clock_that_is_set_back_delays_no_webhook(new_service, receiver, secret, clock):  # noqa: F811
+def test_a_clock_that_is_set_back_delays_no_webhook(new_service, receiver, secret, clock):
     service = new_service("--webhook_hosts", receiver.host, "--webhook_secret_file", secret, "--webhook_retry_s", 0.3)
     service.clock = clock
     service.start()
@@ -37,7 +23,7 @@ def test_a_clock_that_is_set_back_delays_no_webhook(new_service, receiver, secre
     wait_until(lambda: f"webhook delivered job={job}" in service.log.read_text(), "the delivery")
 
 
-def test_a_clock_that_is_set_forward_ends_nothing(with_tokens, clock):  # noqa: F811
+def test_a_clock_that_is_set_forward_ends_nothing(with_tokens, clock):
     service = with_tokens
     service.end()
     service.clock = clock

@@ -5,13 +5,13 @@ import resource
 import selectors
 import signal
 import socket
-import subprocess
 import threading
 
 import pytest
 
+from accounts import new_token
+from commands import settings_fault
 from service import OPEN_TCP, PATIENCE_S, UnixConnection, wait_until
-from test_access import new_token
 
 MOST = 1100
 # The stalls that were found came at exactly 128, 256 and 512 connections, where a batch of events was full.
@@ -275,15 +275,6 @@ def test_what_a_proxy_says_lets_nobody_in(guarded, hold):
     assert hold(service).ask(None, Forwarded="for=127.0.0.1").status == 401
     bad = settings_fault(service, "--trusted_proxies", "10.0.0.0/33")
     assert "trusted_proxies" in bad and "10.0.0.0/33" in bad
-
-
-def settings_fault(service, *options):
-    """What a daemon with a setting that is wrong says."""
-    done = subprocess.run([service.build / "hexad", "--listen", "127.0.0.1:0", "--tcp_without_tokens", OPEN_TCP,
-                           "--state_dir", service.base / "other", *options], capture_output=True, text=True,
-                          timeout=PATIENCE_S)
-    assert done.returncode == 2
-    return done.stderr
 
 
 @pytest.mark.parametrize("stops", [3, pytest.param(8, marks=pytest.mark.extended)])

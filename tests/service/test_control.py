@@ -7,9 +7,9 @@ import threading
 
 import pytest
 
-from service import PATIENCE_S, Stream, gated_worker, sphere, wait_until
-from test_access import new_token, with_token
-from test_rest import expect_problem
+from accounts import new_token, with_token
+from commands import control
+from service import PATIENCE_S, Stream, expect_problem, gated_worker, sphere, wait_until
 
 
 @pytest.fixture
@@ -452,12 +452,6 @@ def test_a_thousand_streams(new_service, tmp_path, count):
         told = list(stream)
         assert told[-1][1] == "state" and told[-1][2]["state"] == "succeeded" and told[-1][2]["job"] == jobs[i % 5]
         stream.close()
-
-
-def control(service, *words):
-    done = subprocess.run([service.build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
-                          timeout=PATIENCE_S)
-    return done.returncode, done.stdout, done.stderr
 
 
 def test_the_client_watches_all_jobs(new_service):

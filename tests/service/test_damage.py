@@ -9,8 +9,8 @@ import threading
 
 import pytest
 
+from accounts import new_token
 from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
-from test_access import closed_service, new_token  # noqa: F401 - a fixture
 
 PAGE = 4096  # bytes, SQLite's default
 JOBS = 60

@@ -65,6 +65,9 @@ def test_a_service_answers_again_after_its_descriptors_were_exhausted(new_servic
 
 
 # The limit that the warning names is sufficient; a smaller one would be reached by requests that the service has accepted.
+OPEN_FOR_A_MOMENT = 8  # files of other threads, which count if they are open while the service counts
+
+
 def test_the_limit_of_connections_is_lowered_to_what_the_limit_of_files_leaves(new_service):
     def warning(files):
         service = new_service()
@@ -78,8 +81,8 @@ def test_the_limit_of_connections_is_lowered_to_what_the_limit_of_files_leaves(n
     lowered, limit, needed = warning(1000)
     assert limit == 1000 and 100 < lowered < 400 < 5000 < needed
     assert warning(44)[0] == 1
-    assert warning(needed - 1)[0] < 2048
-    assert warning(needed) is None
+    assert warning(needed - OPEN_FOR_A_MOMENT)[0] < 2048
+    assert warning(needed + OPEN_FOR_A_MOMENT) is None
 
 
 def test_a_socket_whose_service_does_not_accept_is_not_waited_for(build, tmp_path):

@@ -5,8 +5,7 @@ import threading
 import numpy
 import pytest
 
-from service import gated_worker, last_words, long_sphere, sphere, wait_until
-from test_rest import expect_problem
+from service import expect_problem, gated_worker, last_words, long_sphere, sphere, wait_until
 from volumes import write_nrrd
 
 

@@ -3,9 +3,8 @@ import sqlite3
 
 import pytest
 
-from service import Stream, gated_worker, sphere, wait_until
-from test_access import closed_service, new_token, with_token  # noqa: F401
-from test_rest import expect_problem
+from accounts import new_token, with_token
+from service import Stream, expect_problem, gated_worker, sphere, wait_until
 
 HISTORY = 5000  # events
 # a stream's head and its first event, however long the history is

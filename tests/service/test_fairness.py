@@ -11,8 +11,8 @@ import threading
 
 import pytest
 
+from accounts import new_token, with_token
 from service import PATIENCE_S, gated_worker, sphere, wait_until
-from test_access import closed_service, new_token, with_token  # noqa: F401, a fixture
 
 
 def connect(service):
@@ -41,7 +41,7 @@ def read_until(connection, wanted):
         answer += more
 
 
-def test_a_stranger_is_refused_before_the_body(closed_service):  # noqa: F811
+def test_a_stranger_is_refused_before_the_body(closed_service):
     """The answer comes, and the connection ends, though no byte of the body was sent."""
     for length in ("Content-Length: 100", "Transfer-Encoding: chunked"):
         connection = send_head(closed_service, "POST /v1/jobs HTTP/1.1", "Content-Type: application/json", length)
@@ -51,7 +51,7 @@ def test_a_stranger_is_refused_before_the_body(closed_service):  # noqa: F811
         connection.close()
 
 
-def test_bodies_of_strangers_that_do_not_come_shut_no_one_out(closed_service):  # noqa: F811
+def test_bodies_of_strangers_that_do_not_come_shut_no_one_out(closed_service):
     """Signing in needs no token."""
     service = closed_service
     service.end()
@@ -69,7 +69,7 @@ def upload_head(token, name, length):
     return (f"PUT /v1/inputs/{name} HTTP/1.1", f"Authorization: Bearer {token}", f"Content-Length: {length}")
 
 
-def test_idle_uploads_of_one_user_leave_room_for_others(closed_service):  # noqa: F811
+def test_idle_uploads_of_one_user_leave_room_for_others(closed_service):
     service = closed_service
     service.end()
     service.start("--upload_total_bytes", 4000, "--user_uploads", 2)
@@ -109,7 +109,7 @@ def validate(service, token, body):
                            {"Authorization": f"Bearer {token}", "Content-Type": "application/json"})
 
 
-def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F811
+def test_bodies_of_one_user_leave_memory_for_others(closed_service):
     """Bodies of which all but the end has come are held back; a body of another user has room."""
     service = closed_service
     service.end()
@@ -131,7 +131,7 @@ def test_bodies_of_one_user_leave_memory_for_others(closed_service):  # noqa: F8
     held[1].close()
 
 
-def test_a_short_body_has_room_when_other_users_take_all_memory_for_bodies(closed_service):  # noqa: F811
+def test_a_short_body_has_room_when_other_users_take_all_memory_for_bodies(closed_service):
     service = closed_service
     service.end()
     service.start("--body_limit_bytes", 30000, "--user_body_bytes", 40000, "--body_total_bytes", 40000)

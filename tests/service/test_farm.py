@@ -15,9 +15,7 @@ import calls  # noqa: E402
 import cluster  # noqa: E402
 import farm as crash_farm  # noqa: E402
 from service import long_sphere, sphere, wait_until
-from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_cluster,
-                        new_farm, on_nodes, points, running_cluster, slurm, wait_running)
-from test_storage import new_disk  # noqa: F401, a fixture
+from slurm_farm import all_ended, array, attempts, attempts_of_frames, make_footage, needs_slurm, on_nodes, points, wait_running
 
 pytestmark = [pytest.mark.extended, needs_slurm]
 MOVES = {"rename", "renameat", "renameat2"}
@@ -392,7 +390,7 @@ def wait_workers(slurm, ids):
         wait_until(lambda: on_nodes(slurm, job, "hexad-worker"), "a worker on a node")
 
 
-def test_a_full_storage_costs_time_and_no_job(new_disk, slurm, new_farm):  # noqa: F811
+def test_a_full_storage_costs_time_and_no_job(new_disk, slurm, new_farm):
     """While nodes work, so that they can write neither results nor endings."""
     disk = new_disk(32)
     farm = new_farm("--free_space_mb", "0", work=disk.path / "work")

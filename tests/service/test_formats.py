@@ -2,13 +2,13 @@
 import json
 import re
 import shutil
-import struct
 import subprocess
 
 import numpy
 import pytest
 
 from readers import read_columns, read_mesh
+from scenes import read_glb, read_usda, stack
 from service import sphere
 from volumes import write_nrrd
 
@@ -48,10 +48,6 @@ def carried(tmp_path):
     return spec
 
 
-def stack(columns, *names):
-    return numpy.stack([columns[name] for name in names], -1)
-
-
 def linear_light(srgb):
     return numpy.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
@@ -76,25 +72,6 @@ def test_arrays_of_numpy(run, carried):
 
 
 # ---- glTF
-
-def read_glb(data):
-    """Attributes of the one primitive by name, and the document."""
-    magic, version, length, json_length, kind = struct.unpack_from("<4sII I4s", data)
-    assert (magic, version, length, kind) == (b"glTF", 2, len(data), b"JSON")
-    document = json.loads(data[20:20 + json_length])
-    (size, kind), binary = struct.unpack_from("<I4s", data, 20 + json_length), data[28 + json_length:]
-    assert kind == b"BIN\0" and size == len(binary) == document["buffers"][0]["byteLength"]
-    (primitive,) = document["meshes"][0]["primitives"]
-    assert primitive["mode"] == 0
-    found = {}
-    for name, index in primitive["attributes"].items():
-        accessor = document["accessors"][index]
-        view = document["bufferViews"][accessor["bufferView"]]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
-        values = numpy.frombuffer(binary, "<f4", accessor["count"] * width, view["byteOffset"])
-        found[name] = values.reshape(-1, width) if width > 1 else values
-    return found, document
-
 
 def test_points_of_gltf(run, carried):
     where, columns, _ = run(carried)
@@ -135,17 +112,6 @@ def test_khronos_finds_no_fault(run, carried, by_node):
 
 
 # ---- USD
-
-def read_usda(text):
-    """{declaration: array} of one prim, and the stage's metadata."""
-    assert text.startswith("#usda 1.0\n")
-    found = {}
-    for name, values in re.findall(r"^    (\w+\[\] [\w:]+)(?:.timeSamples = \{\n +\d+:| =) \[(.*)\]", text, re.M):
-        rows = re.findall(r"\(([^)]*)\)", values)
-        found[name] = numpy.array([[float(v) for v in row.split(",")] for row in rows] if rows else
-                                  [float(v) for v in values.split(",")])
-    return found, dict(re.findall(r"^    (\w+) = (\S+)$", text, re.M))
-
 
 def test_points_of_usd(run, carried):
     where, columns, _ = run(carried)
@@ -306,3 +272,29 @@ def test_velocities_of_a_file_are_those_of_usd(run, carried):
     where, columns, _ = run(carried)
     arrays, _ = read_usda((where / "points.usda").read_text())
     assert (arrays["vector3f[] velocities"].astype("f4") == stack(columns, "v_x", "v_y", "v_z").astype("f4")).all()
+
+
+# ---- VTK
+
+@pytest.mark.extended
+def test_points_of_vtk(run, carried):
+    xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="python3-vtk9 is not installed")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    carried["output"] = {"preview": False, "ply": {"precision": "double"}, "points_npz": True, "points_vtp": True}
+    where, columns, _ = run(carried)
+    reader = xml.vtkXMLPolyDataReader()
+    reader.SetFileName(str(where / "points.vtp"))
+    reader.Update()
+    data = reader.GetOutput()
+    values = data.GetPointData()
+    assert reader.GetErrorCode() == 0
+    assert (data.GetNumberOfPoints(), data.GetNumberOfVerts(), data.GetNumberOfCells()) == (500, 500, 500)
+    assert (vtk_to_numpy(data.GetPoints().GetData()) == stack(columns, *"xyz")).all()
+    assert values.GetNormals().GetName() == "normal"
+    assert [data.GetCell(k).GetPointId(0) for k in (0, 1, 499)] == [0, 1, 499]
+    with numpy.load(where / "points.npz") as arrays:
+        names = [values.GetArrayName(k) for k in range(values.GetNumberOfArrays())]
+        assert sorted(names) == sorted(set(arrays) - {"position"})
+        for name in names:
+            read = vtk_to_numpy(values.GetArray(name))
+            assert (read == arrays[name]).all() and read.dtype == arrays[name].dtype, name

@@ -5,8 +5,7 @@ import socket
 
 import pytest
 
-from service import PATIENCE_S, sphere
-from test_rest import exchange, expect_problem
+from service import PATIENCE_S, exchange, expect_problem, sphere
 
 FOLLOWS = b"GET /version HTTP/1.1\r\nHost: x\r\n\r\n"
 NOT_PLAIN = {

@@ -6,7 +6,7 @@ import zlib
 import numpy
 import pytest
 
-from test_vtk import AREA, POINTS, assert_pyramid, read  # noqa: F401 (a fixture)
+from pyramid import AREA, POINTS, assert_pyramid
 
 TRIANGLES = numpy.array([[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
@@ -42,23 +42,23 @@ def surface(points="f4", triangles="i4", **how):
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("encoding", ["ASCII", "Base64Binary", "GZipBase64Binary"])
-def test_every_encoding(read, tmp_path, encoding):  # noqa: F811
+def test_every_encoding(mesh_reader, tmp_path, encoding):
     write(tmp_path / "a.surf.gii", *surface(encoding=encoding))
-    assert_pyramid(read(tmp_path / "a.surf.gii"))
+    assert_pyramid(mesh_reader(tmp_path / "a.surf.gii"))
     write(tmp_path / "a.gii", *surface("f8", "u1", encoding=encoding, big=True))
-    assert_pyramid(read(tmp_path / "a.gii"))
+    assert_pyramid(mesh_reader(tmp_path / "a.gii"))
 
 
 @pytest.mark.parametrize("encoding", ["ASCII", "GZipBase64Binary"])
-def test_columns_and_other_arrays(read, tmp_path, encoding):  # noqa: F811
+def test_columns_and_other_arrays(mesh_reader, tmp_path, encoding):
     values = array("SHAPE", numpy.arange(5, dtype="f4"))
     write(tmp_path / "a.gii", values, *reversed(surface(encoding=encoding, by_column=True)))
-    assert_pyramid(read(tmp_path / "a.gii"))
+    assert_pyramid(mesh_reader(tmp_path / "a.gii"))
 
 
-def test_a_transform_is_a_warning(read, tmp_path):  # noqa: F811
+def test_a_transform_is_a_warning(mesh_reader, tmp_path):
     write(tmp_path / "a.gii", *surface(matrix=IDENTITY.replace("0", "2", 1)))
-    vertices, _, text, _ = read(tmp_path / "a.gii")
+    vertices, _, text, _ = mesh_reader(tmp_path / "a.gii")
     assert (vertices == POINTS).all()
     assert text == 'the GIfTI file has a transform to "NIFTI_XFORM_TALAIRACH", which is not applied: points are in its data space, "NIFTI_XFORM_UNKNOWN"'
 
@@ -91,37 +91,37 @@ FAULTS = {
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("fault", FAULTS)
-def test_files_that_are_refused(read, tmp_path, fault):  # noqa: F811
+def test_files_that_are_refused(mesh_reader, tmp_path, fault):
     arrays, words = FAULTS[fault]
     write(tmp_path / "a.gii", *arrays)
-    answer = read(tmp_path / "a.gii")
+    answer = mesh_reader(tmp_path / "a.gii")
     assert isinstance(answer, str) and words in answer, answer
 
 
 @pytest.mark.sanitized
-def test_xml_that_is_refused(read, tmp_path):  # noqa: F811
+def test_xml_that_is_refused(mesh_reader, tmp_path):
     write(tmp_path / "a.gii", *surface(), doctype='<!DOCTYPE GIFTI [<!ENTITY a "b">]>')
-    assert "declarations in its document type" in read(tmp_path / "a.gii")
+    assert "declarations in its document type" in mesh_reader(tmp_path / "a.gii")
     write(tmp_path / "a.gii", *surface())
     whole = (tmp_path / "a.gii").read_bytes()
     for share in (0.3, 0.7, 0.99):
         (tmp_path / "a.gii").write_bytes(whole[:int(share * len(whole))])
-        assert "is not valid XML" in read(tmp_path / "a.gii")
+        assert "is not valid XML" in mesh_reader(tmp_path / "a.gii")
     (tmp_path / "a.gii").write_bytes(whole.replace(b"GIFTI", b"GITFI"))
-    assert 'the element "GITFI"' in read(tmp_path / "a.gii")
+    assert 'the element "GITFI"' in mesh_reader(tmp_path / "a.gii")
 
 
 @pytest.mark.parametrize("encoding", ["ASCII", "Base64Binary", "GZipBase64Binary"])
-def test_data_of_fewer_numbers(read, tmp_path, encoding):  # noqa: F811
+def test_data_of_fewer_numbers(mesh_reader, tmp_path, encoding):
     write(tmp_path / "a.gii", array("POINTSET", POINTS.astype("f4"), encoding, Dim0=6), surface(encoding=encoding)[1])
-    answer = read(tmp_path / "a.gii")
+    answer = mesh_reader(tmp_path / "a.gii")
     assert isinstance(answer, str) and "array 0 of the GIfTI file (NIFTI_INTENT_POINTSET)" in answer and "Save it again" in answer, answer
 
 
 @pytest.mark.extended
-def test_a_file_of_nibabel(read, tmp_path):  # noqa: F811
+def test_a_file_of_nibabel(mesh_reader, tmp_path):
     nibabel = pytest.importorskip("nibabel", reason="python3-nibabel is not installed")
     of = nibabel.gifti.GiftiDataArray
     nibabel.save(nibabel.gifti.GiftiImage(darrays=[of(POINTS.astype("f4"), "NIFTI_INTENT_POINTSET"), of(
         TRIANGLES.astype("i4"), "NIFTI_INTENT_TRIANGLE")]), str(tmp_path / "a.gii"))
-    assert_pyramid(read(tmp_path / "a.gii"))
+    assert_pyramid(mesh_reader(tmp_path / "a.gii"))

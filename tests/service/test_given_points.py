@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from readers import read_columns
+from scenes import stack
 from service import sphere
-from test_formats import stack
 
 
 @pytest.fixture

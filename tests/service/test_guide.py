@@ -45,10 +45,3 @@ def test_the_whole_guide(build, page, tmp_path):
     finally:
         daemon.send_signal(signal.SIGTERM)
         assert daemon.wait(PATIENCE_S) == 0
-
-
-def test_links_lead_somewhere(page, source):
-    links = re.findall(r"\]\(([^)#]+)[^)]*\)", page)
-    assert links
-    for target in links:
-        assert (source / "doc" / target).exists(), target

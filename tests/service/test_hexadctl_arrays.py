@@ -7,14 +7,9 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, Service, gated_worker, sphere, wait_until
+from service import PARTLY_UNRESOLVED, PATIENCE_S, Service, gated_worker, sphere, wait_until
 
 FRAMES = (8, 9, 11)
-# the rings of frames 2, 4 and 5 are too thin for so few points to have six neighbours
-PARTLY_UNRESOLVED = sphere(
-    100, surface={"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.4}},
-    outcome={"require": {"hex_fraction": 0.5}}, output={"preview": False},
-    queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.02, 0.4, 0.02, 0.02]}})
 
 
 @pytest.fixture(scope="module")

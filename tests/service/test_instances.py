@@ -7,8 +7,8 @@ import numpy
 import pytest
 
 from readers import read_columns, read_mesh
+from scenes import read_glb, stack
 from service import sphere
-from test_formats import read_glb, stack
 from volumes import write_nrrd
 
 TOKEN = re.compile(r"""\s+|(?P<asset>@@@.*?@@@|@[^@\n]*@)|(?P<path><[^>]*>)|"""

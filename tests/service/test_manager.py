@@ -12,9 +12,8 @@ import sys
 
 import pytest
 
-from service import OPEN_TCP, PATIENCE_S, gated_worker, sphere, wait_until
-from test_rest import expect_problem
-from test_sharing import Farm
+from service import OPEN_TCP, PATIENCE_S, expect_problem, gated_worker, sphere, wait_until
+from shared_service import Farm
 
 WATCHDOG_S = 0.2  # of a manager in a hurry: two signs of life in that time
 

@@ -5,8 +5,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, sphere
-from test_arrays import aged
+from service import PATIENCE_S, aged, sphere
 
 AXIS = [k / 7 for k in range(8)]
 

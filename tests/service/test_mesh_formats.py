@@ -122,14 +122,6 @@ Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relations
 </resources><build><item objectid="1"/></build></model>""")
 
 
-def write_amf(path):
-    vertices = "".join("<vertex><coordinates><x>%g</x><y>%g</y><z>%g</z></coordinates></vertex>" % tuple(v) for v in CORNERS)
-    triangles = "".join("<triangle><v1>%d</v1><v2>%d</v2><v3>%d</v3></triangle>" % tuple(f) for f in FACES)
-    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>
-<amf unit="millimeter"><object id="0"><mesh><vertices>{vertices}</vertices><volume>{triangles}</volume></mesh></object></amf>
-""")
-
-
 def write_x3d(path):
     path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>
 <X3D version="3.0" profile="Interchange"><Scene><Shape><IndexedFaceSet solid="true"
@@ -139,7 +131,7 @@ coordIndex="{" ".join("%d %d %d -1" % tuple(f) for f in FACES)}"><Coordinate poi
 
 
 @pytest.mark.parametrize("name, up", [("obj", "y"), ("off", "y"), ("stl", "z"), ("gltf", "y"), ("glb", "y"), ("fbx", "y"), ("dae", "y"),
-                                      ("3mf", "z"), ("amf", "z"), ("x3d", "y")])
+                                      ("3mf", "z"), ("x3d", "y")])
 def test_a_box(worker, tmp_path, name, up):
     path = tmp_path / f"box.{name}"
     globals()[f"write_{name}"](path)

@@ -257,8 +257,7 @@ def doubled(levels, mesh):
 
 
 @pytest.mark.sanitized
-@pytest.mark.parametrize("levels, mesh", [(40, EMPTY_MESH), (40, "a box"), (12, f"<!--{2**18 * ' '}-->{EMPTY_MESH}")],
-                         ids=["empty meshes", "boxes", "texts"])
+@pytest.mark.parametrize("levels, mesh", [(40, EMPTY_MESH), (40, "a box")], ids=["empty meshes", "boxes"])
 def test_components_that_repeat_objects_too_often_are_refused(look, tmp_path, levels, mesh):
     if mesh == "a box":
         mesh = write.mesh_of_3mf(write.box(numpy.random.default_rng(4)))
@@ -274,6 +273,13 @@ def test_components_that_repeat_an_object_are_read(look, tmp_path, r):
     found = look(tmp_path / "box.3mf")
     assert_box(found, corners)
     assert any(f"{12 * 4095} of {12 * 4096} triangles are duplicates" in note for note in found["notes"]), found
+
+
+def test_character_references_of_a_3mf_are_replaced(look, tmp_path, r):
+    corners = write.box(r)
+    objects = f'<object id="a&amp;b">{write.mesh_of_3mf(corners)}</object>'
+    write.write_3mf(tmp_path / "box.3mf", objects, '<item objectid="a&#38;b" transform="1&#32;0&#x20;0&#9;0 1 0 0 0 1 1 2 3"/>')
+    assert_box(look(tmp_path / "box.3mf"), corners + (1, 2, 3))
 
 
 def test_the_first_of_objects_with_the_same_id_is_read(look, tmp_path, r):
@@ -292,16 +298,7 @@ def test_objects_outside_of_a_build_are_warned_of(look, tmp_path, r):
     assert "1 of 2 objects" in found["notes"][0] and "beam" in found["notes"][1]
 
 
-# ---- units of AMF and FBX
-
-@pytest.mark.parametrize("unit, factor", [("inch", 25.4), ("millimeter", 1), (None, 1), ("meter", 1000), ("feet", 304.8), ("micron", 0.001)])
-def test_an_amf_is_read_in_millimetres(look, tmp_path, r, unit, factor):
-    corners = write.box(r)
-    write.amf(tmp_path / "box.amf", corners / factor, unit)
-    found = look(tmp_path / "box.amf")
-    assert_box(found, corners, 1e-6)
-    assert [unit in note for note in found["notes"]] == [True] * (factor != 1)
-
+# ---- units of FBX
 
 @pytest.mark.parametrize("unit", [1, 2.54, 100])
 def test_the_unit_of_an_fbx_is_warned_of(look, tmp_path, r, unit):
@@ -469,7 +466,12 @@ UNREAD = {
     "lh.pial": (b"\xff\xff\xfecreated by x\n\n" + bytes(40), "FreeSurfer", "mris_convert"),
     "a.vdb": (b" BDV\0\0\0\0" + bytes(40), "OpenVDB", "/surface/vdb/path"),
     "a.nrrd": (b"NRRD0004\ntype: float\n", "NRRD", "/surface/volume/path"),
-    "a.usda": (b"#usda 1.0\n", "USD", "Blender"), "a.usdc": (b"PXR-USDC" + bytes(80), "USD", "Blender")}
+    "a.usda": (b"#usda 1.0\n", "USD", "Blender"), "a.usdc": (b"PXR-USDC" + bytes(80), "USD", "Blender"),
+    "a.AMF": (write.AMF, "AMF", "prusa-slicer"), "packed.amf": (b"PK\3\4" + bytes(60), "AMF", "prusa-slicer"),
+    "amf.stl": (write.AMF, "AMF", "prusa-slicer"), "amf.obj": (write.AMF, "AMF", "prusa-slicer"), "amf": (write.AMF, "AMF", "prusa-slicer"),
+    "a.dxf": (write.DXF, "DXF", "Blender"), "b.dxf": (b"AutoCAD Binary DXF\r\n\x1a\0" + bytes(60), "DXF", "Blender"),
+    "dxf.ply": (write.DXF, "DXF", "Blender"), "dxf": (write.DXF, "DXF", "Blender"),
+    "dxf.part": (b"999\nfrom a program\n" + write.DXF, "DXF", "Blender")}
 
 
 @pytest.mark.parametrize("name", UNREAD)

@@ -10,8 +10,8 @@ import urllib.parse
 
 import pytest
 
+from receivers import SECRET, hooked
 from service import PATIENCE_S, gated_worker, sphere, wait_until
-from test_webhooks import SECRET, hooked, receiver  # noqa: F401 (a fixture)
 
 WELL = {  # of a service that is well, as Prometheus' unit tests write series
     'up{job="hexad"}': "1", "hexad_database_damaged": "0", "hexad_storage_free_bytes": "5000",
@@ -127,7 +127,7 @@ def test_attempts_are_counted_by_outcome_and_code(service):
 
 
 @pytest.mark.sanitized
-def test_what_waits_has_an_age(new_service, tmp_path, receiver):  # noqa: F811
+def test_what_waits_has_an_age(new_service, tmp_path, receiver):
     secret = tmp_path / "secret"
     secret.write_text(SECRET)
     secret.chmod(0o600)

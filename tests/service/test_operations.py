@@ -423,9 +423,3 @@ def test_the_page_names_all_settings_that_a_reload_applies(page, build):
            if re.match(r"\|.*\| `systemctl re(load|start) hexad.service` \|", line)}
     assert len(row) == 2 and reloads and sorted(row["`systemctl reload hexad.service`"]) == sorted(reloads)
     assert not reloads.intersection(row["`systemctl restart hexad.service`"])
-
-
-def test_links_lead_somewhere(page):
-    anchors = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title, _ in sections(page)[1:]}
-    links = re.findall(r"\]\(#([^)]+)\)", page)
-    assert links and set(links) <= anchors

@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from readers import read_columns, read_mesh
+from scenes import read_glb, read_usda, stack
 from service import sphere
-from test_formats import read_glb, read_usda, stack
 
 ALL = {"points_npz": True, "points_glb": True, "points_usda": True, "points_vdb": True, "mesh": True, "mesh_usda": True}
 

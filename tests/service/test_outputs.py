@@ -8,8 +8,9 @@ import subprocess
 import numpy
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
+from scipy.stats import spearmanr
 
-from readers import Points, exr_attributes, read_exr, read_mesh, read_png
+from readers import Points, exr_attributes, read_columns, read_exr, read_mesh, read_png
 from service import PATIENCE_S, sphere
 
 ELLIPSOID = {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 1, 0.02]}
@@ -169,12 +170,33 @@ def test_the_picture_with_data_can_be_left_out(run):
         assert (where / "preview.png").exists()
 
 
+def colour_and_value(where, value):
+    """Of each point with a large disc in preview.exr: green over blue, which rises along the scale of colours (viridis), and its value."""
+    _, _, picture = read_exr((where / "preview.exr").read_bytes())
+    ids = picture["id"].astype(int)
+    shown, pixels = numpy.unique(ids[ids > 0], return_counts=True)
+    shown = shown[pixels > 12]
+    return [numpy.median(picture["G"][ids == k] / picture["B"][ids == k]) for k in shown], value[shown - 1]
+
+
 @pytest.mark.sanitized
-@pytest.mark.parametrize("colour", ["alpha", "curvature", "energy", "spacing", "degree"])
-def test_colours(run, colour):
-    where, report = run(sphere(200, output={"preview": {"size": 64, "color": colour}}))
-    assert report["spec"]["output"]["preview"]["color"] == colour
-    assert read_png((where / "preview.png").read_bytes())[:2] == (64, 64)
+@pytest.mark.parametrize("colour, name", [("alpha", "alpha"), ("curvature", "kappa"), ("energy", "energy"), ("spacing", "spacing_local")])
+def test_colours_rise_with_the_quantity(run, colour, name):
+    ellipsoid = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.8, 0.5]}}
+    sampling = {"count": 300, **({"alpha": {"d": 1}} if colour == "alpha" else {})}
+    where, _ = run(sphere(surface=ellipsoid, sampling=sampling, output={"preview": {"size": 128, "color": colour}}))
+    colours, values = colour_and_value(where, read_columns((where / "points.ply").read_bytes())[name])
+    assert len(values) > 50 and spearmanr(colours, values).statistic > 0.995
+
+
+@pytest.mark.sanitized
+def test_points_with_five_and_seven_neighbours_have_a_colour_of_their_own(run):
+    """On a sphere the neighbours are those of the convex hull."""
+    where, _ = run(sphere(300, output={"preview": {"size": 128, "color": "degree"}}))
+    hull = ConvexHull(Points((where / "points.ply").read_bytes()).position)
+    colours, degrees = colour_and_value(where, numpy.bincount(hull.simplices.ravel()))
+    assert {5, 6} <= set(degrees) and len(set(zip(degrees, numpy.round(colours, 1)))) == len(set(degrees))
+    assert spearmanr(numpy.round(colours, 1), degrees).statistic == pytest.approx(1)
 
 
 @pytest.mark.sanitized

@@ -10,20 +10,14 @@ import subprocess
 
 import pytest
 
-from service import OPEN_TCP, long_sphere, sphere, wait_until
-from test_access import new_token
-from test_connections import settings_fault
-from test_rest import exchange, expect_problem
-
-GUI = "https://gui.example"
+from accounts import new_token
+from commands import settings_fault
+from service import exchange, expect_problem, long_sphere, sphere, wait_until
+from sessions import GUI, ask, cookie_of, sign_in
 
 
 def port_of(service):
     return service.address.rpartition(":")[2]
-
-
-def ask(service, method, path, body=None, **headers):
-    return service.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
 
 
 @pytest.fixture
@@ -117,15 +111,6 @@ def test_the_question_before_a_request(new_service):
     assert ask(service, "OPTIONS", "/v1/jobs", Origin=GUI).status == 405
 
 
-@pytest.fixture
-def with_tokens(new_service):
-    service = new_service("--page_origins", GUI)
-    service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
-    service.state.mkdir(mode=0o700)
-    service.token = f"Bearer {new_token(service, 'alice')}"
-    return service.start()
-
-
 def test_whoever_shows_a_token_asks_by_any_name(with_tokens):
     """A page of others has none; and proxies ask by other names."""
     assert ask(with_tokens, "GET", "/v1/jobs", Host="hexad.example", Authorization=with_tokens.token).status == 200
@@ -158,15 +143,6 @@ def test_an_origin_that_is_none(service):
 
 
 # ---- hexad's own page, and sessions
-
-def sign_in(service, token, **headers):
-    return ask(service, "POST", "/v1/session", json.dumps({"token": token.removeprefix("Bearer ")}),
-               Content_Type="application/json", **headers)
-
-
-def cookie_of(reply):
-    return reply.headers["Set-Cookie"].partition(";")[0]
-
 
 @pytest.mark.sanitized
 def test_the_page_is_open_and_holds_nothing(with_tokens):

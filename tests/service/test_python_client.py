@@ -6,7 +6,6 @@ import importlib
 import pathlib
 import shutil
 import signal
-import socket
 import struct
 import subprocess
 import sys
@@ -14,23 +13,15 @@ import threading
 
 import pytest
 
+from lost_answers import LosesAnswers, on_a_socket
 from readers import read_png
-from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere, wait_until
+from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
 
 PACKAGE = pathlib.Path(__file__).parents[2] / "clients/python"
 sys.path.insert(0, str(PACKAGE))
 
 import hexad  # noqa: E402
 from hexad import points as points_module, problems  # noqa: E402
-
-
-def on_a_socket(build, where, *options):
-    """A daemon on the Unix socket of its state directory, so that its address stays when it is started again."""
-    service = Service(build, where, *options)
-    for word in ("--listen", "--tcp_without_tokens"):
-        at = service.options.index(word)
-        del service.options[at:at + 2]
-    return service
 
 
 @pytest.fixture
@@ -150,40 +141,6 @@ def test_events_across_a_crash_of_the_daemon(socket_service, tmp_path):
     assert [e.data for e in others] == page
     assert list(job.events(after=told[-1].id)) == []  # nothing more will come
     assert job.wait().state == "succeeded"
-
-
-def read_message(connection):
-    """A request or an answer, as long as its head says."""
-    data = connection.recv(65536)
-    while b"\r\n\r\n" not in data:
-        data += connection.recv(65536)
-    head, _, body = data.partition(b"\r\n\r\n")
-    length = int(head.lower().partition(b"content-length: ")[2].partition(b"\r\n")[0] or 0)
-    while len(body) < length:
-        body += connection.recv(65536)
-    return head + b"\r\n\r\n" + body
-
-
-class LosesAnswers:
-    """A proxy to a Unix socket: it loses the first answer, once the daemon has given it."""
-
-    def __init__(self, where, target):
-        self.target, self.asked = target, 0
-        self.listener = socket.socket(socket.AF_UNIX)
-        self.listener.bind(str(where))
-        self.listener.listen()
-        threading.Thread(target=self.run, daemon=True).start()
-
-    def run(self):
-        while self.asked < 2:
-            connection, _ = self.listener.accept()
-            with connection, socket.socket(socket.AF_UNIX) as behind:
-                behind.connect(self.target)
-                behind.sendall(read_message(connection))
-                answer = read_message(behind)
-                self.asked += 1
-                if self.asked > 1:
-                    connection.sendall(answer)
 
 
 def test_a_submission_whose_answer_is_lost_makes_one_job(client, tmp_path):

@@ -72,8 +72,3 @@ def test_the_first_job_from_a_clone(build, source, tmp_path):
     finally:
         process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 0
-
-
-def test_links_lead_somewhere(source):
-    for target in re.findall(r"\]\(([^)#]+)\)", (source / "README.md").read_text()):
-        assert (source / target).exists(), target

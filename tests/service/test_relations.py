@@ -4,16 +4,14 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, sphere, wait_until
-from test_hexadctl_arrays import PARTLY_UNRESOLVED
-from test_isolation import Users, some, users  # noqa: F401
-from test_rest import expect_problem
+from accounts import some
+from service import PARTLY_UNRESOLVED, PATIENCE_S, expect_problem, sphere, wait_until
 
 ONLY_WHETHER = "which did not succeed as required: ask its owner"
 
 
 @pytest.fixture
-def both(users):  # noqa: F811
+def both(users):
     made = users()
     made.service.start()
     return made

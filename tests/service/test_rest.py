@@ -10,37 +10,7 @@ import time
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
-
-
-def expect_problem(reply, status, code, pointer=None):
-    assert reply.status == status, reply.body
-    assert reply.headers["Content-Type"] == "application/problem+json"
-    problem = reply.json
-    assert problem["status"] == status and problem["code"] == code, problem
-    assert problem["title"] and problem["detail"] and problem["type"]
-    if pointer is not None:
-        assert pointer in [e["pointer"] for e in problem["errors"]], problem
-        assert all(e["detail"] for e in problem["errors"])
-    return problem
-
-
-def exchange(service, data):
-    """Sends bytes as they are, but for the address for "Host: x", and returns all that comes until the server closes."""
-    data = data.replace(b"Host: x\r\n", f"Host: {service.address}\r\n".encode())
-    host, _, port = service.address.rpartition(":")
-    with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as s:
-        try:
-            s.sendall(data)
-        except (BrokenPipeError, ConnectionResetError):
-            pass
-        got = b""
-        try:
-            while piece := s.recv(65536):
-                got += piece
-        except ConnectionResetError:
-            pass
-        return got
+from service import PATIENCE_S, exchange, expect_problem, gated_worker, long_sphere, sphere, wait_until
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ import signal
 import pytest
 
 from service import sphere, wait_until
-from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_farm,
-                        on_nodes, points, running_cluster, slurm, wait_running)
+from slurm_farm import all_ended, array, attempts, attempts_of_frames, make_footage, needs_slurm, on_nodes, points, wait_running
 
 pytestmark = [pytest.mark.extended, needs_slurm]
 

@@ -11,8 +11,8 @@ import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent))
 import setclock  # noqa: E402
+from accounts import new_token, with_token  # noqa: E402
 from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until  # noqa: E402
-from test_access import closed_service, new_token, with_token  # noqa: E402, F401
 
 
 def read_snapshot(data):
@@ -27,7 +27,7 @@ def read_snapshot(data):
     return {line[1]: line[2] for line in lines if line[0] == "comment"}, points
 
 
-def test_only_the_owner_and_administrators_get_the_snapshot_of_a_running_attempt(closed_service, tmp_path):  # noqa: F811
+def test_only_the_owner_and_administrators_get_the_snapshot_of_a_running_attempt(closed_service, tmp_path):
     closed_service.end()
     closed_service.start("--worker", gated_worker(tmp_path))
     own, other = new_token(closed_service, "carol"), new_token(closed_service, "dave")

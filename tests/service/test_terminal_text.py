@@ -7,8 +7,8 @@ import urllib.parse
 
 import pytest
 
+from accounts import new_token, with_token
 from service import OPEN_TCP, PATIENCE_S, sphere
-from test_access import new_token, with_token
 
 LIST = pathlib.Path(__file__).parent.parent / "terminal_text.tsv"
 # what no terminal and no log gets: controls, direction controls, and bytes that are not UTF-8, as surrogateescape reads them

@@ -7,10 +7,8 @@ import time
 
 import pytest
 
-from service import OPEN_TCP, PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
-from test_access import new_token, with_token
-from test_clock import clock  # noqa: F401
-from test_rest import exchange, expect_problem
+from accounts import new_token, with_token
+from service import OPEN_TCP, PATIENCE_S, exchange, expect_problem, gated_worker, long_sphere, sphere, wait_until
 
 TETRAHEDRON = b"""v 1 1 1
 v -1 -1 1
@@ -240,7 +238,7 @@ def test_a_broken_upload_leaves_nothing(new_service):
 
 
 @pytest.mark.extended
-def test_an_input_that_nobody_uses_goes(new_service, tmp_path, clock):  # noqa: F811
+def test_an_input_that_nobody_uses_goes(new_service, tmp_path, clock):
     service = new_service("--inputs_keep_s", 60, "--worker", gated_worker(tmp_path), "--workers", 1)
     service.clock = clock
     service.start()

@@ -14,10 +14,10 @@ import threading
 
 import pytest
 
+from accounts import new_token
 from browser import Browser, is_there
+from lost_answers import LosesAnswers, on_a_socket
 from service import PATIENCE_S, gated_worker, sphere, wait_until
-from test_access import new_token
-from test_python_client import LosesAnswers, on_a_socket
 
 ROOT = pathlib.Path(__file__).parents[2]
 PACKAGE = ROOT / "clients/typescript"

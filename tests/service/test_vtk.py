@@ -1,54 +1,12 @@
 """VTK files of PolyData as meshes: what the process that reads answers, for each way of storing the same mesh, and what is refused."""
 import json
 import struct
-import subprocess
 
 import numpy
 import pytest
 
-from service import PATIENCE_S
+from pyramid import AREA, POINTS, POLYS, STRIP, assert_pyramid
 from vtk_files import write_legacy, write_xml
-
-# A pyramid with a base of four corners: two triangles as polygons, and two as a strip.
-POINTS = numpy.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1.5]])
-POLYS = [[3, 2, 1, 0], [0, 1, 4], [1, 2, 4]]
-STRIP = [2, 3, 4, 0]
-AREA = 4 + 4 * numpy.sqrt(1 + 1.5 ** 2)
-
-
-@pytest.fixture
-def read(build):
-    """What the reader answers of a file: (vertices, triangles, warnings, others), or the text of a refusal."""
-    def call(path, command="read-mesh"):
-        with open(path, "rb") as file:
-            done = subprocess.run([build / "hexad-worker", command, path.suffix[1:], str(512 << 20), "10"], stdin=file,
-                                  capture_output=True, timeout=PATIENCE_S)
-        assert done.returncode == 0, done.stderr
-        magic, code, length, vertices, triangles, others, crossed, end = struct.unpack_from("<QII5Q", done.stdout)
-        text = done.stdout[56:56 + length].decode()
-        if code:
-            return text
-        rest = done.stdout[56 + length:]
-        assert len(rest) == 24 * vertices + 12 * triangles
-        return (numpy.frombuffer(rest, "<f8", 3 * vertices).reshape(-1, 3),
-                numpy.frombuffer(rest, "<u4", 3 * triangles, 24 * vertices).reshape(-1, 3), text, others)
-    return call
-
-
-def area(vertices, triangles):
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    return numpy.linalg.norm(numpy.cross(b - a, c - a), axis=1).sum() / 2
-
-
-def assert_pyramid(answer, points=POINTS):
-    assert not isinstance(answer, str), answer
-    vertices, triangles, text, _ = answer
-    assert text == "" and (vertices == points).all() and len(triangles) == 6
-    assert area(vertices, triangles) == pytest.approx(AREA)
-    # closed, and turned one way: every edge is there once in each direction
-    edges = {(int(t[k]), int(t[(k + 1) % 3])) for t in triangles for k in range(3)}
-    assert len(edges) == 18 and edges == {(b, a) for a, b in edges}
-
 
 LEGACY_CELLS = {"VERTICES": [[0], [1, 2]], "LINES": [[0, 1, 2]], "POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]}
 XML_CELLS = {"Verts": [[0]], "Lines": [[0, 1]], "Strips": [STRIP], "Polys": POLYS}
@@ -57,11 +15,11 @@ XML_CELLS = {"Verts": [[0]], "Lines": [[0, 1]], "Strips": [STRIP], "Polys": POLY
 @pytest.mark.sanitized
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("version", ["1.0", "4.2", "5.1"])
-def test_legacy_files(read, tmp_path, binary, version):
+def test_legacy_files(mesh_reader, tmp_path, binary, version):
     for kind in ("f4", "f8", "i4"):
         points = numpy.round(2 * POINTS).astype(kind) if kind == "i4" else POINTS.astype(kind)
         write_legacy(tmp_path / "v.vtk", points, LEGACY_CELLS, binary, version)
-        answer = read(tmp_path / "v.vtk")
+        answer = mesh_reader(tmp_path / "v.vtk")
         if kind == "i4":
             answer = (answer[0] / 2, *answer[1:])
         assert_pyramid(answer)
@@ -69,17 +27,17 @@ def test_legacy_files(read, tmp_path, binary, version):
 
 
 @pytest.mark.parametrize("binary", [False, True])
-def test_what_is_around_the_cells_of_a_legacy_file(read, tmp_path, binary):
+def test_what_is_around_the_cells_of_a_legacy_file(mesh_reader, tmp_path, binary):
     field = b"FIELD FieldData 3\nTIME 1 1 double\n" + (struct.pack(">d", 0.5) + b"\n" if binary else b"0.5\n")
     field += b"bits 1 11 bit\n" + (b"\xff\xe0\n" if binary else b"1 " * 11 + b"\n")
     field += b"names 1 2 string\n" + (b"\xc3abc\x80\x02xy\n" if binary else b"a%20b\nxy\n")
     data = b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\nPOINT_DATA 5\nSCALARS s float\nLOOKUP_TABLE default\n"
     write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary, before=field, behind=data)
-    assert_pyramid(read(tmp_path / "v.vtk"))
+    assert_pyramid(mesh_reader(tmp_path / "v.vtk"))
     text = (tmp_path / "v.vtk").read_bytes()
     if not binary:
         (tmp_path / "v.vtk").write_bytes(text.replace(b"\n", b"\r\n"))
-        assert_pyramid(read(tmp_path / "v.vtk"))
+        assert_pyramid(mesh_reader(tmp_path / "v.vtk"))
 
 
 WAYS = [{"mode": "ascii"}, {"mode": "binary"}, {"mode": "binary", "packed": True, "long_heads": True},
@@ -90,24 +48,24 @@ WAYS = [{"mode": "ascii"}, {"mode": "binary"}, {"mode": "binary", "packed": True
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("way", WAYS, ids=str)
-def test_xml_files(read, tmp_path, way):
+def test_xml_files(mesh_reader, tmp_path, way):
     for kind in ("f4", "f8"):
         write_xml(tmp_path / "v.vtp", [(POINTS.astype(kind), XML_CELLS)], **way)
-        answer = read(tmp_path / "v.vtp")
+        answer = mesh_reader(tmp_path / "v.vtp")
         assert_pyramid(answer)
         assert answer[3] == 2
 
 
-def test_pieces_have_points_of_their_own(read, tmp_path):
+def test_pieces_have_points_of_their_own(mesh_reader, tmp_path):
     write_xml(tmp_path / "v.vtp", [(POINTS, {"Polys": POLYS}), (numpy.zeros((0, 3)), {"Polys": []}), (POINTS + 5, {"Strips": [STRIP]})],
               mode="appended", packed=True)
-    vertices, triangles, _, _ = read(tmp_path / "v.vtp")
+    vertices, triangles, _, _ = mesh_reader(tmp_path / "v.vtp")
     assert len(vertices) == 10 and (triangles[:4] < 5).all() and (triangles[4:] >= 5).all() and len(triangles) == 6
 
 
-def test_a_legacy_file_with_the_other_name(read, tmp_path):
+def test_a_legacy_file_with_the_other_name(mesh_reader, tmp_path):
     write_legacy(tmp_path / "v.vtp", POINTS, LEGACY_CELLS)
-    assert_pyramid(read(tmp_path / "v.vtp"))
+    assert_pyramid(mesh_reader(tmp_path / "v.vtp"))
 
 
 def test_as_jobs_and_as_an_inspection(solve, worker, tmp_path):
@@ -142,12 +100,12 @@ LEGACY_FAULTS = {
 }
 
 
-def test_a_binary_field_that_ends_early_is_refused(read, tmp_path):
+def test_a_binary_field_that_ends_early_is_refused(mesh_reader, tmp_path):
     """By one byte: in a text file the last number needs no blank behind it, in a binary one each byte counts."""
     for count, is_whole in ((8, True), (7, False)):
         write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary=True,
                      behind=b"FIELD FieldData 1\nx 1 1 double\n" + struct.pack(">d", 0.5)[:count])
-        answer = read(tmp_path / "v.vtk")
+        answer = mesh_reader(tmp_path / "v.vtk")
         if is_whole:
             assert_pyramid((*answer[:2], "", answer[3]))  # but for the warning of points and lines
         else:
@@ -155,13 +113,13 @@ def test_a_binary_field_that_ends_early_is_refused(read, tmp_path):
 
 
 @pytest.mark.parametrize("fault", LEGACY_FAULTS)
-def test_legacy_files_that_are_refused(read, tmp_path, fault):
+def test_legacy_files_that_are_refused(mesh_reader, tmp_path, fault):
     find, put, words = LEGACY_FAULTS[fault]
     write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS)
     text = (tmp_path / "v.vtk").read_bytes()
     assert text.count(find) >= 1
     (tmp_path / "v.vtk").write_bytes(text.replace(find, put, 1))
-    answer = read(tmp_path / "v.vtk")
+    answer = mesh_reader(tmp_path / "v.vtk")
     assert isinstance(answer, str) and words in answer, answer
 
 
@@ -189,29 +147,29 @@ XML_FAULTS = {
 
 @pytest.mark.sanitized
 @pytest.mark.parametrize("fault", XML_FAULTS)
-def test_xml_files_that_are_refused(read, tmp_path, fault):
+def test_xml_files_that_are_refused(mesh_reader, tmp_path, fault):
     how, change, words = XML_FAULTS[fault]
     write_xml(tmp_path / "v.vtp", [(POINTS, XML_CELLS)], **how)
     text = (tmp_path / "v.vtp").read_bytes()
     if change:
         assert change[0] in text, text[:600]
         (tmp_path / "v.vtp").write_bytes(text.replace(*change))
-    answer = read(tmp_path / "v.vtp")
+    answer = mesh_reader(tmp_path / "v.vtp")
     assert isinstance(answer, str) and words in answer, answer
 
 
 @pytest.mark.sanitized
-def test_files_that_end_early(read, tmp_path):
+def test_files_that_end_early(mesh_reader, tmp_path):
     for name, write in (("v.vtk", lambda p: write_legacy(p, POINTS, LEGACY_CELLS, binary=True)),
                         ("v.vtp", lambda p: write_xml(p, [(POINTS, XML_CELLS)], mode="appended", encoding="raw", packed=True))):
         write(tmp_path / name)
         whole = (tmp_path / name).read_bytes()
         for share in (0.2, 0.5, 0.8, 0.9):
             (tmp_path / name).write_bytes(whole[:int(share * len(whole))])
-            answer = read(tmp_path / name)
+            answer = mesh_reader(tmp_path / name)
             assert isinstance(answer, str) or len(answer[1]) < 6, (name, share, answer)
 
 
-def test_values_of_vertices_are_refused_by_name(read, tmp_path):
+def test_values_of_vertices_are_refused_by_name(mesh_reader, tmp_path):
     write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS)
-    assert "save it as PLY for attributes" in read(tmp_path / "v.vtk", "read-mesh-values")
+    assert "save it as PLY for attributes" in mesh_reader(tmp_path / "v.vtk", "read-mesh-values")

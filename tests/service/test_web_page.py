@@ -10,11 +10,10 @@ import threading
 
 import pytest
 
+from accounts import new_token, with_token
 from browser import Browser, Keys, is_there, wait_until
-from service import gated_worker, long_sphere, sphere
-from test_access import closed_service, new_token, with_token  # noqa: F401
-from test_hexadctl_arrays import PARTLY_UNRESOLVED
-from test_tls import Front, certificate  # noqa: F401
+from proxies import Front
+from service import PARTLY_UNRESOLVED, gated_worker, long_sphere, sphere
 
 pytestmark = pytest.mark.extended
 
@@ -62,7 +61,7 @@ def sign_in(browser, service, user="carol", secret=None):
     return secret
 
 
-def test_a_token_signs_in(closed_service, browser):  # noqa: F811
+def test_a_token_signs_in(closed_service, browser):
     browser.open(closed_service)
     browser.wait_text("Your token")
     browser.one("#token").send_keys("hexad_wrong")
@@ -80,7 +79,7 @@ def test_a_token_signs_in(closed_service, browser):  # noqa: F811
     browser.wait_text("Your token")
 
 
-def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F811
+def test_a_revoked_token_ends_the_session(closed_service, browser):
     sign_in(browser, closed_service)
     browser.wait_text("Queue", "h1")
     (closed_service.state / "tokens").write_text("")
@@ -88,7 +87,7 @@ def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F81
     browser.wait_text("Your token")
 
 
-def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser):  # noqa: F811
+def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser):
     secret = sign_in(browser, closed_service)
     browser.wait_text("Queue", "h1")
     browser.command("Network.clearBrowserCookies")  # as at the end of the session
@@ -111,7 +110,7 @@ def test_the_queue_follows_what_happens(gated, browser):
     wait_until(lambda: browser.text("table").count("Done") == 2, "both to be done")
 
 
-def test_jobs_of_others_are_followed(closed_service, browser, tmp_path):  # noqa: F811
+def test_jobs_of_others_are_followed(closed_service, browser, tmp_path):
     """In the queue, and on their own: as far as everyone may see them."""
     closed_service.end()
     closed_service.start("--worker", gated_worker(tmp_path))
@@ -269,7 +268,7 @@ def test_buttons_for_selected_jobs_stay_in_sight(gated, browser):
     assert seen, "the first button lies outside of the window or under something"
 
 
-def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):  # noqa: F811
+def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):
     secret = new_token(closed_service, "carol")
     frames = {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}
     jobs = [with_token(closed_service, token, "POST", "/v1/jobs", sphere(name=name, **more)).json["id"]
@@ -305,7 +304,7 @@ def test_a_wait_whose_signal_is_aborted_already_ends_at_once(service, browser):
         """) == "AbortError"
 
 
-def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp_path):  # noqa: F811
+def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp_path):
     closed_service.end()
     closed_service.start("--worker", gated_worker(tmp_path))
     sign_in(browser, closed_service, secret=closed_service.token)
@@ -727,7 +726,7 @@ def test_a_look_that_was_refused_is_asked_for_again(new_service, browser, tmp_pa
     browser.wait_text("Memory", ".estimate")
 
 
-def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa: F811
+def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):
     """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
     sign_in(browser, closed_service, "dora")
     browser.press("New job", "header")
@@ -884,7 +883,7 @@ def test_two_jobs_are_compared(service, browser):
     wait_until(lambda: browser.all("figure.chart canvas"), "plots of both")
 
 
-def test_below_a_prefix_of_a_proxy(closed_service, browser, source, certificate, tmp_path):  # noqa: F811
+def test_below_a_prefix_of_a_proxy(closed_service, browser, source, certificate, tmp_path):
     """Over TLS, as doc/tls.md says: nothing is asked for at the root, and the cookie is Secure."""
     front = Front("nginx", source, certificate, tmp_path / "front", closed_service.address, prefix="/hexad/")
     closed_service.end()
@@ -938,7 +937,7 @@ def audit(browser, source):
     browser.emulate()
 
 
-def test_an_audit_finds_no_barrier(closed_service, browser, audit):  # noqa: F811
+def test_an_audit_finds_no_barrier(closed_service, browser, audit):
     browser.open(closed_service)
     browser.one("#token").send_keys("hexad_wrong")
     browser.press("Sign in")

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 
 threads *mesh_fixture_pool(void)

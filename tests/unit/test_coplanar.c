@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/rng.h"
 #include "mesh_fixture.h"
 #include "geometry/mesh/coplanar.h"

@@ -8,6 +8,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <signal.h>
 #include <sys/file.h>
 #include <sys/resource.h>
@@ -40,20 +41,31 @@ static void *put_one(void *argument)
     return NULL;
 }
 
-static void test_a_wait_ends_with_a_change(void **state)
+static int64_t note(void *context)
+{
+    sem_post(context);
+    return RUNNER_WHEN_WOKEN;
+}
+
+static void test_a_change_wakes_the_tasks_that_wait(void **state)
 {
     place *p = *state;
-    uint64_t seen = 0;
-    pthread_t thread;
-    assert_true(queue_wait(p->q, &seen, 0)); /* *seen is 0: returns at once */
-    assert_false(queue_wait(p->q, &seen, 0));
-    assert_int_equal(pthread_create(&thread, NULL, put_one, p), 0);
-    assert_true(queue_wait(p->q, &seen, INT64_MAX));
-    assert_int_equal(pthread_join(thread, NULL), 0);
+    sem_t steps;
+    runner *r = runner_new();
+    sem_init(&steps, 0, 0);
+    queue_wake_on_change(p->q, runner_add(r, "waiting", note, &steps));
+    assert_true(runner_start(r, NULL));
+    sem_wait(&steps); /* the first one needs no change */
+    put_one(p);
+    sem_wait(&steps);
+    uint64_t changes = database_change_count(queue_database(p->q));
     claim_in(p, &(queue_resources){.threads = 0, .all_threads = 1, .all_memory_mb = 1000}, NULL);
-    assert_false(queue_wait(p->q, &seen, 0)); /* nothing was claimed, so there are no changes */
+    assert_int_equal(database_change_count(queue_database(p->q)), changes); /* nothing was claimed */
     queue_signal(p->q);
-    assert_true(queue_wait(p->q, &seen, 0));
+    sem_wait(&steps);
+    runner_stop(r);
+    runner_free(r);
+    sem_destroy(&steps);
 }
 
 typedef struct swarm {
@@ -1013,7 +1025,7 @@ static void test_ulids(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_a_wait_ends_with_a_change),
+        CASE(test_a_change_wakes_the_tasks_that_wait),
         CASE(test_many_threads_submit),
         CASE(test_a_thread_of_low_priority_commits_nothing),
         CASE(test_a_killed_process_loses_nothing),

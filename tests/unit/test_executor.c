@@ -46,6 +46,7 @@ typedef struct place {
     char *worker;
     queue *q;
     ledger *counts;
+    runner *tasks;
     executor *x;
 } place;
 
@@ -63,10 +64,20 @@ static int set_up(void **state)
     return 0;
 }
 
+static void stop(place *p)
+{
+    if (!p->x) return;
+    executor_stop(p->x);
+    runner_stop(p->tasks);
+    executor_free(p->x);
+    runner_free(p->tasks);
+    p->x = NULL;
+}
+
 static int tear_down(void **state)
 {
     place *p = *state;
-    executor_stop(p->x);
+    stop(p);
     queue_close(p->q);
     ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));
@@ -91,8 +102,9 @@ static void start_with(place *p, const char *script, executor_settings settings)
     settings.worker = p->worker;
     settings.counts = p->counts;
     error e = {0};
-    p->x = executor_start(&settings, p->q, &e);
-    if (!p->x) fail_msg("%s", e.message);
+    p->tasks = runner_new();
+    p->x = executor_open(&settings, p->q, p->tasks, &e);
+    if (!p->x || !runner_start(p->tasks, &e) || !executor_start(p->x, &e)) fail_msg("%s", e.message);
 }
 
 static void start(place *p, const char *script, int workers)
@@ -742,8 +754,7 @@ static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
         else
             start(p, PROLOGUE REPORT, 1);
         expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
-        executor_stop(p->x);
-        p->x = NULL;
+        stop(p);
     }
 }
 

@@ -9,7 +9,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <linux/magic.h>
 #include <sys/stat.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include "base/core/memory.h"
@@ -102,7 +104,7 @@ static void test_failures_name_the_path(void **state)
     /* a device that is always full: commit reports the loss, as on a full disk */
     FILE *full = fopen("/dev/full", "w");
     if (full) {
-        file = (store_file){full, mem_strdup("/dev/full"), mem_strdup("/nonexistent/temporary")};
+        file = (store_file){full, mem_strdup("/dev/full"), mem_strdup("/nonexistent/temporary"), NULL};
         fputs("lost", full);
         assert_false(store_file_commit(&file, &e));
         assert_non_null(strstr(e.message, "No space"));
@@ -192,22 +194,8 @@ static bool write_text(FILE *stream, void *context, error *e)
            error_set(e, ERROR_STORAGE_FULL, "no room");
 }
 
-static bool read_text(FILE *stream, void *context, error *e)
-{
-    char text[16] = "";
-    rewind(stream);
-    return (fgets(text, sizeof text, stream) && strcmp(text, context) == 0) ||
-           error_set(e, ERROR_INPUT_DAMAGED, "another text");
-}
-
-static bool read_other(FILE *stream, void *context, error *e)
-{
-    (void)context;
-    return read_text(stream, "other", e);
-}
-
 /* With and without a thread, the file exists at the end and its hash is returned. A failure is returned at the end,
- * too. A failure to write or to read back leaves no file. */
+ * too. A failure to write leaves no file. */
 static void test_late_commits(void **state)
 {
     (void)state;
@@ -219,8 +207,8 @@ static void test_late_commits(void **state)
         store_file file = {0};
         late_commit *c;
         store_facts facts;
-        assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_text, "text", beside, !beside);
+        assert_true(store_file_begin_hashed(path, &file, &e));
+        c = late_commit_begin(&file, write_text, "text", beside);
         assert_null(file.stream);
         assert_true(late_commit_end(c, &facts, &e));
         assert_string_equal(facts.sha256, hash);
@@ -228,23 +216,169 @@ static void test_late_commits(void **state)
         assert_int_equal(access(path, F_OK), 0);
         assert_true(store_remove(path, &e));
         char *inner = mem_printf("%s/file", gone);
-        assert_true(store_directory_create(gone, &e) && store_file_begin(inner, &file, &e));
+        assert_true(store_directory_create(gone, &e) && store_file_begin_hashed(inner, &file, &e));
         assert_true(store_remove(gone, &e));
-        c = late_commit_begin(&file, write_text, read_text, "text", beside, !beside);
+        c = late_commit_begin(&file, write_text, "text", beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_not_equal(e.code, ERROR_NONE);
         free(inner);
-        assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_text, NULL, beside, !beside);
+        assert_true(store_file_begin_hashed(path, &file, &e));
+        c = late_commit_begin(&file, write_text, NULL, beside);
         assert_false(late_commit_end(c, &facts, &e));
         assert_int_equal(e.code, ERROR_STORAGE_FULL);
-        assert_true(store_file_begin(path, &file, &e));
-        c = late_commit_begin(&file, write_text, read_other, "text", beside, !beside);
-        assert_false(late_commit_end(c, &facts, &e));
-        assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
         assert_int_equal(count_entries(base), 0);
     }
     free(gone);
+    free(path);
+    drop_place(base);
+}
+
+/* Writes in order, over two written blocks, and beyond the end. The bytes that the file must have are in `want`. */
+static void write_out_of_order(FILE *stream, char *want)
+{
+    for (int k = 0; k < 10000; k++) want[k] = (char)(k * k >> 5);
+    fwrite(want, 1, 10000, stream);
+    for (int round = 0; round < 2; round++) {
+        memcpy(want + 4090, round ? "over two blocks" : "OVER TWO BLOCKS", 15);
+        fseeko(stream, 4090, SEEK_SET);
+        fwrite(want + 4090, 1, 15, stream);
+        assert_int_equal(ftello(stream), 4105);
+    }
+    want[20383] = 'x';
+    fseeko(stream, 20383, SEEK_SET);
+    fputc('x', stream);
+    assert_int_equal(fseeko(stream, -1, SEEK_SET), -1);
+    fseeko(stream, 0, SEEK_END);
+    assert_int_equal(ftello(stream), 20384);
+}
+
+enum { OUT_OF_ORDER_BYTES = 20384 };
+
+/* What is placed has the bytes and the hash of what was written, also after seeks. */
+static void test_verified_files(void **state)
+{
+    static const char *const places[] = {"/tmp/hexad-file-XXXXXX", "/dev/shm/hexad-file-XXXXXX"};
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        char *base = mem_strdup(places[k]), want[OUT_OF_ORDER_BYTES] = {0}, hash[STORE_HASH_SIZE];
+        error e = {0};
+        store_file file = {0};
+        store_facts facts;
+        size_t count;
+        if (!mkdtemp(base)) { /* without a file system in memory */
+            free(base);
+            continue;
+        }
+        char *path = mem_printf("%s/file", base);
+        assert_true(store_file_begin_hashed(path, &file, &e));
+        write_out_of_order(file.stream, want);
+        if (!store_file_place_verified(&file, &facts, &e)) fail_msg("%s", e.message);
+        store_hash(want, sizeof want, hash);
+        assert_string_equal(facts.sha256, hash);
+        assert_int_equal(facts.bytes, sizeof want);
+        char *read = store_file_read(path, 1 << 20, &count, &e);
+        assert_int_equal(count, sizeof want);
+        assert_memory_equal(read, want, sizeof want);
+        free(read);
+        assert_true(store_file_begin_hashed(path, &file, &e)); /* an empty file */
+        assert_true(store_file_place_verified(&file, &facts, &e));
+        store_hash("", 0, hash);
+        assert_string_equal(facts.sha256, hash);
+        assert_int_equal(count_entries(base), 1);
+        free(path);
+        drop_place(base);
+    }
+}
+
+/* Changes the file behind its writer, as a disk does that fails: at `at`, or its length if `at` is negative. */
+static void damage(const store_file *file, int at)
+{
+    const int fd = open(file->temporary, O_RDWR | O_CLOEXEC);
+    char byte;
+    if (at < 0) {
+        assert_int_equal(ftruncate(fd, OUT_OF_ORDER_BYTES + at), 0);
+    } else {
+        assert_int_equal(pread(fd, &byte, 1, at), 1);
+        byte ^= 0x10;
+        assert_int_equal(pwrite(fd, &byte, 1, at), 1);
+    }
+    close(fd);
+}
+
+/* A byte that is not read as it was written, and an end that is missing, are errors of the disk, also in
+ * a block that is read again because the writer seeks back. No file is left. */
+static void test_a_byte_that_changes_on_the_disk_is_found(void **state)
+{
+    static const struct {
+        int at; /* of damage */
+        const char *words;
+    } faults[] = {{0, "from byte 0 on"},        {4095, "from byte 0 on"},      {4096, "from byte 4096 on"},
+                  {12000, "from byte 8192 on"}, {16384, "from byte 16384 on"}, {20383, "from byte 16384 on"},
+                  {-1, "from byte 16384 on"},   {-6000, "from byte 14384 on"}, {-20384, "from byte 0 on"}};
+    char *base = make_place(), *path = mem_printf("%s/file", base);
+    (void)state;
+    for (size_t k = 0; k < sizeof faults / sizeof *faults; k++) {
+        char want[OUT_OF_ORDER_BYTES] = {0};
+        error e = {0};
+        store_file file = {0};
+        store_facts facts;
+        assert_true(store_file_begin_hashed(path, &file, &e));
+        write_out_of_order(file.stream, want);
+        assert_int_equal(fflush(file.stream), 0);
+        damage(&file, faults[k].at);
+        assert_false(store_file_place_verified(&file, &facts, &e));
+        assert_int_equal(e.code, ERROR_STORAGE_FAILED);
+        if (!strstr(e.message, faults[k].words)) fail_msg("%s", e.message);
+        assert_non_null(strstr(e.message, path));
+        assert_int_equal(count_entries(base), 0);
+    }
+    error e = {0};
+    store_file file = {0};
+    store_facts facts;
+    char want[OUT_OF_ORDER_BYTES] = {0};
+    assert_true(store_file_begin_hashed(path, &file, &e));
+    write_out_of_order(file.stream, want);
+    assert_int_equal(fflush(file.stream), 0);
+    damage(&file, 100);
+    fseeko(file.stream, 200, SEEK_SET);
+    fputc('x', file.stream);
+    assert_false(store_file_place_verified(&file, &facts, &e));
+    assert_int_equal(e.code, ERROR_STORAGE_FAILED);
+    assert_int_equal(count_entries(base), 0);
+    free(path);
+    drop_place(base);
+}
+
+/* Bytes that this process has read from disks; -1: the system does not count them. */
+static long long bytes_from_disks(void)
+{
+    long long bytes = -1;
+    char line[80];
+    FILE *file = fopen("/proc/self/io", "re");
+    while (file && fgets(line, sizeof line, file)) sscanf(line, "read_bytes: %lld", &bytes);
+    if (file) fclose(file);
+    return bytes;
+}
+
+/* The second reading is from the disk, not from memory. */
+static void test_a_verified_file_is_read_from_the_disk(void **state)
+{
+    enum { BYTES = 1 << 20 };
+    char *base = make_place(), *path = mem_printf("%s/file", base), *bytes = mem_alloc(BYTES);
+    error e = {0};
+    store_file file = {0};
+    store_facts facts;
+    struct statfs on;
+    (void)state;
+    for (size_t k = 0; k < BYTES; k++) bytes[k] = (char)(k * k >> 7);
+    assert_int_equal(statfs(base, &on), 0);
+    const long long before = bytes_from_disks();
+    assert_true(store_file_begin_hashed(path, &file, &e));
+    assert_int_equal(fwrite(bytes, 1, BYTES, file.stream), BYTES);
+    if (!store_file_place_verified(&file, &facts, &e)) fail_msg("%s", e.message);
+    const bool is_counted = before >= 0 && (on.f_type == EXT4_SUPER_MAGIC || on.f_type == XFS_SUPER_MAGIC);
+    if (is_counted) assert_true(bytes_from_disks() - before >= BYTES);
+    free(bytes);
     free(path);
     drop_place(base);
 }
@@ -288,6 +422,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_clearing),
         cmocka_unit_test(test_late_commits),
+        cmocka_unit_test(test_verified_files),
+        cmocka_unit_test(test_a_byte_that_changes_on_the_disk_is_found),
+        cmocka_unit_test(test_a_verified_file_is_read_from_the_disk),
         cmocka_unit_test(test_commit_replaces_and_abort_leaves),
         cmocka_unit_test(test_failures_name_the_path),
         cmocka_unit_test(test_directories),

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/rng.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"

@@ -142,19 +142,6 @@ static void test_an_intact_database_has_no_findings(void **state)
     assert_true(queue_allows_changes(p->q, NULL));
 }
 
-/* The checker begins no check before it is due. */
-static void test_a_wait_does_not_end_before_its_time(void **state)
-{
-    place *p = *state;
-    bool doubt = true;
-    int64_t until_ms = clock_monotonic_ms() + 30;
-    /* near a whole second, rounding to seconds would not be detected */
-    if (until_ms % 1000 < 30) until_ms += 30;
-    assert_true(health_wait(database_health(queue_database(p->q)), until_ms, &doubt));
-    assert_false(doubt);
-    assert_true(clock_monotonic_ms() >= until_ms);
-}
-
 static void test_damage_found_by_a_statement_stops_all_changes(void **state)
 {
     place *p = *state;
@@ -440,7 +427,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         HEALTH_CASE(test_an_intact_database_has_no_findings),
-        HEALTH_CASE(test_a_wait_does_not_end_before_its_time),
         HEALTH_CASE(test_damage_found_by_a_statement_stops_all_changes),
         HEALTH_CASE(test_the_checker_finds_damage_that_no_statement_reads),
         HEALTH_CASE(test_a_read_error_is_cleared_by_a_check),

@@ -31,8 +31,10 @@ bool __wrap_queue_get(queue *q, const char *id, queue_job *job, bool *found, err
 typedef struct place {
     char base[64];
     queue *q;
+    runner *tasks;
     executor *x;
     ledger *counts;
+    pthread_mutex_t frame_checks;
     http_context context;
 } place;
 
@@ -52,10 +54,16 @@ static int set_up(void **state)
                                   .worker = "/nonexistent",
                                   .workers = 1,
                                   .memory_mb = 1024};
-    p->x = executor_start(&settings, p->q, &e);
-    if (!p->x) fail_msg("%s", e.message);
-    p->context =
-        (http_context){.counts = p->counts, .q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
+    p->tasks = runner_new();
+    p->x = executor_open(&settings, p->q, p->tasks, &e);
+    if (!p->x || !executor_start(p->x, &e)) fail_msg("%s", e.message);
+    p->context = (http_context){.counts = p->counts,
+                                .q = p->q,
+                                .x = p->x,
+                                .work_dir = p->base,
+                                .max_attempts = 3,
+                                .frame_checks = &p->frame_checks};
+    pthread_mutex_init(&p->frame_checks, NULL);
     get_fails = false;
     *state = p;
     return 0;
@@ -65,6 +73,8 @@ static int tear_down(void **state)
 {
     place *p = *state;
     executor_stop(p->x);
+    executor_free(p->x);
+    runner_free(p->tasks);
     queue_close(p->q);
     ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));

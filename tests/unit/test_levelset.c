@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "mesh_fixture.h"
 #include "surface/levelset/levelset.h"
 #include "surface/levelset/mesh_repair.h"

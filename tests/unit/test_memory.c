@@ -198,6 +198,14 @@ static void test_a_program_with_many_threads_keeps_little_freed_memory(void **st
     assert_true(after < before + ((size_t)60 << 20));
 }
 
+static void test_nothing_is_left_of_an_exceeded_limit(void **state)
+{
+    (void)state;
+    assert_int_equal(mem_left(100, 30), 70);
+    assert_int_equal(mem_left(100, 100), 0);
+    assert_int_equal(mem_left(100, 101), 0); /* and not almost 2^64, which would be no limit */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -205,6 +213,7 @@ int main(void)
         cmocka_unit_test(test_arrays_are_zeroed),
         cmocka_unit_test(test_a_part_is_returned_to_the_kernel),
         cmocka_unit_test(test_too_large_arrays_are_errors),
+        cmocka_unit_test(test_nothing_is_left_of_an_exceeded_limit),
         cmocka_unit_test(test_growing_keeps_the_elements),
         cmocka_unit_test(test_growing_releases_the_old_array),
         cmocka_unit_test(test_a_program_with_many_threads_keeps_little_freed_memory),

@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "surface/levelset/fidelity.h"
 #include "surface/levelset/mesh_faces.h"
 #include "geometry/space/triangle.h"
@@ -26,15 +27,15 @@
 #include "geometry/mesh/flat_triangles.h"
 #include "volume_fixture.h"
 
-enum { SEED = 20260721, FAKES = 14 };
+enum { SEED = 20260721, FAKES = 15 };
 
 /* Opens a closed mesh like a job that samples its level set. */
-static volume *open_file(const volume_mesh_request *request, int fd, const char *reader, error *e)
+static volume *open_file(const volume_mesh_request *request, int fd, const char *program, error *e)
 {
     mesh whole = {0};
     mesh_notes notes = {0};
     volume *v = NULL;
-    const mesh_file file = {fd, request->path, reader, request->resolution.memory_limit};
+    const mesh_file file = {fd, request->path, program, request->resolution.memory_limit};
     if (!mesh_file_read(&file, &whole, &notes, e)) {
         error_prefix(e, "%s", request->path);
         return NULL;
@@ -345,18 +346,22 @@ static int fake(int kind)
 {
     static const double corners[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, bad[3] = {0, NAN, 0};
     static const uint32_t faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}}, none[3] = {0, 4, 1};
-    mesh_reader_header h = {.magic = MESH_READER_MAGIC, .vertices = 4, .triangles = 4};
-    if (kind == 1) h.magic++;
+    mesh_reader_header h = {.vertices = 4, .triangles = 4};
+    reader_head head = {.magic = READER_MAGIC, .size = sizeof h};
+    if (kind == 1) head.magic++;
     if (kind == 2) h.vertices = 5;
     if (kind == 3) h.triangles = 5;
     if (kind == 4) h.triangles = UINT64_MAX;
     if (kind == 5) h.vertices = (uint64_t)1 << 31;
-    if (kind == 6) h.code = ERROR_CODE_COUNT;
-    if (kind == 7) h.text_length = UINT32_MAX;
-    if (kind >= 13) h.code = ERROR_INPUT_DAMAGED, h.text_length = 2;
+    if (kind == 6) head.code = ERROR_CODE_COUNT;
+    if (kind == 7) head.text_length = UINT32_MAX;
+    if (kind == 13 || kind == 14) head = (reader_head){READER_MAGIC, ERROR_INPUT_DAMAGED, 2, 0};
+    if (kind == 15) head.size--;
+    fwrite(&head, sizeof head, 1, stdout);
+    if (kind == 13 || kind == 14) fwrite(kind == 13 ? "\0a" : "a\n", 2, 1, stdout);
+    if (kind == 13 || kind == 14) return fflush(stdout);
     fwrite(&h, kind == 8 ? 20 : sizeof h, 1, stdout);
-    if (kind >= 13) fwrite(kind == 13 ? "\0a" : "\xff\n", 2, 1, stdout);
-    if (kind == 8 || kind >= 13) return fflush(stdout);
+    if (kind == 8) return fflush(stdout);
     fwrite(corners, sizeof corners - sizeof bad, 1, stdout);
     fwrite(kind == 9 ? bad : corners[3], sizeof bad, 1, stdout);
     fwrite(faces, sizeof faces - sizeof none, 1, stdout);
@@ -384,7 +389,8 @@ static void invalid_answers_of_a_reader_are_refused(void **state)
                                         "more data than announced",
                                         "the library that reads this format crashed",
                                         "without a reason",
-                                        "??"};
+                                        "a ",
+                                        "invalid answer"};
     volume *v = NULL;
     error e = {0};
     v = open_bytes("x", 1, "a.fake0", 32, FIXTURE_MEMORY, &e); /* a valid answer */

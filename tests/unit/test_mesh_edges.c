@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include "mesh_fixture.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 
 static vec3 flat(double u, double v)
@@ -88,9 +89,32 @@ static void known_edges_are_kept(void **state)
     }
 }
 
+static vec3 below(double u, double v)
+{
+    return vec3_make(u, -v, 0);
+}
+
+/* Two sheets meet at a seam, where one has twice as many vertices. */
+static void seams_of_many_open_edges_are_closed(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_sheet(16000, 1, flat);
+    mesh_edges own = {0};
+    mesh_notes notes = {0};
+    error e = {0};
+    mesh_fixture_append(&m, mesh_fixture_sheet(8000, 1, below));
+    assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
+    const mesh_edges *edges = mesh_edges_close_seams(&m, NULL, 1e-7, NULL, &own, &notes, &e);
+    assert_non_null(edges);
+    assert_int_equal(edges->open, 16000 + 8000 + 4);
+    mesh_edges_free(&own);
+    mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(kinds_are_counted),
-                                       cmocka_unit_test(known_edges_are_kept)};
+                                       cmocka_unit_test(known_edges_are_kept),
+                                       cmocka_unit_test(seams_of_many_open_edges_are_closed)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "surface/triangles/mesh_refinement.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "surface/triangles/mesh_surface.h"
 #include "geometry/space/triangle.h"
 #include "mesh_fixture.h"
@@ -488,7 +489,7 @@ static void test_refined_patches_meet(void **state)
     mesh joined = {0};
     mesh_edges edges = {0};
     error e = {0};
-    assert_true(mesh_copy(&p->m, NULL, &joined, &e) && mesh_join(&joined, NULL, &e));
+    assert_true(mesh_copy(&p->m, NULL, &joined, &e) && mesh_weld_vertices(&joined, NULL, &e));
     assert_true(mesh_edges_list(&joined, NULL, &edges, &e));
     assert_int_equal(edges.open + edges.odd, 0);
     mesh_edges_free(&edges);

@@ -10,8 +10,8 @@
 
 #include "close.h"
 #include "lattice_scenes.h"
-#include "job/phases/advice.h"
-#include "job/phases/outcome.h"
+#include "job/report/advice.h"
+#include "job/report/outcome.h"
 
 static const spec_requirement nothing_required[SPEC_REQUIRE_COUNT];
 

@@ -55,12 +55,6 @@ static bytes write_set(const points *set, ply_format format, ply_precision preci
     return write_columns(set, &what, format, precision);
 }
 
-static bool verify(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
-{
-    const columns what = all_of(set);
-    return ply_verify(file, set, &what, format, precision, NULL, e);
-}
-
 static bool read_bytes(const char *data, size_t length, ply_file *out, error *e)
 {
     char *copy = mem_alloc(length); /* exactly this length, so that a sanitizer detects an overrun */
@@ -259,33 +253,6 @@ static void test_bytes_do_not_depend_on_threads(void **state)
     point_set_free(&s);
 }
 
-static void test_verifying(void **state)
-{
-    (void)state;
-    point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
-    for (int format = 0; format < 2; format++)
-        for (int precision = 0; precision < 2; precision++) {
-            error e = {0};
-            FILE *file = tmpfile();
-            assert_true(write_alone(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            assert_true(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            assert_false(verify(file, &s.points, (ply_format)!format, (ply_precision)precision, &e));
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)!precision, &e));
-            double kept = s.scalar[6][4999];
-            s.scalar[6][4999] *= 1 + 1e-6;
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            assert_non_null(strstr(e.message, "the spacing_local of point 4999"));
-            s.scalar[6][4999] = kept;
-            fputc(' ', file);
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            s.points.count--;
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            s.points.count++;
-            fclose(file);
-        }
-    point_set_free(&s);
-}
-
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -330,15 +297,6 @@ static void test_ids_and_velocities(void **state)
                 assert_true(f.points.velocity[i].x ==
                                 (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
                             f.points.velocity[i].z == velocity[i].z);
-            FILE *file = fmemopen(b.data, b.length, "rb");
-            assert_true(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            static const uint32_t other[3] = {7, 16777216, UINT32_MAX - 1};
-            s.points.id = other;
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            assert_non_null(strstr(e.message, "the id of point 1"));
-            s.points.id = NULL;
-            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            fclose(file);
             for (size_t n = 0; n < b.length; n++)
                 if (read_bytes(b.data, n, &f, NULL)) fail_msg("accepted %zu of %zu bytes", n, b.length);
             refuse_with(&b, "uint id", "int id", "expected");
@@ -381,11 +339,7 @@ static void test_columns(void **state)
                            "property float radius\nend_header\n"));
     assert_non_null(strstr(b.data, " -7 0 128 255 1 2 3 0 1 "));
     assert_non_null(strstr(b.data, " 0 0 255 51 4 5 6 0.25 0.75 "));
-    FILE *file = fmemopen(b.data, b.length, "rb");
-    assert_true(ply_verify(file, &s.points, &what, PLY_ASCII, PLY_FLOAT, NULL, &e));
     assert_true(columns_choose(&s.points, blender, 1, &what, &e));
-    assert_false(ply_verify(file, &s.points, &what, PLY_ASCII, PLY_FLOAT, NULL, &e));
-    fclose(file);
     free(b.data);
     /* columns without an array are ignored when the file is read again */
     for (int format = 0; format <= 1; format++) {
@@ -426,15 +380,6 @@ static void test_triangles(void **state)
         check_equal(&s.points, &f.points, true);
         assert_int_equal(f.points.triangle_count, 2);
         assert_memory_equal(f.points.triangle, corner, sizeof corner);
-        FILE *file = fmemopen(b.data, b.length, "rb");
-        assert_true(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
-        static const uint32_t other[2][3] = {{0, 1, 2}, {0, 3, 2}};
-        s.points.triangle = other;
-        assert_false(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
-        assert_non_null(strstr(e.message, "face 1"));
-        s.points.triangle_count = 1;
-        assert_false(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
-        fclose(file);
         for (size_t n = 0; n < b.length; n++)
             if (read_bytes(b.data, n, &f, NULL) && n != b.length)
                 fail_msg("accepted %zu of %zu bytes", n, b.length);
@@ -469,7 +414,6 @@ int main(void)
         cmocka_unit_test(test_hostile_headers),
         cmocka_unit_test(test_values_that_cannot_be_written),
         cmocka_unit_test(test_bytes_do_not_depend_on_threads),
-        cmocka_unit_test(test_verifying),
         cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests_name("ply", tests, NULL, NULL);

@@ -17,6 +17,7 @@
 #include "io/pictures/preview_exr.h"
 #include "io/points/quantity.h"
 #include "io/pictures/picture_png.h"
+#include "picture_readers.h"
 #include "point_set.h"
 
 /* The contents at the centre of a pixel. */
@@ -415,15 +416,6 @@ static void spit(const char *path, const char *data, size_t length)
     fclose(file);
 }
 
-static bool verify_png(const char *path, const image *m, error *e)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    bool good = picture_png_verify(file, &(canvas){m->rgb, m->width, m->height, 1}, e);
-    fclose(file);
-    return good;
-}
-
 static preview_exr_options options = {PREVIEW_EXR_NONE, true};
 
 static bool write_exr(const char *path, const image *m, error *e)
@@ -431,15 +423,6 @@ static bool write_exr(const char *path, const image *m, error *e)
     FILE *file = fopen(path, "wb");
     assert_non_null(file);
     bool good = preview_exr_write(file, m, &options, e);
-    fclose(file);
-    return good;
-}
-
-static bool verify_exr(const char *path, const image *m, error *e)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    bool good = preview_exr_verify(file, m, &options, e);
     fclose(file);
     return good;
 }
@@ -454,18 +437,17 @@ static void test_png(void **state)
     FILE *file = fopen(t.path, "wb");
     assert_true(picture_png_write(file, &(canvas){m->rgb, m->width, m->height, 1}, &e));
     fclose(file);
-    assert_true(verify_png(t.path, m, &e));
+    assert_true(png_shows(t.path, m));
     size_t length;
     char *data = slurp(t.path, &length);
     assert_memory_equal(data, "\x89PNG\r\n\x1a\n", 8);
     for (size_t n = 0; n < length; n += 7) {
         spit(t.path, data, n);
-        if (verify_png(t.path, m, &e)) fail_msg("accepted %zu of %zu bytes", n, length);
+        if (png_shows(t.path, m)) fail_msg("accepted %zu of %zu bytes", n, length);
     }
     spit(t.path, data, length);
     m->rgb[3 * 200 * 50 + 17] ^= 1;
-    assert_false(verify_png(t.path, m, &e));
-    assert_non_null(strstr(e.message, "pixels differ from the written ones"));
+    assert_false(png_shows(t.path, m));
     FILE *full = fopen("/dev/full", "wb");
     if (full) {
         assert_false(picture_png_write(full, &(canvas){m->rgb, m->width, m->height, 1}, &e));
@@ -485,27 +467,26 @@ static void test_exr(void **state)
     image *m = render(&s.points, 129, 67, QUANTITY_ALPHA);
     error e = {0};
     if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
-    if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
+    assert_true(exr_shows(t.path, m, &options));
     size_t length;
     char *data = slurp(t.path, &length);
     assert_memory_equal(data, "\x76\x2f\x31\x01", 4);
     for (size_t n = 0; n < length; n += 211) {
         spit(t.path, data, n);
-        if (verify_exr(t.path, m, NULL)) fail_msg("accepted %zu of %zu bytes", n, length);
+        if (exr_shows(t.path, m, &options)) fail_msg("accepted %zu of %zu bytes", n, length);
     }
     for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* within lines, not in the header */
         data[n] ^= 1;
         spit(t.path, data, length);
-        if (verify_exr(t.path, m, NULL)) fail_msg("byte %zu is not that of the picture", n);
+        if (exr_shows(t.path, m, &options)) fail_msg("byte %zu is not that of the picture", n);
         data[n] ^= 1;
     }
     spit(t.path, data, length);
-    assert_true(verify_exr(t.path, m, &e));
+    assert_true(exr_shows(t.path, m, &options));
     for (size_t i = 0; i < 300; i++) s.scalar[6][i] *= 1 + 1e-6; /* changes the borrowed arrays */
-    assert_false(verify_exr(t.path, m, &e));
-    assert_non_null(strstr(e.message, "differ from the written data"));
+    assert_false(exr_shows(t.path, m, &options));
     image *other = render(&s.points, 128, 67, QUANTITY_ALPHA);
-    assert_false(verify_exr(t.path, other, &e));
+    assert_false(exr_shows(t.path, other, &options));
     if (access("/dev/full", W_OK) == 0) {
         assert_false(write_exr("/dev/full", m, &e));
         assert_int_equal(e.code, ERROR_STORAGE_FULL);
@@ -529,15 +510,14 @@ static void test_exr_compressed(void **state)
     for (preview_exr_packing k = PREVIEW_EXR_NONE; k <= PREVIEW_EXR_ZIP; k++) {
         options.packing = k;
         if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
-        if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        assert_true(exr_shows(t.path, m, &options));
         char *data = slurp(t.path, &length[k]);
         spit(t.path, data, length[k] - 1);
-        assert_false(verify_exr(t.path, m, NULL));
+        assert_false(exr_shows(t.path, m, &options));
         free(data);
     }
     options.packing = PREVIEW_EXR_NONE;
-    assert_false(verify_exr(t.path, m, &e));
-    assert_non_null(strstr(e.message, "size or compression"));
+    assert_false(exr_shows(t.path, m, &options));
     assert_true(length[PREVIEW_EXR_RLE] < 0.7 * (double)length[PREVIEW_EXR_NONE]);
     assert_true(length[PREVIEW_EXR_ZIPS] < length[PREVIEW_EXR_RLE]);
     assert_true(length[PREVIEW_EXR_ZIP] < length[PREVIEW_EXR_ZIPS]);
@@ -558,13 +538,12 @@ static void test_exr_basic(void **state)
     for (int k = 0; k < 2; k++) {
         options.all_channels = k == 0;
         if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
-        if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        assert_true(exr_shows(t.path, m, &options));
         free(slurp(t.path, &length[k]));
     }
     assert_true(length[0] - length[1] > 67 * 129 * 32);
     options.all_channels = true;
-    assert_false(verify_exr(t.path, m, &e));
-    assert_non_null(strstr(e.message, "channels"));
+    assert_false(exr_shows(t.path, m, &options));
     unlink(t.path);
     preview_free(m);
     point_set_free(&s);

@@ -60,7 +60,8 @@ static error_code error_of(const char *fault, bool begun, bool ok)
     error e = {.code = ERROR_INPUT_DAMAGED};
     assert_true(reader_start(&(reader_params){.command = "read", .argument = fault, .fd = -1}, &r, &e));
     assert_int_equal(fgetc(r.stream), EOF);
-    return reader_end(&r, begun, ok, &e) ? ERROR_NONE : e.code;
+    r.begun = begun;
+    return reader_end(&r, ok, &e) ? ERROR_NONE : e.code;
 }
 
 static void test_a_finding_of_a_sanitizer_is_an_internal_error(void **state)

@@ -30,6 +30,7 @@
 typedef struct place {
     char base[64];
     queue *q;
+    runner *tasks;
     retention *r;
     ledger *counts;
     store_inputs *inputs;
@@ -55,10 +56,19 @@ static int set_up(void **state)
     return 0;
 }
 
+static void end(place *p)
+{
+    if (p->tasks) runner_stop(p->tasks);
+    retention_free(p->r);
+    runner_free(p->tasks);
+    p->r = NULL;
+    p->tasks = NULL;
+}
+
 static int tear_down(void **state)
 {
     place *p = *state;
-    retention_stop(p->r);
+    end(p);
     store_inputs_close(p->inputs);
     ledger_free(p->counts);
     queue_close(p->q);
@@ -70,8 +80,9 @@ static int tear_down(void **state)
 static void begin_keeping(place *p, double keep_s)
 {
     error e = {0};
-    p->r = retention_start(p->q, p->base, p->inputs, keep_s, -1, &e);
-    if (!p->r) fail_msg("%s", e.message);
+    p->tasks = runner_new();
+    p->r = retention_add(p->tasks, p->q, p->base, p->inputs, keep_s, -1);
+    if (!runner_start(p->tasks, &e)) fail_msg("%s", e.message);
 }
 
 static void begin(place *p)
@@ -215,8 +226,7 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
         wait_forgotten(p, mark); /* after the other jobs were examined */
         assert_true(is_known(p, id));
         assert_int_equal(access(sent, F_OK), 0);
-        retention_stop(p->r);
-        p->r = NULL;
+        end(p);
         queue_close(p->q);
         assert_non_null(p->q = queue_open(p->base, NULL));
     }
@@ -325,7 +335,7 @@ static void test_directories_that_cannot_be_removed_stay_noted(void **state)
     assert_true(retention_delete(p->r, other, &found, &deleted, NULL)); /* is not blocked */
     assert_true(deleted);
     assert_false(any_left(p, other, QUEUE_NO_FRAME));
-    retention_stop(p->r);
+    end(p);
     begin(p); /* a start tries again at once */
     wait_removed(p, stuck, QUEUE_NO_FRAME);
     wait_done(p);
@@ -364,8 +374,7 @@ static void test_unused_uploads_are_removed(void **state)
                      STORE_UPLOAD_GOOD);
     store_upload_end(upload);
     /* a use keeps the file; the thread must not delete it before */
-    retention_stop(p->r);
-    p->r = NULL;
+    end(p);
     free(unused);
     unused = put_input(p, 'd', 100000, name);
     assert_int_equal(store_inputs_use(p->inputs, name + strlen(STORE_INPUT_PREFIX)), 3);
@@ -388,8 +397,7 @@ static void test_uploads_are_kept_without_a_retention_time(void **state)
     p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     begin_keeping(p, 0);
-    retention_stop(p->r);
-    p->r = NULL;
+    end(p);
     assert_int_equal(access(unused, F_OK), 0);
     free(unused);
     free(directory);

@@ -56,8 +56,8 @@ static void the_gain_falls_from_stage_to_stage(void **state)
     (void)state;
     const schedule *s = &schedule_multilevel;
     for (int stage = 1; stage < SCHEDULE_STAGES; stage++)
-        assert_close(schedule_gain(s, stage) / schedule_gain(s, stage - 1), 0.01, 1e-12);
-    assert_close(schedule_gain(s, LAST), s->gain, 0);
+        assert_true(schedule_gain(s, stage) < schedule_gain(s, stage - 1));
+    assert_true(schedule_gain(s, LAST) > 0);
 }
 
 static void levels_with_many_defects_take_more_sweeps(void **state)
@@ -72,8 +72,7 @@ static void levels_with_many_defects_take_more_sweeps(void **state)
     assert_false(schedule_has_many_defects(s, 0.02) || schedule_has_many_defects(s, 0.4));
     at.has_many_defects = true;
     assert_false(schedule_judges_defects(s, &at));
-    at.sweeps = schedule_level_sweeps(s, &at);
-    assert_in_range(at.sweeps, (int)(s->defects_sweeps * sweeps), (int)(s->defects_sweeps * (sweeps + 1)));
+    assert_true(schedule_level_sweeps(s, &at) > sweeps);
 }
 
 /* A small level has many sweeps anyway. */
@@ -100,21 +99,30 @@ static void extra_sweeps_do_not_raise_the_gain(void **state)
     }
 }
 
+/* Steps are unlimited while a level is shaken. Then the limit never rises. */
+static void assert_limit_after_shaking(schedule_position at)
+{
+    const schedule *s = &schedule_multilevel;
+    double before = INFINITY;
+    for (at.sweeps = 0; at.sweeps < 1000; at.sweeps++) {
+        const double longest = schedule_longest_step(s, &at);
+        assert_true(schedule_is_shaken(s, &at) ? longest == INFINITY : longest < 1 && longest <= before);
+        before = longest;
+    }
+    assert_true(before < 1e-3);
+}
+
 static void steps_are_unlimited_until_a_level_is_shaken(void **state)
 {
     (void)state;
-    const schedule *s = &schedule_multilevel;
-    schedule_position at = finest(0, 10000);
-    assert_true(schedule_longest_step(s, &at) == INFINITY);
-    at.sweeps = schedule_level_sweeps(s, &at);
-    assert_true(schedule_longest_step(s, &at) == s->longest_step);
-    at.sweeps *= 2;
-    assert_true(schedule_longest_step(s, &at) == s->longest_step / 4);
-    at = (schedule_position){
-        .levels = 3, .sweeps = (int)(s->sweeps_most / 8), .count = 100}; /* an earlier stage */
-    assert_true(schedule_longest_step(s, &at) == s->longest_step);
-    assert_true(schedule_longest_step(&schedule_paper, &at) == INFINITY);
-    assert_true(schedule_longest_step(&schedule_continued, &at) == schedule_continued.longest_step);
+    const schedule_position early = {.levels = 3, .sweeps = 15, .count = 100}, late = finest(900, 10000);
+    assert_true(schedule_is_shaken(&schedule_multilevel, &(schedule_position){.levels = 3, .count = 100}));
+    assert_limit_after_shaking(early);
+    assert_limit_after_shaking(late);
+    assert_true(schedule_longest_step(&schedule_paper, &early) == INFINITY);
+    assert_true(schedule_longest_step(&schedule_continued, &early) < 1);
+    assert_true(schedule_longest_step(&schedule_continued, &early) ==
+                schedule_longest_step(&schedule_continued, &late));
 }
 
 static bool ends(const schedule *s, schedule_position at, double rms_step, double lambda)
@@ -166,27 +174,35 @@ static void the_paper_method_ends_by_lambda(void **state)
 static void patience_ends_at_regular_intervals(void **state)
 {
     (void)state;
-    int times = 0;
-    for (int sweeps = 1; sweeps <= schedule_paper.patience / 4 + 2 * schedule_paper.patience / 8; sweeps++) {
+    int times = 0, last = 0, interval = 0;
+    for (int sweeps = 1; sweeps <= 1000; sweeps++) {
         schedule_position at = {.levels = 1, .sweeps = sweeps, .count = 1000};
-        times += schedule_is_impatient(&schedule_paper, &at, 1e-4);
+        if (!schedule_is_impatient(&schedule_paper, &at, 1e-4)) continue;
+        if (times > 1) assert_int_equal(sweeps - last, interval);
+        interval = sweeps - last;
+        last = sweeps;
+        times++;
     }
-    assert_int_equal(times, 3);
+    assert_in_range(times, 10, 100);
 }
 
-/* The gain of a solve that has not converged is not raised further. */
-static void the_coarsest_gain_is_the_limit(void **state)
+/* The gain is multiplied at regular intervals until it is the coarsest one, which it keeps for longer. */
+static void the_coarsest_gain_lasts_longer_than_the_others(void **state)
 {
     (void)state;
     const schedule *s = &schedule_multilevel;
-    double gain = s->gain;
-    int sweeps = 0;
-    for (; !(gain > 2 * schedule_coarsest_gain(s)); sweeps++) {
+    double gain = schedule_gain(s, LAST);
+    int last = 0, interval = 0;
+    for (int sweeps = 1; !(gain > 2 * schedule_coarsest_gain(s)); sweeps++) {
         const schedule_position at = {.levels = 1, .stage = LAST, .sweeps = sweeps, .count = 1000};
-        if (schedule_is_impatient(s, &at, gain)) gain *= 10;
-        if (sweeps == s->patience + 3 * s->patience / 8) assert_close(gain, schedule_coarsest_gain(s), 1e-12);
+        if (!schedule_is_impatient(s, &at, gain)) continue;
+        const bool is_coarsest = gain > 0.5 * schedule_coarsest_gain(s);
+        if (is_coarsest) assert_true(interval > 0 && sweeps - last > 2 * interval);
+        if (interval > 0 && !is_coarsest) assert_int_equal(sweeps - last, interval);
+        interval = last > 0 ? sweeps - last : 0;
+        last = sweeps;
+        gain *= 10;
     }
-    assert_int_equal(sweeps - 1, 2 * s->patience);
 }
 
 /* By the paper's criterion the expected remainder decreases as lambda rises, and from stage to stage. */
@@ -244,7 +260,7 @@ int main(void)
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_converges),
         cmocka_unit_test(the_paper_method_ends_by_lambda),
         cmocka_unit_test(patience_ends_at_regular_intervals),
-        cmocka_unit_test(the_coarsest_gain_is_the_limit),
+        cmocka_unit_test(the_coarsest_gain_lasts_longer_than_the_others),
         cmocka_unit_test(expected_sweeps_approach_those_spent),
         cmocka_unit_test(a_level_that_may_have_many_defects_is_expected_to_take_longer),
         cmocka_unit_test(lists_are_rebuilt_for_many_limited_particles_or_at_an_age),

@@ -129,6 +129,7 @@ typedef struct place {
     address_ranges proxies;
     http_counters counters;
     route_table routes;
+    runner *tasks;
     server *s;
 } place;
 
@@ -143,7 +144,9 @@ static int set_up(void **state)
     p->routes = (route_table){rows, sizeof rows / sizeof *rows, &no_parameters};
     assert_true(listen_open(where, false, &p->socket, &e));
     assert_non_null(p->access = access_open(&(access_settings){.token_file = tokens}, &e));
-    assert_non_null(p->waiting = wait_list_open(&e));
+    p->tasks = runner_new();
+    p->waiting = wait_list_new(p->tasks);
+    assert_true(runner_start(p->tasks, &e));
     assert_non_null(p->pages = pages_new(NULL, 0, &e));
     p->counts = ledger_new();
     const server_settings settings = {.routes = &p->routes,
@@ -168,7 +171,9 @@ static int tear_down(void **state)
 {
     place *p = *state;
     server_stop(p->s);
-    wait_list_close(p->waiting);
+    runner_stop(p->tasks);
+    wait_list_free(p->waiting);
+    runner_free(p->tasks);
     access_close(p->access);
     ledger_free(p->counts);
     listen_close(&p->socket);

@@ -24,6 +24,7 @@
 typedef struct place {
     char base[64];
     char *directory; /* of the attempt, in farm/ */
+    runner *tasks;
     slurm *s;
 } place;
 
@@ -47,7 +48,9 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     place *p = *state;
+    if (p->tasks) runner_stop(p->tasks);
     slurm_close(p->s);
+    runner_free(p->tasks);
     assert_true(store_remove(p->base, NULL));
     free(p->directory);
     free(p);
@@ -61,9 +64,11 @@ static engine_attempt *resume(place *p, double lost_s, const char *text)
     const attempt_files_batch batch = {"hexad-x-1", 0, 0};
     char *out = mem_printf("%s/attempts/" NAME, p->base),
          *ending = mem_printf("%s/ending.json", p->directory);
+    p->tasks = runner_new();
     p->s = slurm_open(
-        &(slurm_settings){.work_dir = p->base, .interval_s = 0.02, .command_s = 10, .lost_s = lost_s}, &e);
-    if (!p->s) fail_msg("%s", e.message);
+        &(slurm_settings){.work_dir = p->base, .interval_s = 0.02, .command_s = 10, .lost_s = lost_s},
+        p->tasks, &e);
+    if (!p->s || !runner_start(p->tasks, &e)) fail_msg("%s", e.message);
     const engine_request request = {.worker = "w",
                                     .command = "run",
                                     .directory = out,

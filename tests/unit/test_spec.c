@@ -705,7 +705,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
         "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
         "\"color\":\"curvature\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":true,\"convergence\":false,"
-        "\"points_vdb\":false,\"points_npz\":false,\"points_glb\":false,\"points_usda\":false,"
+        "\"points_vdb\":false,\"points_npz\":false,\"points_vtp\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"after_frames\":[],"

@@ -77,12 +77,12 @@ static void outputs_are_parsed(void **state)
 {
     (void)state;
     spec *s = accept("");
-    assert_false(s->has_mesh || s->has_points_vdb || s->has_convergence);
+    assert_false(s->has_mesh || s->points_in[FILE_FORMAT_VDB] || s->has_convergence);
     assert_int_equal(s->turntable, 0);
     spec_free(s);
     s = accept("\"mesh\":true,\"points_vdb\":true,\"convergence\":true,\"preview\":{\"turntable\":24,"
                "\"color\":\"degree\"}");
-    assert_true(s->has_mesh && s->has_points_vdb && s->has_convergence);
+    assert_true(s->has_mesh && s->points_in[FILE_FORMAT_VDB] && s->has_convergence);
     assert_int_equal(s->turntable, 24);
     assert_int_equal(s->preview_color, SPEC_COLOR_DEGREE);
     spec_free(s);

@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "base/core/rng.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "mesh_fixture.h"
 #include "sampling/voronoi/triangulation.h"
 #include "surface/remesh/left_out.h"

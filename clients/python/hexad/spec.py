@@ -1151,7 +1151,7 @@ class OutputPreview(_OutputPreviewRest):
         once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
     up: The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for STL,
-        3MF, AMF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
+        3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
         file, the other axis if the mesh has a flat base along that axis only. The first part of a combination
         decides. Default: 'auto'.
     camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
@@ -1208,6 +1208,7 @@ class _OutputRest(TypedDict, total=False):
     convergence: bool
     points_vdb: bool
     points_npz: bool
+    points_vtp: bool
     points_glb: bool
     points_usda: bool
     usd: OutputUsd
@@ -1238,6 +1239,8 @@ class Output(_OutputRest):
         and id (the index of the point in points.ply, from 0). Default: False.
     points_npz: Whether to write points.npz: an array of NumPy for each property and attribute, in double
         precision. Default: False.
+    points_vtp: Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each
+        property and attribute, in double precision. Default: False.
     points_glb: Whether to write points.glb: the points as glTF, with normals, colours and all attributes.
         Default: False.
     points_usda: Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all

@@ -19,6 +19,12 @@ char *mem_strndup(const char *text, size_t length);
 char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
 char *mem_print_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
+/* What a limit leaves beside `held` bytes; 0 if these exceed it. */
+static inline size_t mem_left(size_t limit, size_t held)
+{
+    return limit > held ? limit - held : 0;
+}
+
 /* `count` zeroed elements of `size` bytes, aligned to 64 bytes for vector units. Error: limit_memory, NULL; the message
  * contains `what`. For a count of 0 the result is not NULL. */
 void *mem_array(size_t count, size_t size, const char *what, error *e);

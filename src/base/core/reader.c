@@ -62,6 +62,7 @@ bool reader_start(const reader_params *p, reader *out, error *e)
                           environment);
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
+    out->begun = out->refused = false;
     if (why == 0 && (out->stream = fdopen(ends[0], "rb"))) return true;
     if (why == 0) {
         why = errno;
@@ -74,19 +75,20 @@ bool reader_start(const reader_params *p, reader *out, error *e)
                      strerror(why));
 }
 
-bool reader_end(reader *r, bool begun, bool ok, error *e)
+bool reader_end(reader *r, bool ok, error *e)
 {
     int status;
     pid_t ended;
     fclose(r->stream);
-    if (!ok && begun) kill(r->pid, SIGKILL);
+    r->stream = NULL;
+    if (!ok && r->begun) kill(r->pid, SIGKILL);
     do ended = waitpid(r->pid, &status, 0);
     while (ended < 0 && errno == EINTR);
     if (ended != r->pid)
         return error_set(e, ERROR_INTERNAL, "the process that reads the file disappeared: try again");
     if (SANITIZED && WIFEXITED(status) && WEXITSTATUS(status) == SANITIZER_STATUS)
         return error_set(e, ERROR_INTERNAL, "a sanitizer stopped the process that reads the file");
-    if (!ok && begun) return false;
+    if (!ok && r->begun) return false;
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
         return error_set(
             e, ERROR_INPUT_DAMAGED,
@@ -110,6 +112,7 @@ bool reader_send(reader *r, const void *request, size_t size, int file, error *e
     } control = {.buffer = {0}};
     struct iovec text = {(void *)request, size};
     struct msghdr message = {.msg_iov = &text, .msg_iovlen = 1};
+    r->begun = r->refused = false;
     if (file >= 0) {
         message.msg_control = control.buffer;
         message.msg_controllen = sizeof control.buffer;

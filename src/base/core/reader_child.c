@@ -55,6 +55,19 @@ bool reader_write(const void *from, size_t count)
     return transfer_write(STDOUT_FILENO, from, count);
 }
 
+bool reader_answer(const void *answer, size_t size, const char *text, size_t text_length)
+{
+    const reader_head head = {READER_MAGIC, ERROR_NONE, (uint32_t)text_length, size};
+    return reader_write(&head, sizeof head) && reader_write(text, text_length) && reader_write(answer, size);
+}
+
+bool reader_refuse(error_code code, const char *message)
+{
+    const size_t length = strnlen(message, READER_MESSAGE_MAX);
+    const reader_head head = {READER_MAGIC, (uint32_t)code, (uint32_t)length, 0};
+    return reader_write(&head, sizeof head) && reader_write(message, length);
+}
+
 bool reader_receive(void *request, size_t size, int *file)
 {
     union {

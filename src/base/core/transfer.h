@@ -25,6 +25,17 @@ static inline int64_t transfer_read_at(int fd, void *to, size_t count, uint64_t 
 }
 
 /* A call that writes nothing is a failure. */
+static inline bool transfer_write_at(int fd, const void *from, size_t count, uint64_t at)
+{
+    for (size_t done = 0; done < count;) {
+        const ssize_t wrote = pwrite(fd, (const char *)from + done, count - done, (off_t)(at + done));
+        if (wrote < 0 && errno == EINTR) continue;
+        if (wrote <= 0) return false;
+        done += (size_t)wrote;
+    }
+    return true;
+}
+
 static inline bool transfer_write(int fd, const void *from, size_t count)
 {
     for (const char *next = from; count > 0;) {

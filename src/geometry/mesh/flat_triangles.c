@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/mesh/linked_mesh.h"
 #include "geometry/mesh/rounding.h"
@@ -260,11 +261,11 @@ bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e)
     looking l = {.m = m};
     const bool found = m->triangle_count > 0 && find_flat(&l, pool);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    return !found || (mesh_join(m, pool, e) && remove_flat(m, &l.r, notes, e));
+    return !found || (mesh_weld_vertices(m, pool, e) && remove_flat(m, &l.r, notes, e));
 }
 
 bool flat_triangles_remove_thin(mesh *m, const rounding *r, error *e)
 {
     mesh_notes unused = {0};
-    return mesh_join(m, NULL, e) && remove_flat(m, r, &unused, e);
+    return mesh_weld_vertices(m, NULL, e) && remove_flat(m, r, &unused, e);
 }

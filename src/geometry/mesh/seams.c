@@ -5,9 +5,10 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "geometry/space/cell_list.h"
 
-/* Every edge may be held against every vertex: with more than this the mesh is open for other reasons. */
-static const size_t most_edges = 30000;
+/* Searches reach farther by this factor, for rounding. */
+static const double SEARCH_MARGIN = 1.0001;
 
 static const char what[] = "the open edges of the mesh";
 
@@ -99,40 +100,53 @@ static bool add_cut(cutting *c, cut added, error *e)
     return true;
 }
 
-/* The first end that is not left of x. */
-static size_t first_end(const cutting *c, double x)
+/* The search for the vertices on an edge. */
+typedef struct search {
+    cutting *c;
+    uint32_t edge;
+    vec3 a, way; /* of the edge: its start, and its end from there */
+    bool ok;
+    error *e;
+} search;
+
+static void cut_at_end(void *context, uint32_t k)
 {
-    size_t low = 0, high = c->end_count;
-    while (low < high) {
-        size_t middle = (low + high) / 2;
-        if (c->ends[middle].x < x)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
+    search *f = context;
+    cutting *c = f->c;
+    const uint32_t triangle = c->edges[f->edge].triangle, *t = c->m->triangle[triangle],
+                   v = c->ends[k].vertex;
+    const double length = vec3_norm(f->way);
+    const vec3 from = vec3_sub(c->m->vertex[v], f->a);
+    const double at = vec3_dot(from, f->way) / (length * length);
+    if (!f->ok || v == t[0] || v == t[1] || v == t[2] ||
+        !(at * length > c->tolerance && (1 - at) * length > c->tolerance) ||
+        vec3_norm(vec3_axpy(-at, f->way, from)) > c->tolerance)
+        return;
+    f->ok = add_cut(c, (cut){f->edge, v, at}, f->e);
+    c->taken[triangle] = true;
 }
 
-static bool cut_edge(cutting *c, uint32_t n, error *e)
+static bool cut_edge(cutting *c, const cell_list *ends, uint32_t n, error *e)
 {
     const seam_edge *s = &c->edges[n];
-    const uint32_t *t = c->m->triangle[s->triangle];
-    const vec3 a = c->m->vertex[s->from], way = vec3_sub(c->m->vertex[s->to], a);
-    const double length = vec3_norm(way), right = fmax(a.x, a.x + way.x) + c->tolerance;
+    const vec3 a = c->m->vertex[s->from];
+    search f = {c, n, a, vec3_sub(c->m->vertex[s->to], a), true, e};
     if (c->taken[s->triangle]) return true;
-    for (size_t k = first_end(c, fmin(a.x, a.x + way.x) - c->tolerance);
-         k < c->end_count && c->ends[k].x <= right; k++) {
-        const uint32_t v = c->ends[k].vertex;
-        if (v == t[0] || v == t[1] || v == t[2]) continue;
-        const vec3 from = vec3_sub(c->m->vertex[v], a);
-        const double at = vec3_dot(from, way) / (length * length);
-        if (!(at * length > c->tolerance && (1 - at) * length > c->tolerance) ||
-            vec3_norm(vec3_axpy(-at, way, from)) > c->tolerance)
-            continue;
-        if (!add_cut(c, (cut){n, v, at}, e)) return false;
-        c->taken[s->triangle] = true;
-    }
-    return true;
+    cell_list_within(ends, vec3_axpy(0.5, f.way, a), SEARCH_MARGIN * (vec3_norm(f.way) / 2 + c->tolerance),
+                     cut_at_end, &f);
+    return f.ok;
+}
+
+static bool cut_edges(cutting *c, error *e)
+{
+    vec3 *place = mem_array(c->end_count, sizeof *place, what, e);
+    for (size_t k = 0; place && k < c->end_count; k++) place[k] = c->m->vertex[c->ends[k].vertex];
+    cell_list *ends = place ? cell_list_new(place, c->end_count, NULL, e) : NULL;
+    bool ok = ends != NULL;
+    for (uint32_t n = 0; ok && n < c->count; n++) ok = cut_edge(c, ends, n, e);
+    cell_list_free(ends);
+    free(place);
+    return ok;
 }
 
 /* A triangle with n cuts on an edge becomes n + 1, a fan about the corner across. */
@@ -168,10 +182,9 @@ static bool split_all(cutting *c, size_t *split, error *e)
 bool seams_split(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *split, error *e)
 {
     cutting c = {.m = m, .edges = edges, .count = count, .tolerance = tolerance};
-    if (count == 0 || count > most_edges || !(tolerance > 0)) return true;
+    if (count == 0 || !(tolerance > 0)) return true;
     c.taken = mem_array(m->triangle_count, sizeof *c.taken, what, e);
-    bool ok = c.taken && list_ends(&c, e);
-    for (uint32_t n = 0; ok && n < count; n++) ok = cut_edge(&c, n, e);
+    bool ok = c.taken && list_ends(&c, e) && cut_edges(&c, e);
     if (ok && c.cut_count) {
         qsort(c.cuts, c.cut_count, sizeof *c.cuts, by_edge);
         ok = split_all(&c, split, e);

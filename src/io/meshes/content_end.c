@@ -5,6 +5,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/core/file_format.h"
 #include "io/meshes/ply_header.h"
 
 /* Bytes of a binary STL file: before its number of triangles, before the triangles, and of each triangle. */
@@ -101,12 +102,12 @@ static const char *skip_row(const ply_header *h, const ply_element *e, const cha
     for (const ply_property *p = e->property; p < e->property + e->properties; p++) {
         double count = 1;
         if (p->length) {
-            if (end - at < p->length->size) return NULL;
+            if ((size_t)(end - at) < number_bytes(p->length->number)) return NULL;
             count = ply_number(at, p->length, h->layout);
-            at += p->length->size;
+            at += number_bytes(p->length->number);
         }
-        if (!(count >= 0 && count * p->type->size <= (double)(end - at))) return NULL;
-        at += (size_t)count * (size_t)p->type->size;
+        if (!(count >= 0 && count * (double)number_bytes(p->type->number) <= (double)(end - at))) return NULL;
+        at += (size_t)count * number_bytes(p->type->number);
     }
     return at;
 }
@@ -133,10 +134,10 @@ static const char *end_of_ply(const char *data, size_t size)
 
 size_t content_end(const char *ending, const char *data, size_t size)
 {
-    const char *end = strcmp(ending, "stl") == 0   ? end_of_stl(data, size)
-                      : strcmp(ending, "off") == 0 ? end_of_off(data, size)
-                      : strcmp(ending, "ply") == 0 ? end_of_ply(data, size)
-                                                   : NULL;
+    static const char *(*const finders[FILE_FORMATS])(const char *data, size_t size) = {
+        [FILE_FORMAT_STL] = end_of_stl, [FILE_FORMAT_OFF] = end_of_off, [FILE_FORMAT_PLY] = end_of_ply};
+    const file_format format = file_format_of_name(ending);
+    const char *end = finders[format] ? finders[format](data, size) : NULL;
     return end ? (size_t)(end - data) : size;
 }
 

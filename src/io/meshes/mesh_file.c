@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
 #include "io/meshes/mesh_reader.h"
@@ -46,42 +47,20 @@ static bool start(const mesh_file *file, const char *command, off_t size, reader
     return reader_start(&params, out, e);
 }
 
-static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
-{
-    if (fread(to, size, count, stream) == count) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED,
-                     "the file ended while it was read: check the disk and copy it again");
-}
-
-static bool invalid(error *e)
-{
-    return error_set(e, ERROR_INPUT_DAMAGED,
-                     "the file made its reader return an invalid answer: save it in another format");
-}
-
 /* Whether the answer ends here. */
-static bool check_end(FILE *stream, error *e)
+static bool check_end(reader *r, error *e)
 {
-    return fgetc(stream) == EOF ||
+    return fgetc(r->stream) == EOF ||
            error_set(e, ERROR_INPUT_DAMAGED,
                      "the file made its reader return more data than announced: save it in another format");
 }
 
-/* `text` receives the warnings, one a line. */
-static bool read_header(FILE *stream, mesh_reader_header *h, char text[MESH_READER_TEXT_MAX + 1], error *e)
+/* *text receives the warnings, one a line. */
+static bool read_header(reader *r, mesh_reader_header *h, char **text, error *e)
 {
-    text[0] = 0;
-    if (!read_all(stream, h, sizeof *h, 1, e)) return false;
-    if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
-        return invalid(e);
-    if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
-    text[h->text_length] = 0;
-    for (char *p = text; *p; p++) /* it may quote the file */
-        if ((*p < ' ' || *p > '~') && !(*p == '\n' && h->code == ERROR_NONE)) *p = '?';
-    if (h->code != ERROR_NONE && !*text)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the reader refused the file without a reason: save it in another format");
-    return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
+    if (!reader_get_answer(r, h, sizeof *h, text, MESH_READER_TEXT_MAX, e)) return false;
+    reader_blank(*text, "\n");
+    return true;
 }
 
 static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
@@ -129,9 +108,9 @@ static bool check_vertices(mesh *m, size_t *unused, error *e)
     return true;
 }
 
-static bool read_triangles(FILE *stream, mesh *m, error *e)
+static bool read_triangles(reader *r, mesh *m, error *e)
 {
-    if (!read_all(stream, m->triangle, sizeof m->triangle[0], m->triangle_count, e)) return false;
+    if (!reader_get(r, m->triangle, sizeof m->triangle[0], m->triangle_count, e)) return false;
     for (size_t n = 0; n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++)
             if (m->triangle[n][k] >= m->vertex_count)
@@ -142,23 +121,23 @@ static bool read_triangles(FILE *stream, mesh *m, error *e)
     return true;
 }
 
-static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, float **value, error *e)
+static bool read_array(reader *r, const mesh *m, mesh_reader_values *head, float **value, error *e)
 {
-    if (!read_all(stream, head, sizeof *head, 1, e)) return false;
+    if (!reader_get(r, head, sizeof *head, 1, e)) return false;
     if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
         head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
-        return invalid(e);
+        return reader_invalid(e);
     for (char *p = head->name; *p; p++) /* it is the file's */
         if (*p < ' ' || *p > '~') *p = '?';
     *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
-    return *value && read_all(stream, *value, head->components * sizeof **value, m->vertex_count, e);
+    return *value && reader_get(r, *value, head->components * sizeof **value, m->vertex_count, e);
 }
 
-static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *out, error *e)
+static bool read_values(reader *r, const mesh *m, size_t limit, mesh_values *out, error *e)
 {
     uint32_t count;
-    if (!read_all(stream, &count, sizeof count, 1, e)) return false;
-    if (count > MESH_VALUES_MOST) return invalid(e);
+    if (!reader_get(r, &count, sizeof count, 1, e)) return false;
+    if (count > MESH_VALUES_MOST) return reader_invalid(e);
     if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
         return error_set(
             e, ERROR_LIMIT_MEMORY,
@@ -167,7 +146,7 @@ static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *
     out->head = mem_alloc(count * sizeof *out->head);
     out->value = mem_alloc(count * sizeof *out->value);
     for (; out->count < count; out->count++)
-        if (!read_array(stream, m, &out->head[out->count], &out->value[out->count], e)) {
+        if (!read_array(r, m, &out->head[out->count], &out->value[out->count], e)) {
             free(out->value[out->count]);
             return false;
         }
@@ -180,21 +159,21 @@ static bool check_polygons(const mesh *m, mesh_polygons *p, error *e)
     size_t triangles = 0;
     p->first[0] = 0;
     for (size_t k = 0; k < p->count; k++) {
-        if (p->size[k] > p->corners - p->first[k]) return invalid(e);
+        if (p->size[k] > p->corners - p->first[k]) return reader_invalid(e);
         p->first[k + 1] = p->first[k] + p->size[k];
         triangles += p->size[k] > 2 ? p->size[k] - 2 : 0;
     }
     for (size_t k = 0; k < p->corners; k++)
-        if (p->corner[k] >= m->vertex_count) return invalid(e);
-    return (p->first[p->count] == p->corners && triangles == m->triangle_count) || invalid(e);
+        if (p->corner[k] >= m->vertex_count) return reader_invalid(e);
+    return (p->first[p->count] == p->corners && triangles == m->triangle_count) || reader_invalid(e);
 }
 
-static bool read_polygons(FILE *stream, const mesh *m, size_t limit, mesh_polygons *out, error *e)
+static bool read_polygons(reader *r, const mesh *m, size_t limit, mesh_polygons *out, error *e)
 {
     static const char what[] = "the polygons of the mesh";
     uint64_t counts[2];
-    if (!read_all(stream, counts, sizeof counts, 1, e)) return false;
-    if (counts[0] >= UINT32_MAX || counts[1] / 8 >= UINT32_MAX) return invalid(e);
+    if (!reader_get(r, counts, sizeof counts, 1, e)) return false;
+    if (counts[0] >= UINT32_MAX || counts[1] / 8 >= UINT32_MAX) return reader_invalid(e);
     if ((counts[0] + 1) * (sizeof *out->size + sizeof *out->first) + counts[1] * sizeof *out->corner > limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "its %llu polygons require more memory than is left: raise limits.memory_mb",
@@ -204,8 +183,8 @@ static bool read_polygons(FILE *stream, const mesh *m, size_t limit, mesh_polygo
     return (out->size = mem_array(out->count, sizeof *out->size, what, e)) &&
            (out->first = mem_array(out->count + 1, sizeof *out->first, what, e)) &&
            (out->corner = mem_array(out->corners, sizeof *out->corner, what, e)) &&
-           read_all(stream, out->size, sizeof *out->size, out->count, e) &&
-           read_all(stream, out->corner, sizeof *out->corner, out->corners, e) && check_polygons(m, out, e);
+           reader_get(r, out->size, sizeof *out->size, out->count, e) &&
+           reader_get(r, out->corner, sizeof *out->corner, out->corners, e) && check_polygons(m, out, e);
 }
 
 void mesh_polygons_free(mesh_polygons *polygons)
@@ -229,41 +208,42 @@ static void note_lines(mesh_notes *notes, char *text)
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) mesh_note(notes, "%s", line);
 }
 
-bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                     mesh_notes *notes, mesh_values *values, mesh_polygons *polygons, error *e)
+bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
+                     mesh_values *values, mesh_polygons *polygons, error *e)
 {
     mesh m = {0};
-    char text[MESH_READER_TEXT_MAX + 1];
+    char *text = NULL;
     size_t unused = 0;
-    bool ok = read_header(stream, header, text, e) && check_counts(header, memory_limit, e);
+    bool ok = read_header(r, header, &text, e) && check_counts(header, memory_limit, e);
     if (ok) {
         m.vertex_count = header->vertices;
         m.triangle_count = header->triangles;
         m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
         m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
-        ok = m.triangle && read_all(stream, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
-             read_triangles(stream, &m, e) && check_vertices(&m, &unused, e) &&
-             (!values || read_values(stream, &m, memory_limit, values, e)) &&
-             (!polygons || read_polygons(stream, &m, memory_limit, polygons, e));
+        ok = m.triangle && reader_get(r, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
+             read_triangles(r, &m, e) && check_vertices(&m, &unused, e) &&
+             (!values || read_values(r, &m, memory_limit, values, e)) &&
+             (!polygons || read_polygons(r, &m, memory_limit, polygons, e));
     }
-    ok = ok && check_end(stream, e);
+    ok = ok && check_end(r, e);
+    if (ok) note_lines(notes, text);
+    free(text);
     if (!ok) {
         mesh_free(&m);
         return false;
     }
-    note_lines(notes, text);
     if (unused > 0) mesh_note(notes, "%zu unused vertices are not finite: they are skipped", unused);
     *out = m;
     return true;
 }
 
 /* Triangles of a file of points, and the end of the answer. */
-static bool skip_triangles(FILE *stream, uint64_t triangles, error *e)
+static bool skip_triangles(reader *r, uint64_t triangles, error *e)
 {
     uint32_t corner[3];
     for (uint64_t n = 0; n < triangles; n++)
-        if (!read_all(stream, corner, sizeof corner, 1, e)) return false;
-    return check_end(stream, e);
+        if (!reader_get(r, corner, sizeof corner, 1, e)) return false;
+    return check_end(r, e);
 }
 
 static bool check_points(const vec3 *point, size_t count, error *e)
@@ -276,11 +256,12 @@ static bool check_points(const vec3 *point, size_t count, error *e)
     return true;
 }
 
-bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_header *header, vec3 **out,
-                            size_t *count, error *e)
+bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e)
 {
-    char text[MESH_READER_TEXT_MAX + 1];
-    if (!read_header(stream, header, text, e)) return false;
+    mesh_reader_header h, *header = &h;
+    char *text = NULL;
+    if (!read_header(r, header, &text, e)) return false;
+    free(text);
     if (header->vertices == 0)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file has no points: give one with points");
     if (header->vertices > memory_limit / sizeof **out)
@@ -289,8 +270,8 @@ bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_heade
                          (unsigned long long)header->vertices);
     const size_t n = (size_t)header->vertices;
     vec3 *point = mem_array(n, sizeof *point, "the given points", e);
-    if (point && read_all(stream, point, sizeof *point, n, e) &&
-        skip_triangles(stream, header->triangles, e) && check_points(point, n, e)) {
+    if (point && reader_get(r, point, sizeof *point, n, e) && skip_triangles(r, header->triangles, e) &&
+        check_points(point, n, e)) {
         *out = point;
         *count = n;
         return true;
@@ -301,20 +282,17 @@ bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_heade
 
 bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e)
 {
-    mesh_reader_header header = {0};
-    char ending[16];
     off_t size = 0;
     reader r;
     vec3 *point = NULL;
     size_t n = 0;
-    ending_of(file->path, ending);
-    if (strcmp(ending, "ply") != 0 && strcmp(ending, "npz") != 0)
+    if (!file_formats[file_format_of_name(file->path)].has_points)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the name of the file does not end in .ply or .npz: give points in one of these");
     if (!reader_check_file(file->fd, "points", &size, e) || !start(file, MESH_READER_COMMAND, size, &r, e))
         return false;
-    bool ok = mesh_file_parse_points(r.stream, file->memory_limit, &header, &point, &n, e);
-    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
+    bool ok = mesh_file_parse_points(&r, file->memory_limit, &point, &n, e);
+    ok = reader_end(&r, ok, e);
     if (!ok) {
         free(point);
         return false;
@@ -334,8 +312,8 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
                           : polygons ? MESH_POLYGONS_COMMAND
                                      : MESH_READER_COMMAND;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = mesh_file_parse(r.stream, file->memory_limit, header, &m, notes, values, polygons, e);
-    ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
+    bool ok = mesh_file_parse(&r, file->memory_limit, header, &m, notes, values, polygons, e);
+    ok = reader_end(&r, ok, e);
     if (ok)
         *out = m;
     else

@@ -3,9 +3,9 @@
 #define HEXAD_IO_MESHES_MESH_FILE_H
 
 #include <stddef.h>
-#include <stdio.h>
 
 #include "base/core/error.h"
+#include "base/core/reader.h"
 #include "geometry/mesh/mesh.h"
 #include "io/meshes/mesh_reader.h"
 
@@ -63,14 +63,13 @@ void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e);
 
 /* Reads and checks only the answer of the reader process, as mesh_file_parse does. */
-bool mesh_file_parse_points(FILE *stream, size_t memory_limit, mesh_reader_header *header, vec3 **out,
-                            size_t *count, error *e);
+bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e);
 
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives the
  * header of the answer. *notes receives its warnings. `values`, `polygons`: NULL if the answer has none; otherwise
  * zeroed before the call, and to be freed with mesh_values_free and mesh_polygons_free, also after failure. *out is
  * unchanged on failure. Errors: as mesh_file_read. */
-bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
-                     mesh_notes *notes, mesh_values *values, mesh_polygons *polygons, error *e);
+bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
+                     mesh_values *values, mesh_polygons *polygons, error *e);
 
 #endif

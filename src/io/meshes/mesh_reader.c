@@ -4,15 +4,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <assimp/cfileio.h>
 #include <assimp/cimport.h>
+#include <assimp/commonMetaData.h>
 #include <assimp/scene.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 #include "io/meshes/content_end.h"
@@ -20,7 +21,6 @@
 #include "io/meshes/plain_mesh.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
-#include "io/meshes/xml_tags.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -97,10 +97,7 @@ static void close_file(struct aiFileIO *io, struct aiFile *file)
 
 static int answer_fault(error_code code, const char *text)
 {
-    mesh_reader_header h = {
-        .magic = MESH_READER_MAGIC, .code = (uint32_t)code, .text_length = (uint32_t)strlen(text)};
-    if (h.text_length > MESH_READER_TEXT_MAX) h.text_length = MESH_READER_TEXT_MAX;
-    return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
+    return reader_refuse(code, text) ? 0 : 1;
 }
 
 /* What a command answers in addition to the triangles. */
@@ -352,9 +349,7 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
         plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
-    walk w = {
-        .scene = scene,
-        .header = {.magic = MESH_READER_MAGIC, .text_length = (uint32_t)strlen(known->text), .end = end}};
+    walk w = {.scene = scene, .header = {.end = end}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
@@ -362,9 +357,8 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
         visit(&w, scene->mRootNode, scaled, 0);
         if (w.pass == COUNT && w.one.refused != ERROR_NONE) return answer_fault(w.one.refused, w.one.text);
         w.header.crossed = w.one.crossed;
-        if (w.pass == COUNT && (fwrite(&w.header, sizeof w.header, 1, stdout) != 1 ||
-                                fwrite(known->text, 1, w.header.text_length, stdout) != w.header.text_length))
-            w.failed = true;
+        if (w.pass == COUNT)
+            w.failed = !reader_answer(&w.header, sizeof w.header, known->text, strlen(known->text));
     }
     if (also == VALUES && !w.failed) answer_values(&w, own);
     if (also == POLYGONS && !w.failed) answer_polygons(&w, scaled);
@@ -374,15 +368,13 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
 /* The same of a mesh that was read without the library. */
 static int answer_plain(const plain_mesh *m, size_t end)
 {
-    const mesh_reader_header head = {.magic = MESH_READER_MAGIC,
-                                     .vertices = m->vertices,
+    const mesh_reader_header head = {.vertices = m->vertices,
                                      .triangles = m->triangles,
                                      .others = m->others,
-                                     .text_length = (uint32_t)strlen(m->text),
                                      .crossed = m->crossed,
                                      .end = end};
     const uint64_t counts[2] = {m->polygons, m->polygon_corners};
-    bool ok = reader_write(&head, sizeof head) && reader_write(m->text, head.text_length) &&
+    bool ok = reader_answer(&head, sizeof head, m->text, strlen(m->text)) &&
               reader_write(m->vertex, m->vertices * sizeof *m->vertex) &&
               reader_write(m->triangle, m->triangles * sizeof *m->triangle);
     if (m->keeps_polygons)
@@ -446,7 +438,7 @@ static const char file_too_large[] = "the file is larger than the memory limit: 
 /* Converts the strips of a PLY file to triangles, or ends the process. */
 static void expand_strips(const char *ending, bytes *b)
 {
-    if (strcasecmp(ending, "ply") != 0) return;
+    if (file_format_of_name(ending) != FILE_FORMAT_PLY) return;
     switch (ply_strips_expand(&b->data, &b->size)) {
     case PLY_STRIPS_NO_MEMORY:
         _exit(answer_fault(ERROR_LIMIT_MEMORY, file_too_large));
@@ -490,26 +482,27 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* Reads the unit of AMF as text, which the library ignores. */
-static void read_amf_unit(const char *data, plain_mesh *out)
+/* The refusal of a scene in a format that the library reads wrongly; NULL: there is none. The library also recognises
+ * such files by words in them. */
+static const char *foreign_scene(const struct aiScene *scene)
 {
-    xml_tag tag;
-    if (!xml_next_tag(&data, &tag) || !xml_is(tag.name, "amf")) return;
-    const xml_word unit = xml_attribute(&tag, "unit");
-    plain_mesh_read_unit(unit.at, unit.length, out, &out->unit);
-}
-
-/* Whether only the positions of vertices are read from files of this format. */
-static bool has_places_only(const char *ending)
-{
-    return strcasecmp(ending, "vtk") == 0 || strcasecmp(ending, "vtp") == 0 || strcasecmp(ending, "gii") == 0;
+    const struct aiMetadata *data = scene->mMetaData;
+    for (unsigned k = 0; data && k < data->mNumProperties; k++) {
+        if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
+            data->mValues[k].mType != AI_AISTRING)
+            continue;
+        const char *source = ((struct aiString *)data->mValues[k].mData)->data;
+        for (const file_format_row *row = file_formats; row < file_formats + FILE_FORMATS; row++)
+            if (row->is_misread && strstr(source, row->name)) return row->as_mesh;
+    }
+    return NULL;
 }
 
 /* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
 static bool is_read_for_values(const char *ending)
 {
-    return strcasecmp(ending, "glb") == 0 || strcasecmp(ending, "gltf") == 0 ||
-           strcasecmp(ending, "3mf") == 0;
+    const file_format format = file_format_of_name(ending);
+    return format == FILE_FORMAT_GLTF || format == FILE_FORMAT_3MF;
 }
 
 static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
@@ -532,7 +525,6 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
         free(plain->vertex);
         free(plain->triangle);
     }
-    if (strcasecmp(ending, "amf") == 0) read_amf_unit(b->data, plain);
     if ((foreign = foreign_format(ending, b->data, b->size)))
         plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
@@ -569,7 +561,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
                           : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
                                                                         : NOTHING;
-    if (also == VALUES && has_places_only(argv[1]))
+    const file_format format = file_format_of_name(argv[1]);
+    if (also == VALUES && file_formats[format].positions_only)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "the values of the vertices of such files are not read: save it as PLY for attributes");
@@ -580,12 +573,14 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
     expand_strips(argv[1], &b);
-    if ((strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
-        (strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own)))
+    if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
+        (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    int status = scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
-                                           : answer_refusal(&b, memory, aiGetErrorString());
+    const char *foreign = scene ? foreign_scene(scene) : NULL;
+    int status = foreign                     ? answer_fault(ERROR_INPUT_UNSUPPORTED, foreign)
+                 : scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
+                                             : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

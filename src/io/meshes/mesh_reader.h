@@ -4,15 +4,13 @@
  * of memory and time. The process has one open descriptor for the file and no other input. It opens no other file,
  * and after the limits are set it cannot open any descriptor.
  *
- * Its answer is, in this order:
- * 1. a mesh_reader_header;
- * 2. `text_length` bytes of a message or of warnings, one a line;
- * 3. if `code` is ERROR_NONE: the vertices (three doubles each) and the triangles (three uint32_t each);
- * 4. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a
+ * Its answer (base/core/reader) is, in this order:
+ * 1. warnings as the text, one a line, and a mesh_reader_header;
+ * 2. the vertices (three doubles each) and the triangles (three uint32_t each);
+ * 3. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a
  *    mesh_reader_values and vertices * components floats, vertex by vertex;
- * 5. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the number of
+ * 4. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the number of
  *    corners of each polygon, and the vertices of all corners, uint32_t each.
- * Numbers have the machine's own byte order, because both ends are on one machine.
  */
 #ifndef HEXAD_IO_MESHES_MESH_READER_H
 #define HEXAD_IO_MESHES_MESH_READER_H
@@ -20,13 +18,9 @@
 #include <stdint.h>
 
 #define MESH_READER_COMMAND "read-mesh"
-#define MESH_READER_MAGIC 0x3368736D64786568u /* "hexdmsh3" */
 #define MESH_READER_TEXT_MAX 512
 
 typedef struct mesh_reader_header {
-    uint64_t magic;
-    uint32_t code;        /* an error_code; ERROR_NONE: arrays follow */
-    uint32_t text_length; /* at most MESH_READER_TEXT_MAX; with ERROR_NONE the text is warnings */
     uint64_t vertices, triangles;
     uint64_t others;  /* number of points and lines, which are skipped */
     uint64_t crossed; /* number of polygons that cross themselves */
@@ -35,11 +29,11 @@ typedef struct mesh_reader_header {
     uint64_t end;
 } mesh_reader_header;
 
-/* Command that also answers the polygons of the file, from which the triangles are cut: part 5 of the answer above.
+/* Command that also answers the polygons of the file, from which the triangles are cut: part 4 of the answer above.
  * A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
 #define MESH_POLYGONS_COMMAND "read-mesh-polygons"
 
-/* Command that also answers attributes of the vertices other than their positions: part 4 of the answer above. */
+/* Command that also answers attributes of the vertices other than their positions: part 3 of the answer above. */
 #define MESH_VALUES_COMMAND "read-mesh-values"
 /* Maximum number of arrays, size of a name with its byte 0, maximum number of components. Further arrays are
  * skipped. */
@@ -66,7 +60,7 @@ typedef struct mesh_reader_values {
  * written completely. */
 int mesh_reader_main(int argc, char **argv);
 
-/* Shared object that contains mesh_reader_main, for programs that are not linked with it (mesh_module.c). */
+/* Shared object that contains mesh_reader_main, for programs that are not linked with it. */
 #define MESH_READER_MODULE "hexad-mesh.so"
 
 #endif

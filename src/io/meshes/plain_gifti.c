@@ -1,4 +1,4 @@
-/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. expat finds the arrays; what they hold is
+/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. base/xml finds the arrays; what they hold is
  * read here. libgiftiio 1.0.9 is not used: it takes data that end early without an error, and crashes on damaged files. */
 #include <ctype.h>
 #include <stdarg.h>
@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <expat.h>
 #include <zlib.h>
 
 #include "io/meshes/base64.h"
@@ -31,7 +30,7 @@ typedef enum encoding {
 typedef struct array {
     int number; /* in the file, from 0 */
     encoding encoding;
-    vtk_type type;
+    number_type type;
     bool has_type, is_swapped, by_column;
     int dimensions;
     double side[SIDES];
@@ -48,7 +47,7 @@ typedef struct wanted {
 typedef struct gifti {
     const char *data;
     size_t size;
-    XML_Parser parser;
+    xml document;
     plain_mesh *out;
     wanted points, triangles;
     int arrays;
@@ -59,45 +58,19 @@ typedef struct gifti {
     char data_space[SPACE_SIZE], other_space[SPACE_SIZE], matrix[MATRIX_SIZE];
 } gifti;
 
-static bool refuse(gifti *g, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
-
-static bool refuse(gifti *g, error_code code, const char *format, ...)
-{
-    char text[320];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (g->parser) XML_StopParser(g->parser, XML_FALSE);
-    return plain_mesh_refuse(g->out, code, "%s", text);
-}
-
-static bool refuse_memory(gifti *g)
-{
-    return refuse(g, ERROR_LIMIT_MEMORY,
-                  "reading it takes more memory than the limit: raise limits.memory_mb");
-}
-
 /* ---- the elements */
 
 static const char *find(const char **attributes, const char *name)
 {
-    for (; *attributes; attributes += 2)
-        if (strcmp(attributes[0], name) == 0) return attributes[1];
-    return "";
+    const char *value = xml_attribute(attributes, name);
+    return value ? value : "";
 }
 
 static void read_type(const char *name, array *a)
 {
-    static const char *const names[VTK_TYPES] = {"INT8",   "UINT8", "INT16",  "UINT16",  "INT32",
-                                                 "UINT32", "INT64", "UINT64", "FLOAT32", "FLOAT64"};
     static const char prefix[] = "NIFTI_TYPE_";
     if (strncmp(name, prefix, sizeof prefix - 1) != 0) return;
-    for (int k = 0; k < VTK_TYPES; k++)
-        if (strcmp(name + sizeof prefix - 1, names[k]) == 0) {
-            a->type = (vtk_type)k;
-            a->has_type = true;
-        }
+    a->has_type = number_find(name + sizeof prefix - 1, &a->type);
 }
 
 static void begin_array(gifti *g, const char **attributes)
@@ -114,8 +87,9 @@ static void begin_array(gifti *g, const char **attributes)
               : strcmp(intent, g->triangles.intent) == 0 ? &g->triangles
                                                          : NULL;
     if (++g->arrays > most_arrays) {
-        refuse(g, ERROR_INPUT_UNSUPPORTED,
-               "the GIfTI file has more than %d arrays: save its surface as a file of its own", most_arrays);
+        plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
+                          "the GIfTI file has more than %d arrays: save its surface as a file of its own",
+                          most_arrays);
         return;
     }
     if (!g->open) return;
@@ -125,15 +99,16 @@ static void begin_array(gifti *g, const char **attributes)
     for (size_t k = 0; k < sizeof encodings / sizeof *encodings; k++)
         if (strcmp(packed, encodings[k].name) == 0) a->encoding = encodings[k].encoding;
     if (a->encoding == ENCODING_OTHER)
-        refuse(
-            g, ERROR_INPUT_UNSUPPORTED,
+        plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
             "array %d of the GIfTI file has the Encoding \"%.40s\": ASCII, Base64Binary and GZipBase64Binary are read",
             a->number, packed);
     if (a->encoding == ENCODING_EXTERNAL)
-        refuse(g, ERROR_INPUT_UNSUPPORTED,
-               "array %d of the GIfTI file has its data in another file: save it with GZipBase64Binary "
-               "(`gifti_tool -infiles a.gii -write_gifti b.gii -encoding GZIP`)",
-               a->number);
+        plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "array %d of the GIfTI file has its data in another file: save it with GZipBase64Binary "
+            "(`gifti_tool -infiles a.gii -write_gifti b.gii -encoding GZIP`)",
+            a->number);
     read_type(find(attributes, "DataType"), a);
     a->is_swapped =
         (strcmp(find(attributes, "Endian"), "BigEndian") == 0) != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
@@ -147,8 +122,8 @@ static void begin_array(gifti *g, const char **attributes)
         a->side[k] = strtod(text, &end);
         if (end == text || *end || !(a->side[k] >= 0 && a->side[k] <= UINT32_MAX) ||
             a->side[k] != (double)(uint32_t)a->side[k]) {
-            refuse(
-                g, ERROR_INPUT_DAMAGED,
+            plain_mesh_refuse(
+                g->out, ERROR_INPUT_DAMAGED,
                 "array %d of the GIfTI file has the %s \"%.40s\", which is not a number of rows or columns",
                 a->number, name, text);
             return;
@@ -164,71 +139,39 @@ static void collect(gifti *g, char *to, size_t size)
     to[0] = 0;
 }
 
-static void XMLCALL begin_element(void *context, const char *name, const char **attributes)
+static bool begin_element(void *context, const char *name, const char **attributes)
 {
     gifti *g = context;
     g->text = NULL;
     if (!g->has_root && strcmp(name, "GIFTI") != 0) {
-        refuse(g, ERROR_INPUT_DAMAGED, "the file is XML with the element \"%.40s\" and no GIfTI file", name);
-        return;
+        plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
+                          "the file is XML with the element \"%.40s\" and no GIfTI file", name);
+        return false;
     }
     g->has_root = true;
     if (strcmp(name, "DataArray") == 0) begin_array(g, attributes);
-    if (g->open && strcmp(name, "Data") == 0)
-        g->open->array.begin =
-            (size_t)XML_GetCurrentByteIndex(g->parser) + (size_t)XML_GetCurrentByteCount(g->parser);
-    if (g->open != &g->points) return;
+    if (g->open && strcmp(name, "Data") == 0) g->open->array.begin = xml_tag_end(&g->document);
+    if (g->open != &g->points) return g->out->refused == ERROR_NONE;
     if (strcmp(name, "DataSpace") == 0) collect(g, g->data_space, sizeof g->data_space);
     if (strcmp(name, "TransformedSpace") == 0) collect(g, g->other_space, sizeof g->other_space);
     if (strcmp(name, "MatrixData") == 0) collect(g, g->matrix, sizeof g->matrix);
+    return g->out->refused == ERROR_NONE;
 }
 
-static void XMLCALL end_element(void *context, const char *name)
+static void end_element(void *context, const char *name)
 {
     gifti *g = context;
     g->text = NULL;
-    if (g->open && strcmp(name, "Data") == 0) g->open->array.end = (size_t)XML_GetCurrentByteIndex(g->parser);
+    if (g->open && strcmp(name, "Data") == 0) g->open->array.end = xml_tag_begin(&g->document);
     if (strcmp(name, "DataArray") == 0) g->open = NULL;
 }
 
-static void XMLCALL take_text(void *context, const char *text, int length)
+static void take_text(void *context, const char *text, int length)
 {
     gifti *g = context;
     if (!g->text) return;
     const size_t used = strlen(g->text);
     snprintf(g->text + used, g->text_size - used, "%.*s", length, text);
-}
-
-static void XMLCALL check_doctype(void *context, const char *name, const char *system, const char *public,
-                                  int has_subset)
-{
-    (void)name, (void)system, (void)public;
-    if (has_subset)
-        refuse(context, ERROR_INPUT_UNSUPPORTED,
-               "the GIfTI file has declarations in its document type, which are not read: remove them");
-}
-
-static bool parse(gifti *g)
-{
-    enum { CHUNK = 1 << 30 };
-    enum XML_Status status = XML_STATUS_OK;
-    if (!(g->parser = XML_ParserCreate("UTF-8"))) return refuse_memory(g);
-    XML_SetUserData(g->parser, g);
-    XML_SetElementHandler(g->parser, begin_element, end_element);
-    XML_SetCharacterDataHandler(g->parser, take_text);
-    XML_SetStartDoctypeDeclHandler(g->parser, check_doctype);
-    for (size_t at = 0; status == XML_STATUS_OK && at < g->size;) {
-        const size_t some = g->size - at < CHUNK ? g->size - at : CHUNK;
-        status = XML_Parse(g->parser, g->data + at, (int)some, at + some == g->size);
-        at += some;
-    }
-    if (status != XML_STATUS_OK)
-        plain_mesh_refuse(
-            g->out, ERROR_INPUT_DAMAGED, "line %lu of the GIfTI file is not valid XML (%s): save it again",
-            (unsigned long)XML_GetCurrentLineNumber(g->parser), XML_ErrorString(XML_GetErrorCode(g->parser)));
-    XML_ParserFree(g->parser);
-    g->parser = NULL;
-    return g->out->refused == ERROR_NONE;
 }
 
 /* ---- numbers */
@@ -238,23 +181,25 @@ static bool check_array(gifti *g, const wanted *w, bool is_whole)
 {
     const array *a = &w->array;
     if (w->count == 0)
-        return refuse(
-            g, ERROR_INPUT_UNSUPPORTED,
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
             "the GIfTI file has no array with the intent %s, only %d others, such as values or labels of the vertices of a surface in "
             "another file: give the file of the surface (.surf.gii)",
             w->intent, g->arrays - g->points.count - g->triangles.count);
     if (w->count > 1)
-        return refuse(
-            g, ERROR_INPUT_UNSUPPORTED,
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
             "the GIfTI file has %d arrays with the intent %s: save each surface as a file of its own",
             w->count, w->intent);
     if (a->dimensions != 2 || a->side[1] != 3)
-        return refuse(g, ERROR_INPUT_DAMAGED, "array %d of the GIfTI file (%s) is not rows of three numbers",
-                      a->number, w->intent);
-    if (!a->has_type || (is_whole && !vtk_type_is_whole(a->type)))
-        return refuse(g, ERROR_INPUT_UNSUPPORTED,
-                      "array %d of the GIfTI file (%s) has numbers that are not read: save it with %s",
-                      a->number, w->intent, is_whole ? "NIFTI_TYPE_INT32" : "NIFTI_TYPE_FLOAT32");
+        return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
+                                 "array %d of the GIfTI file (%s) is not rows of three numbers", a->number,
+                                 w->intent);
+    if (!a->has_type || (is_whole && !number_is_whole(a->type)))
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "array %d of the GIfTI file (%s) has numbers that are not read: save it with %s", a->number,
+            w->intent, is_whole ? "NIFTI_TYPE_INT32" : "NIFTI_TYPE_FLOAT32");
     return true;
 }
 
@@ -267,9 +212,9 @@ static bool damaged(gifti *g, const wanted *w, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    return refuse(g, ERROR_INPUT_DAMAGED,
-                  "array %d of the GIfTI file (%s) %s: it is damaged or truncated. Save it again.",
-                  w->array.number, w->intent, text);
+    return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
+                             "array %d of the GIfTI file (%s) %s: it is damaged or truncated. Save it again.",
+                             w->array.number, w->intent, text);
 }
 
 /* Text as doubles or 64-bit integers. */
@@ -304,7 +249,7 @@ static bool read_packed(gifti *g, const wanted *w, size_t bytes, unsigned char *
         return base64_read(&at, end, to, bytes) || damaged(g, w, "is not base64");
     }
     unsigned char *packed = malloc(there > 0 ? there : 1);
-    if (!packed) return refuse_memory(g);
+    if (!packed) return plain_mesh_refuse_memory(g->out);
     uLongf got = (uLongf)bytes;
     bool ok = base64_read(&at, end, packed, there) || damaged(g, w, "is not base64");
     if (ok && (uncompress(to, &got, packed, (uLong)there) != Z_OK || got != bytes))
@@ -317,12 +262,12 @@ static bool read_packed(gifti *g, const wanted *w, size_t bytes, unsigned char *
 static unsigned char *read_array(gifti *g, wanted *w)
 {
     array *a = &w->array;
-    const bool is_text = a->encoding == ENCODING_TEXT, is_whole = vtk_type_is_whole(a->type);
+    const bool is_text = a->encoding == ENCODING_TEXT, is_whole = number_is_whole(a->type);
     if (is_text) {
-        a->type = is_whole ? VTK_INT64 : VTK_DOUBLE;
+        a->type = is_whole ? NUMBER_INT64 : NUMBER_DOUBLE;
         a->is_swapped = false;
     }
-    const double count = 3 * a->side[0], bytes = count * (double)vtk_type_bytes(a->type),
+    const double count = 3 * a->side[0], bytes = count * (double)number_bytes(a->type),
                  length = a->end > a->begin ? (double)(a->end - a->begin) : 0;
     /* whether the file can have them, before there is room for them */
     const double possible = is_text                        ? (length + 1) / 2 * 8
@@ -334,7 +279,7 @@ static unsigned char *read_array(gifti *g, wanted *w)
     }
     unsigned char *numbers = malloc(bytes > 0 ? (size_t)bytes : 1);
     if (!numbers) {
-        refuse_memory(g);
+        plain_mesh_refuse_memory(g->out);
         return NULL;
     }
     if (is_text ? read_text(g, w, (size_t)count, is_whole, numbers)
@@ -350,7 +295,7 @@ static const unsigned char *number_at(const wanted *w, const unsigned char *numb
 {
     const array *a = &w->array;
     return numbers +
-           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * vtk_type_bytes(a->type);
+           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * number_bytes(a->type);
 }
 
 /* ---- the mesh */
@@ -364,7 +309,7 @@ static bool add_points(gifti *g)
     for (size_t n = 0; ok && n < count; n++) {
         double at[3];
         for (size_t k = 0; k < 3; k++)
-            at[k] = vtk_number(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+            at[k] = number_value(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
         ok = plain_mesh_add_vertex(g->out, at);
     }
     free(numbers);
@@ -380,11 +325,11 @@ static bool add_triangles(gifti *g)
     for (size_t n = 0; ok && n < count; n++) {
         int64_t corner[3];
         for (size_t k = 0; k < 3; k++)
-            corner[k] = vtk_whole(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
+            corner[k] = number_whole(number_at(w, numbers, n, k), w->array.type, w->array.is_swapped);
         for (int k = 0; ok && k < 3; k++)
             if (corner[k] < 0 || corner[k] >= (int64_t)g->out->vertices)
-                ok = refuse(
-                    g, ERROR_INPUT_DAMAGED,
+                ok = plain_mesh_refuse(
+                    g->out, ERROR_INPUT_DAMAGED,
                     "triangle %zu of the GIfTI file has the point %lld, and there are %zu points: repair the file",
                     n, (long long)corner[k], g->out->vertices);
         ok = ok && plain_mesh_add_triangle(g->out, (uint32_t)corner[0], (uint32_t)corner[1],
@@ -419,7 +364,15 @@ bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out)
                .out = out,
                .points = {.intent = "NIFTI_INTENT_POINTSET"},
                .triangles = {.intent = "NIFTI_INTENT_TRIANGLE"}};
-    const bool ok = parse(&g) && check_array(&g, &g.points, false) && check_array(&g, &g.triangles, true) &&
+    g.document = (xml){.data = data,
+                       .size = size,
+                       .context = &g,
+                       .begin = begin_element,
+                       .end = end_element,
+                       .text = take_text,
+                       .allows_doctype = true};
+    const bool ok = plain_mesh_read_xml(out, &g.document, "the GIfTI file") &&
+                    check_array(&g, &g.points, false) && check_array(&g, &g.triangles, true) &&
                     add_points(&g) && add_triangles(&g);
     if (ok) warn_of_transform(&g);
     return ok;

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "geometry/space/affine.h"
+#include "base/core/number.h"
 #include "base/json/json.h"
 #include "io/meshes/plain_mesh.h"
 
@@ -141,38 +142,36 @@ typedef struct elements {
     bool is_normalised;
 } elements;
 
-static size_t bytes_of(int type)
+/* Types of numbers: as the file names them, and the number that stands for 1 where they are normalised. */
+typedef struct component_type {
+    int name;
+    number_type number;
+    double one;
+} component_type;
+
+static const component_type *find_type(int name)
 {
-    return type == 5120 || type == 5121   ? 1
-           : type == 5122 || type == 5123 ? 2
-           : type == 5125 || type == 5126 ? 4
-                                          : 0;
+    static const component_type types[] = {{5120, NUMBER_INT8, 127},    {5121, NUMBER_UINT8, 255},
+                                           {5122, NUMBER_INT16, 32767}, {5123, NUMBER_UINT16, 65535},
+                                           {5125, NUMBER_UINT32, 1},    {5126, NUMBER_FLOAT, 1}};
+    for (size_t k = 0; k < sizeof types / sizeof *types; k++)
+        if (types[k].name == name) return &types[k];
+    return NULL;
 }
 
+static size_t bytes_of(int type)
+{
+    const component_type *t = find_type(type);
+    return t ? number_bytes(t->number) : 0;
+}
+
+/* The type is known. */
 static double element(const elements *e, size_t index, size_t component)
 {
-    const char *at = e->at + index * e->stride + component * bytes_of(e->type);
-    uint16_t two;
-    uint32_t four;
-    float real;
-    memcpy(&two, at, bytes_of(e->type) == 2 ? sizeof two : 0);
-    memcpy(&four, at, bytes_of(e->type) == 4 ? sizeof four : 0);
-    switch (e->type) {
-    case 5120:
-        return e->is_normalised ? fmax((signed char)*at / 127.0, -1) : (signed char)*at;
-    case 5121:
-        return e->is_normalised ? (unsigned char)*at / 255.0 : (unsigned char)*at;
-    case 5122:
-        return e->is_normalised ? fmax((int16_t)le16toh(two) / 32767.0, -1) : (int16_t)le16toh(two);
-    case 5123:
-        return e->is_normalised ? le16toh(two) / 65535.0 : le16toh(two);
-    case 5125:
-        return le32toh(four);
-    default:
-        four = le32toh(four);
-        memcpy(&real, &four, sizeof real);
-        return (double)real;
-    }
+    const component_type *t = find_type(e->type);
+    const char *at = e->at + index * e->stride + component * number_bytes(t->number);
+    const double value = number_value(at, t->number, NUMBER_LITTLE_SWAPPED);
+    return e->is_normalised && t->one > 1 ? fmax(value / t->one, -1) : value;
 }
 
 /* The elements of a view from an offset on. e->count, components and type are known. */

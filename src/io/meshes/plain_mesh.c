@@ -150,6 +150,25 @@ const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m)
     return data + (strncmp(data, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0);
 }
 
+bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what)
+{
+    switch (xml_read(document)) {
+    case XML_RESULT_READ:
+    case XML_RESULT_STOPPED:
+        return m->refused == ERROR_NONE;
+    case XML_RESULT_NO_MEMORY:
+        return plain_mesh_refuse_memory(m);
+    case XML_RESULT_DECLARATIONS:
+        return plain_mesh_refuse(
+            m, ERROR_INPUT_UNSUPPORTED, "%s has %s, which hexad does not read: save it without", what,
+            document->allows_doctype ? "declarations in its document type" : "a document type");
+    default:
+        return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED,
+                                 "%s is damaged: line %lu is not valid XML (%s). Save it again.", what,
+                                 document->line, document->why);
+    }
+}
+
 void plain_mesh_warn(plain_mesh *m, const char *format, ...)
 {
     const size_t used = strlen(m->text), begin = used > 0 ? used + 1 : 0;
@@ -220,30 +239,30 @@ bool plain_mesh_number(const char **at, double *out)
 }
 
 typedef struct mesh_format {
-    const char *ending;
     bool (*read)(const char *data, size_t size, plain_mesh *out);
     bool is_final;       /* a file without triangles is read, too: nothing is left to the library */
     bool is_only_reader; /* the library does not read such files */
 } mesh_format;
 
-static const mesh_format *find_format(const char *ending)
+static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
+                                                  [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
+                                                  [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
+                                                  [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, false},
+                                                  [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
+                                                  [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
+                                                  [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true},
+                                                  [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true},
+                                                  [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true},
+                                                  [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
+
+bool plain_mesh_reads(file_format format)
 {
-    static const mesh_format formats[] = {
-        {"obj", plain_mesh_read_obj, true, true},    {"ply", plain_mesh_read_ply, true, true},
-        {"stl", plain_mesh_read_stl, true, true},    {"off", plain_mesh_read_off, false, false},
-        {"gltf", plain_mesh_read_gltf, true, false}, {"glb", plain_mesh_read_gltf, true, false},
-        {"3mf", plain_mesh_read_3mf, true, false},   {"vtk", plain_mesh_read_vtk, true, true},
-        {"vtp", plain_mesh_read_vtp, true, true},    {"gii", plain_mesh_read_gifti, true, true},
-        {"npz", plain_mesh_read_npz, true, true}};
-    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
-        if (strcasecmp(ending, formats[k].ending) == 0) return &formats[k];
-    return NULL;
+    return readers[format].read != NULL;
 }
 
 bool plain_mesh_is_only_reader(const char *ending)
 {
-    const mesh_format *format = find_format(ending);
-    return format && format->is_only_reader;
+    return readers[file_format_of_name(ending)].is_only_reader;
 }
 
 static void free_arrays(plain_mesh *m)
@@ -257,10 +276,11 @@ static void free_arrays(plain_mesh *m)
 
 static bool read_as(const char *ending, const char *data, size_t size, bool keeps_polygons, plain_mesh *out)
 {
-    const mesh_format *format = find_format(ending);
+    const mesh_format *format = &readers[file_format_of_name(ending)];
     *out = (plain_mesh){.keeps_polygons = keeps_polygons};
-    if (format && format->read(data, size, out) && (out->triangles > 0 || format->is_final)) return true;
-    if (format && format->is_only_reader)
+    if (format->read && format->read(data, size, out) && (out->triangles > 0 || format->is_final))
+        return true;
+    if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
     free_arrays(out);

@@ -13,6 +13,8 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
+#include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
 
 typedef struct plain_mesh {
@@ -24,7 +26,7 @@ typedef struct plain_mesh {
     size_t vertex_room, triangle_room, corner_room; /* capacities, in entries */
     error_code refused;                             /* ERROR_NONE: the file is not refused */
     char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
-    /* 3MF and AMF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
+    /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
     bool is_quantised;   /* glTF: the coordinates are integers, which the library does not read */
@@ -43,6 +45,9 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
 
 /* The same, and keeps the polygons. */
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* Whether a reader is here. */
+bool plain_mesh_reads(file_format format);
 
 /* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and NPZ.
  * (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */
@@ -67,11 +72,6 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 
 /* ---- functions for these readers */
 
-/* For 3MF and AMF: sets *millimetres to the length of the document's unit in millimetres, with a warning unless it
- * is 1. `unit` NULL: the document names no unit, and the unit is the millimetre. False: the unit is unknown, and the
- * file is refused. */
-bool plain_mesh_read_unit(const char *unit, size_t length, plain_mesh *out, double *millimetres);
-
 /* Refuses the file, unless it is refused already; returns false. */
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
@@ -86,6 +86,10 @@ bool plain_mesh_refuse_memory(plain_mesh *m);
 /* Returns the file as a C string: the text behind the byte order mark, if there is one. Points into `data`. NULL:
  * the file is UTF-16, or has a byte 0 before other bytes, and is refused. */
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
+
+/* Reads an XML document, whose `begin` has refused the file where it returns false. `what` names the file in messages. False:
+ * the file is refused. */
+bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what);
 
 /* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -1,10 +1,10 @@
 /* NPZ: the array `position` or `points` of a NumPy archive, (N, 3) of float32 or float64, lower byte and last index first. The mesh has no
  * triangles: such files hold points only. */
-#include <endian.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/number.h"
 #include "io/meshes/plain_mesh.h"
 #include "io/meshes/zip_entry.h"
 
@@ -93,15 +93,8 @@ static bool read_header(const char *file, size_t length, npy *a, plain_mesh *out
 
 static double number_at(const npy *a, size_t k)
 {
-    uint64_t bits = 0;
-    double value;
-    float single;
-    memcpy(&bits, a->data + k * a->size, a->size);
-    bits = le64toh(bits);
-    const uint32_t half = (uint32_t)bits;
-    memcpy(&value, &bits, sizeof value);
-    memcpy(&single, &half, sizeof single);
-    return a->size == 8 ? value : (double)single;
+    return number_value(a->data + k * a->size, a->size == 8 ? NUMBER_DOUBLE : NUMBER_FLOAT,
+                        NUMBER_LITTLE_SWAPPED);
 }
 
 static bool read_array(const char *file, size_t length, const char *name, plain_mesh *out)

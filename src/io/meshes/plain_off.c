@@ -1,11 +1,14 @@
 /* OFF: text and binary, with the prefixes ST, C, N and 4 of what vertices have beside their places. In text a vertex and a face have a
  * line each; what follows the numbers that are known, colours mostly, is passed over. */
-#include <endian.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/number.h"
 #include "io/meshes/plain_mesh.h"
+
+/* Bytes of a number of a binary file. */
+enum { NUMBER_SIZE = 4 };
 
 typedef struct off {
     const char *at, *end;
@@ -22,11 +25,9 @@ static void skip_to_number(off *o)
 static bool read_integer(off *o, long long *out)
 {
     if (o->is_binary) {
-        uint32_t bits;
-        if ((size_t)(o->end - o->at) < sizeof bits) return false;
-        memcpy(&bits, o->at, sizeof bits);
-        o->at += sizeof bits;
-        *out = (int32_t)be32toh(bits);
+        if (o->end - o->at < NUMBER_SIZE) return false;
+        *out = number_whole(o->at, NUMBER_INT32, NUMBER_BIG_SWAPPED);
+        o->at += NUMBER_SIZE;
         return true;
     }
     skip_to_number(o);
@@ -40,14 +41,9 @@ static bool read_integer(off *o, long long *out)
 static bool read_number(off *o, double *out)
 {
     if (o->is_binary) {
-        uint32_t bits;
-        float value;
-        if ((size_t)(o->end - o->at) < sizeof bits) return false;
-        memcpy(&bits, o->at, sizeof bits);
-        o->at += sizeof bits;
-        bits = be32toh(bits);
-        memcpy(&value, &bits, sizeof value);
-        *out = (double)value;
+        if (o->end - o->at < NUMBER_SIZE) return false;
+        *out = number_value(o->at, NUMBER_FLOAT, NUMBER_BIG_SWAPPED);
+        o->at += NUMBER_SIZE;
         return true;
     }
     skip_to_number(o);

@@ -39,9 +39,9 @@ static bool read_number(cursor *c, const ply_type *type, double *out)
     if (c->layout == PLY_TEXT)
         return plain_mesh_number(&c->at, out) ||
                refuse_row(c, is_line_end(*c->at) ? early : "has a word in place of a number");
-    if (c->end - c->at < type->size) return refuse_row(c, early);
+    if ((size_t)(c->end - c->at) < number_bytes(type->number)) return refuse_row(c, early);
     *out = ply_number(c->at, type, c->layout);
-    c->at += type->size;
+    c->at += number_bytes(type->number);
     return true;
 }
 
@@ -149,8 +149,9 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
         return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                  "the faces of the PLY file have no list \"vertex_indices\". Save it again.");
     if (!plain_mesh_expect(out, 0, out->triangles + rows_at_most(c, element))) return false;
-    const bool common = c->layout == PLY_LITTLE && element->properties == 1 && list->length->size == 1 &&
-                        list->type->size == 4 && list->type->kind != PLY_REAL;
+    const bool common = c->layout == PLY_LITTLE && element->properties == 1 &&
+                        number_bytes(list->length->number) == 1 && number_bytes(list->type->number) == 4 &&
+                        number_is_whole(list->type->number);
     for (c->row = 0; c->row < element->count; c->row++) {
         uint32_t corner[3];
         size_t count = 0;

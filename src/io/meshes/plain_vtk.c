@@ -69,26 +69,26 @@ static bool read_count(vtk *v, const char *of, size_t *out)
     return true;
 }
 
-static bool find_type(const char *word, vtk_type *out)
+static bool find_type(const char *word, number_type *out)
 {
     static const struct {
         const char *word;
-        vtk_type type;
-    } types[] = {{"char", VTK_INT8},
-                 {"signed_char", VTK_INT8},
-                 {"unsigned_char", VTK_UINT8},
-                 {"short", VTK_INT16},
-                 {"unsigned_short", VTK_UINT16},
-                 {"int", VTK_INT32},
-                 {"unsigned_int", VTK_UINT32},
-                 {"vtkidtype", VTK_INT32},
-                 {"long", VTK_INT64},
-                 {"unsigned_long", VTK_UINT64},
-                 {"vtktypeint64", VTK_INT64},
-                 {"vtktypeuint64", VTK_UINT64},
-                 {"vtktypeint32", VTK_INT32},
-                 {"float", VTK_FLOAT},
-                 {"double", VTK_DOUBLE}};
+        number_type type;
+    } types[] = {{"char", NUMBER_INT8},
+                 {"signed_char", NUMBER_INT8},
+                 {"unsigned_char", NUMBER_UINT8},
+                 {"short", NUMBER_INT16},
+                 {"unsigned_short", NUMBER_UINT16},
+                 {"int", NUMBER_INT32},
+                 {"unsigned_int", NUMBER_UINT32},
+                 {"vtkidtype", NUMBER_INT32},
+                 {"long", NUMBER_INT64},
+                 {"unsigned_long", NUMBER_UINT64},
+                 {"vtktypeint64", NUMBER_INT64},
+                 {"vtktypeuint64", NUMBER_UINT64},
+                 {"vtktypeint32", NUMBER_INT32},
+                 {"float", NUMBER_FLOAT},
+                 {"double", NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof *types; k++)
         if (strcasecmp(types[k].word, word) == 0) {
             *out = types[k].type;
@@ -97,7 +97,7 @@ static bool find_type(const char *word, vtk_type *out)
     return false;
 }
 
-static bool read_type(vtk *v, vtk_type *out)
+static bool read_type(vtk *v, number_type *out)
 {
     char word[WORD_SIZE];
     if (read_word(v, word) && find_type(word, out)) return true;
@@ -109,23 +109,23 @@ static bool read_type(vtk *v, vtk_type *out)
 
 /* Whether the file can have `count` numbers, before memory is allocated for them. Binary numbers begin after the end of the line. As text each
  * takes two characters, but the last one of a file. */
-static bool expect_numbers(vtk *v, vtk_type type, size_t count, const char *of)
+static bool expect_numbers(vtk *v, number_type type, size_t count, const char *of)
 {
     if (v->is_binary) skip_line(v);
     const size_t left = (size_t)(v->end - v->at);
-    if (count <= (v->is_binary ? left / vtk_type_bytes(type) : (left + 1) / 2)) return true;
+    if (count <= (v->is_binary ? left / number_bytes(type) : (left + 1) / 2)) return true;
     return refuse(v,
                   "begins %zu numbers of %s, and the file has %zu bytes more: it is damaged or truncated. "
                   "Copy or save it again.",
                   count, of, left);
 }
 
-static bool read_whole(vtk *v, vtk_type type, const char *of, int64_t *out)
+static bool read_whole(vtk *v, number_type type, const char *of, int64_t *out)
 {
     if (v->is_binary) {
-        if ((size_t)(v->end - v->at) < vtk_type_bytes(type)) return refuse(v, "ends within %s", of);
-        *out = vtk_whole(v->at, type, __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
-        v->at += vtk_type_bytes(type);
+        if ((size_t)(v->end - v->at) < number_bytes(type)) return refuse(v, "ends within %s", of);
+        *out = number_whole(v->at, type, __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
+        v->at += number_bytes(type);
         return true;
     }
     char *end;
@@ -138,12 +138,12 @@ static bool read_whole(vtk *v, vtk_type type, const char *of, int64_t *out)
     return true;
 }
 
-static bool read_real(vtk *v, vtk_type type, const char *of, double *out)
+static bool read_real(vtk *v, number_type type, const char *of, double *out)
 {
     if (v->is_binary) {
-        if ((size_t)(v->end - v->at) < vtk_type_bytes(type)) return refuse(v, "ends within %s", of);
-        *out = vtk_number(v->at, type, __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
-        v->at += vtk_type_bytes(type);
+        if ((size_t)(v->end - v->at) < number_bytes(type)) return refuse(v, "ends within %s", of);
+        *out = number_value(v->at, type, __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
+        v->at += number_bytes(type);
         return true;
     }
     skip_blanks(v);
@@ -156,7 +156,7 @@ static bool read_real(vtk *v, vtk_type type, const char *of, double *out)
 static bool read_points(vtk *v)
 {
     size_t count = 0;
-    vtk_type type = VTK_DOUBLE;
+    number_type type = NUMBER_DOUBLE;
     if (!read_count(v, "points", &count) || !read_type(v, &type)) return false;
     if (v->has_points) return refuse(v, "begins points for the second time");
     v->has_points = true;
@@ -178,11 +178,11 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
     const char *name = vtk_cells_name(kind);
     int64_t *vertex = NULL;
     size_t room = 0;
-    if (!expect_numbers(v, VTK_INT32, size, name)) return false;
+    if (!expect_numbers(v, NUMBER_INT32, size, name)) return false;
     bool ok = true;
     for (size_t n = 0; ok && n < cells; n++) {
         int64_t count;
-        ok = read_whole(v, VTK_INT32, name, &count);
+        ok = read_whole(v, NUMBER_INT32, name, &count);
         if (ok && (size == 0 || count < 0 || (size_t)count > size - 1))
             ok = refuse(v, "has a cell of %s with %lld points, and %zu numbers are left", name,
                         (long long)count, size > 0 ? size - 1 : 0);
@@ -197,7 +197,7 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
             vertex = grown;
             room = (size_t)count;
         }
-        for (int64_t k = 0; ok && k < count; k++) ok = read_whole(v, VTK_INT32, name, &vertex[k]);
+        for (int64_t k = 0; ok && k < count; k++) ok = read_whole(v, NUMBER_INT32, name, &vertex[k]);
         ok = ok && vtk_add_cell(v->out, kind, (int64_t)n, vertex, (size_t)count, 0);
     }
     free(vertex);
@@ -208,13 +208,13 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
 static int64_t *read_list(vtk *v, const char *word, const char *of, size_t count)
 {
     char found[WORD_SIZE];
-    vtk_type type = VTK_DOUBLE;
+    number_type type = NUMBER_DOUBLE;
     if (!read_word(v, found) || strcasecmp(found, word) != 0) {
         refuse(v, "has \"%.40s\" in place of %s", found, word);
         return NULL;
     }
     if (!read_type(v, &type)) return NULL;
-    if (!vtk_type_is_whole(type)) {
+    if (!number_is_whole(type)) {
         refuse(v, "has %s that are not whole numbers", word);
         return NULL;
     }
@@ -281,7 +281,7 @@ static bool skip_array(vtk *v)
 {
     char word[WORD_SIZE];
     size_t components = 0, tuples = 0;
-    vtk_type type = VTK_UINT8;
+    number_type type = NUMBER_UINT8;
     if (!read_word(v, word)) return refuse(v, "ends within a field");
     if (!read_count(v, "components", &components) || !read_count(v, "tuples", &tuples)) return false;
     if (!read_word(v, word)) return refuse(v, "ends within a field");
@@ -294,7 +294,7 @@ static bool skip_array(vtk *v)
     size_t count = components * tuples;
     if (are_bits && v->is_binary) count = (count + 7) / 8;
     if (!expect_numbers(v, type, count, "a field")) return false;
-    if (v->is_binary) v->at += count * vtk_type_bytes(type);
+    if (v->is_binary) v->at += count * number_bytes(type);
     for (size_t k = 0; !v->is_binary && k < count; k++) {
         double unused;
         if (!read_real(v, type, "a field", &unused)) return false;

@@ -1,12 +1,10 @@
-/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. expat finds the
+/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. base/xml finds the
  * arrays; what they hold is read here. Values of points and cells change no place and are not read. */
 #include <ctype.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <expat.h>
 #include <zlib.h>
 
 #include "io/meshes/base64.h"
@@ -24,7 +22,7 @@ typedef enum place { PLACE_NONE, PLACE_TEXT, PLACE_BASE64, PLACE_APPENDED } plac
 
 typedef struct array {
     place place;
-    vtk_type type;
+    number_type type;
     size_t begin, end; /* in the file; of appended ones `begin` is counted from their common beginning */
     bool has_end;
 } array;
@@ -38,7 +36,7 @@ typedef struct piece {
 typedef struct vtp {
     const char *data;
     size_t size; /* bytes */
-    XML_Parser parser;
+    xml document;
     plain_mesh *out;
     piece *pieces;
     size_t piece_count;
@@ -50,72 +48,45 @@ typedef struct vtp {
     size_t appended; /* where they begin */
 } vtp;
 
-static bool refuse(vtp *v, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
-
-static bool refuse(vtp *v, error_code code, const char *format, ...)
-{
-    char text[320];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (v->parser) XML_StopParser(v->parser, XML_FALSE);
-    return plain_mesh_refuse(v->out, code, "%s", text);
-}
-
-static bool refuse_memory(vtp *v)
-{
-    return refuse(v, ERROR_LIMIT_MEMORY,
-                  "reading it takes more memory than the limit: raise limits.memory_mb");
-}
-
-static unsigned long line_of(const vtp *v)
-{
-    return (unsigned long)XML_GetCurrentLineNumber(v->parser);
-}
-
 /* ---- the elements */
-
-static const char *find(const char **attributes, const char *name)
-{
-    for (; *attributes; attributes += 2)
-        if (strcmp(attributes[0], name) == 0) return attributes[1];
-    return NULL;
-}
 
 static bool read_count(vtp *v, const char **attributes, const char *name, size_t *out)
 {
-    const char *text = find(attributes, name);
+    const char *text = xml_attribute(attributes, name);
     char *end = NULL;
     const long long number = text ? strtoll(text, &end, 10) : 0;
     *out = number > 0 ? (size_t)number : 0;
     if (text && (end == text || end[strspn(end, " \t\r\n")] || number < 0))
-        return refuse(v, ERROR_INPUT_DAMAGED,
-                      "line %lu of the VTK file has %s=\"%.40s\", which is not a number", line_of(v), name,
-                      text);
+        return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                                 "line %lu of the VTK file has %s=\"%.40s\", which is not a number",
+                                 xml_line(&v->document), name, text);
     return true;
 }
 
 static void begin_file(vtp *v, const char *name, const char **attributes)
 {
-    const char *type = find(attributes, "type"), *order = find(attributes, "byte_order"),
-               *heads = find(attributes, "header_type"), *packing = find(attributes, "compressor");
+    const char *type = xml_attribute(attributes, "type"), *order = xml_attribute(attributes, "byte_order"),
+               *heads = xml_attribute(attributes, "header_type"),
+               *packing = xml_attribute(attributes, "compressor");
     v->has_file = true;
     if (strcmp(name, "VTKFile") != 0) {
-        refuse(v, ERROR_INPUT_DAMAGED, "the file is XML with the element \"%.40s\" and no VTK file", name);
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "the file is XML with the element \"%.40s\" and no VTK file", name);
     } else if (!type || strcmp(type, "PolyData") != 0) {
         const bool is_volume =
             type && (strcmp(type, "ImageData") == 0 || strcmp(type, "RectilinearGrid") == 0);
-        refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has the type \"%.40s\", and PolyData is read: %s",
-               type ? type : "",
-               is_volume
-                   ? "it is a volume. Save it as MetaImage with ParaView and name it as /surface/volume/path."
-                   : "apply Extract Surface in ParaView, and save it as .vtp.");
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED, "the VTK file has the type \"%.40s\", and PolyData is read: %s",
+            type ? type : "",
+            is_volume
+                ? "it is a volume. Save it as MetaImage with ParaView and name it as /surface/volume/path."
+                : "apply Extract Surface in ParaView, and save it as .vtp.");
     } else if (packing && *packing && strcmp(packing, "vtkZLibDataCompressor") != 0) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "the VTK file has the compressor \"%.60s\", which is not read: save it with zlib or without "
-               "compression",
-               packing);
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
+            "the VTK file has the compressor \"%.60s\", which is not read: save it with zlib or without "
+            "compression",
+            packing);
     }
     v->is_packed = packing && *packing;
     v->has_long_heads = heads && strcmp(heads, "UInt64") == 0;
@@ -127,13 +98,13 @@ static void begin_piece(vtp *v, const char **attributes)
     static const char *const counts[SECTIONS] = {"NumberOfVerts", "NumberOfLines", "NumberOfStrips",
                                                  "NumberOfPolys", "NumberOfPoints"};
     if (v->piece_count == most_pieces) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has more than %zu pieces: save it as one",
-               most_pieces);
+        plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                          "the VTK file has more than %zu pieces: save it as one", most_pieces);
         return;
     }
     piece *grown = realloc(v->pieces, (v->piece_count + 1) * sizeof *grown);
     if (!grown) {
-        refuse_memory(v);
+        plain_mesh_refuse_memory(v->out);
         return;
     }
     v->pieces = grown;
@@ -145,42 +116,25 @@ static void begin_piece(vtp *v, const char **attributes)
         if (!read_count(v, attributes, counts[k], &p->count[k])) return;
 }
 
-static bool find_type(const char *name, vtk_type *out)
-{
-    static const char *const names[VTK_TYPES] = {"Int8",   "UInt8", "Int16",  "UInt16",  "Int32",
-                                                 "UInt32", "Int64", "UInt64", "Float32", "Float64"};
-    for (int k = 0; name && k < VTK_TYPES; k++)
-        if (strcmp(name, names[k]) == 0) {
-            *out = (vtk_type)k;
-            return true;
-        }
-    return false;
-}
-
-/* Where the tag at hand ends in the file. */
-static size_t behind_tag(const vtp *v)
-{
-    return (size_t)XML_GetCurrentByteIndex(v->parser) + (size_t)XML_GetCurrentByteCount(v->parser);
-}
-
 static void begin_array(vtp *v, const char **attributes)
 {
-    const char *name = find(attributes, "Name"), *type = find(attributes, "type"),
-               *format = find(attributes, "format"), *components = find(attributes, "NumberOfComponents");
+    const char *name = xml_attribute(attributes, "Name"), *type = xml_attribute(attributes, "type"),
+               *format = xml_attribute(attributes, "format"),
+               *components = xml_attribute(attributes, "NumberOfComponents");
     piece *p = &v->pieces[v->piece_count - 1];
     array *a = v->section == POINTS                        ? &p->connectivity[POINTS]
                : name && strcmp(name, "connectivity") == 0 ? &p->connectivity[v->section]
                : name && strcmp(name, "offsets") == 0      ? &p->offsets[v->section]
                                                            : NULL;
     if (!a) return;
-    *a = (array){.begin = behind_tag(v), .end = v->size};
-    if (!find_type(type, &a->type) || (v->section != POINTS && !vtk_type_is_whole(a->type)) ||
+    *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
+    if (!type || !number_find(type, &a->type) || (v->section != POINTS && !number_is_whole(a->type)) ||
         (v->section == POINTS && components && strcmp(components, "3") != 0)) {
-        refuse(
-            v, ERROR_INPUT_UNSUPPORTED,
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
             "line %lu of the VTK file has an array of %.10s numbers of the type \"%.40s\": points have three "
             "numbers, and indices are whole",
-            line_of(v), components ? components : "1", type ? type : "");
+            xml_line(&v->document), components ? components : "1", type ? type : "");
         return;
     }
     a->place = !format || strcmp(format, "ascii") == 0 ? PLACE_TEXT
@@ -188,46 +142,47 @@ static void begin_array(vtp *v, const char **attributes)
                : strcmp(format, "appended") == 0       ? PLACE_APPENDED
                                                        : PLACE_NONE;
     if (a->place == PLACE_NONE)
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "line %lu of the VTK file has the format \"%.40s\": save it as ascii, binary or appended",
-               line_of(v), format);
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
+            "line %lu of the VTK file has the format \"%.40s\": save it as ascii, binary or appended",
+            xml_line(&v->document), format);
     if (a->place == PLACE_APPENDED && !read_count(v, attributes, "offset", &a->begin)) return;
     v->open = a;
 }
 
-/* What is appended may be no XML: expat does not go on. */
+/* What is appended may be no XML: reading stops. */
 static void begin_appended(vtp *v, const char **attributes)
 {
-    const char *encoding = find(attributes, "encoding");
+    const char *encoding = xml_attribute(attributes, "encoding");
     v->is_appended_base64 = !encoding || strcmp(encoding, "base64") == 0;
     if (!v->is_appended_base64 && strcmp(encoding, "raw") != 0) {
-        refuse(v, ERROR_INPUT_UNSUPPORTED,
-               "the VTK file has appended data in the encoding \"%.40s\": raw and base64 are read", encoding);
+        plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                          "the VTK file has appended data in the encoding \"%.40s\": raw and base64 are read",
+                          encoding);
         return;
     }
-    v->appended = behind_tag(v);
+    v->appended = xml_tag_end(&v->document);
     while (v->appended < v->size && isspace((unsigned char)v->data[v->appended])) v->appended++;
     if (v->appended >= v->size || v->data[v->appended] != '_') {
-        refuse(v, ERROR_INPUT_DAMAGED,
-               "the appended data of the VTK file do not begin with \"_\": it is damaged");
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "the appended data of the VTK file do not begin with \"_\": it is damaged");
         return;
     }
     v->appended++;
     v->has_appended = true;
-    XML_StopParser(v->parser, XML_FALSE);
 }
 
-static void XMLCALL begin_element(void *context, const char *name, const char **attributes)
+static bool begin_element(void *context, const char *name, const char **attributes)
 {
     static const char *const points = "Points";
     vtp *v = context;
     if (v->open && !v->open->has_end && v->open->place != PLACE_APPENDED) {
-        v->open->end = (size_t)XML_GetCurrentByteIndex(v->parser);
+        v->open->end = xml_tag_begin(&v->document);
         v->open->has_end = true;
     }
     if (!v->has_file) {
         begin_file(v, name, attributes);
-        return;
+        return v->out->refused == ERROR_NONE;
     }
     if (strcmp(name, "Piece") == 0) begin_piece(v, attributes);
     if (strcmp(name, "AppendedData") == 0) begin_appended(v, attributes);
@@ -236,14 +191,15 @@ static void XMLCALL begin_element(void *context, const char *name, const char **
     if (strcmp(name, points) == 0) v->section = POINTS;
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = k;
+    return v->out->refused == ERROR_NONE && !v->has_appended;
 }
 
-static void XMLCALL end_element(void *context, const char *name)
+static void end_element(void *context, const char *name)
 {
     vtp *v = context;
     if (strcmp(name, "DataArray") == 0) {
         if (v->open && !v->open->has_end && v->open->place != PLACE_APPENDED) {
-            v->open->end = (size_t)XML_GetCurrentByteIndex(v->parser);
+            v->open->end = xml_tag_begin(&v->document);
             v->open->has_end = true;
         }
         v->open = NULL;
@@ -251,37 +207,6 @@ static void XMLCALL end_element(void *context, const char *name)
     if (strcmp(name, "Points") == 0) v->section = -1;
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = -1;
-}
-
-static void XMLCALL refuse_doctype(void *context, const char *name, const char *system, const char *public,
-                                   int has_subset)
-{
-    (void)name, (void)system, (void)public, (void)has_subset;
-    refuse(context, ERROR_INPUT_UNSUPPORTED,
-           "the VTK file has a document type, which is not read: remove it");
-}
-
-static bool parse(vtp *v)
-{
-    enum { CHUNK = 1 << 30 };
-    enum XML_Status status = XML_STATUS_OK;
-    v->parser = XML_ParserCreate("UTF-8");
-    if (!v->parser) return refuse_memory(v);
-    XML_SetUserData(v->parser, v);
-    XML_SetElementHandler(v->parser, begin_element, end_element);
-    XML_SetStartDoctypeDeclHandler(v->parser, refuse_doctype);
-    for (size_t at = 0; status == XML_STATUS_OK && at < v->size;) {
-        const size_t some = v->size - at < CHUNK ? v->size - at : CHUNK;
-        status = XML_Parse(v->parser, v->data + at, (int)some, at + some == v->size);
-        at += some;
-    }
-    if (status != XML_STATUS_OK && !v->has_appended && v->out->refused == ERROR_NONE)
-        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
-                          "line %lu of the VTK file is not valid XML (%s): save it again", line_of(v),
-                          XML_ErrorString(XML_GetErrorCode(v->parser)));
-    XML_ParserFree(v->parser);
-    v->parser = NULL;
-    return v->out->refused == ERROR_NONE;
 }
 
 /* ---- bytes of an array */
@@ -317,7 +242,7 @@ static size_t head_bytes(const vtp *v)
 
 static uint64_t head_at(const vtp *v, const unsigned char *at)
 {
-    const int64_t whole = vtk_whole(at, v->has_long_heads ? VTK_UINT64 : VTK_UINT32, v->is_swapped);
+    const int64_t whole = number_whole(at, v->has_long_heads ? NUMBER_UINT64 : NUMBER_UINT32, v->is_swapped);
     return (uint64_t)whole;
 }
 
@@ -329,9 +254,10 @@ typedef struct wanted {
 
 static bool damaged(vtp *v, const wanted *w, const char *why)
 {
-    return refuse(v, ERROR_INPUT_DAMAGED,
-                  "the array %s of piece %zu of the VTK file %s: it is damaged or truncated. Save it again.",
-                  w->name, w->piece, why);
+    return plain_mesh_refuse(
+        v->out, ERROR_INPUT_DAMAGED,
+        "the array %s of piece %zu of the VTK file %s: it is damaged or truncated. Save it again.", w->name,
+        w->piece, why);
 }
 
 static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
@@ -349,7 +275,7 @@ static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
     if (!s.is_base64) return read_bytes(&peek, to, w->bytes) || damaged(v, w, "ends early");
     /* one block of base64 with the length, whose bytes are in the same groups */
     unsigned char *both = malloc(size + w->bytes);
-    if (!both) return refuse_memory(v);
+    if (!both) return plain_mesh_refuse_memory(v->out);
     const bool ok = read_bytes(&s, both, size + w->bytes) || damaged(v, w, "ends early, or is not base64");
     if (ok) memcpy(to, both + size, w->bytes);
     free(both);
@@ -376,7 +302,7 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
     }
     const size_t heads = (3 + (size_t)blocks) * size;
     unsigned char *head = malloc(heads), *packed = NULL;
-    if (!head) return refuse_memory(v);
+    if (!head) return plain_mesh_refuse_memory(v->out);
     bool ok = read_bytes(&s, head, heads) || damaged(v, w, "ends within its lengths");
     uint64_t total = 0, most = 0;
     for (uint64_t k = 0; ok && k < blocks; k++) {
@@ -387,7 +313,8 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
     }
     if (ok && total > left) ok = damaged(v, w, "has blocks that are longer than the file");
     /* blocks of base64 follow one another in the same groups */
-    if (ok && s.is_base64 && (!(packed = malloc(total > 0 ? (size_t)total : 1)))) ok = refuse_memory(v);
+    if (ok && s.is_base64 && (!(packed = malloc(total > 0 ? (size_t)total : 1))))
+        ok = plain_mesh_refuse_memory(v->out);
     if (ok && s.is_base64 && !read_bytes(&s, packed, (size_t)total))
         ok = damaged(v, w, "ends early, or is not base64");
     if (ok && !s.is_base64 && total > (uint64_t)(s.end - s.at)) ok = damaged(v, w, "ends early");
@@ -439,12 +366,12 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
 /* `count` numbers of an array, to be freed. *type is what they are then, *swapped whether in the other byte order. NULL: the file is
  * refused. */
 static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, const char *name, size_t count,
-                                 vtk_type *type, bool *swapped)
+                                 number_type *type, bool *swapped)
 {
-    const bool is_whole = vtk_type_is_whole(a->type);
-    *type = a->place != PLACE_TEXT ? a->type : is_whole ? VTK_INT64 : VTK_DOUBLE;
+    const bool is_whole = number_is_whole(a->type);
+    *type = a->place != PLACE_TEXT ? a->type : is_whole ? NUMBER_INT64 : NUMBER_DOUBLE;
     *swapped = a->place != PLACE_TEXT && v->is_swapped;
-    const size_t each = vtk_type_bytes(*type);
+    const size_t each = number_bytes(*type);
     stream s = {v->data + a->begin, v->data + a->end, true};
     wanted w = {name, piece_index, 0};
     if (a->place == PLACE_NONE || (a->place == PLACE_APPENDED && !v->has_appended)) {
@@ -473,7 +400,7 @@ static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, con
     w.bytes = count * each;
     unsigned char *bytes = malloc(w.bytes > 0 ? w.bytes : 1);
     if (!bytes) {
-        refuse_memory(v);
+        plain_mesh_refuse_memory(v->out);
         return NULL;
     }
     bool ok = a->place == PLACE_TEXT ? read_text(v, a, &w, count, is_whole, bytes)
@@ -490,19 +417,20 @@ static bool add_points(vtp *v, size_t index)
 {
     const piece *p = &v->pieces[index];
     const size_t count = p->count[POINTS];
-    vtk_type type = VTK_DOUBLE;
+    number_type type = NUMBER_DOUBLE;
     bool swapped = false;
     if (count == 0) return true;
     if (count > UINT32_MAX)
-        return refuse(v, ERROR_INPUT_UNSUPPORTED, "the VTK file has %zu points: cut it into parts", count);
+        return plain_mesh_refuse(v->out, ERROR_INPUT_UNSUPPORTED,
+                                 "the VTK file has %zu points: cut it into parts", count);
     unsigned char *bytes =
         read_array(v, &p->connectivity[POINTS], index, "Points", 3 * count, &type, &swapped);
     if (!bytes) return false;
-    const size_t each = vtk_type_bytes(type);
+    const size_t each = number_bytes(type);
     bool ok = plain_mesh_expect(v->out, v->out->vertices + count, 0);
     for (size_t n = 0; ok && n < count; n++) {
         double at[3];
-        for (size_t k = 0; k < 3; k++) at[k] = vtk_number(bytes + (3 * n + k) * each, type, swapped);
+        for (size_t k = 0; k < 3; k++) at[k] = number_value(bytes + (3 * n + k) * each, type, swapped);
         ok = plain_mesh_add_vertex(v->out, at);
     }
     free(bytes);
@@ -513,18 +441,19 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
 {
     const piece *p = &v->pieces[index];
     const size_t cells = p->count[kind];
-    vtk_type type = VTK_INT64, corner_type = VTK_INT64;
+    number_type type = NUMBER_INT64, corner_type = NUMBER_INT64;
     bool swapped = false, corner_swapped = false, ok = true;
     char name[64];
     int64_t *vertex = NULL;
     size_t room = 0;
     if (cells == 0) return true;
-    if (cells > SIZE_MAX / 16) return refuse(v, ERROR_INPUT_DAMAGED, "the VTK file has too many cells");
+    if (cells > SIZE_MAX / 16)
+        return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED, "the VTK file has too many cells");
     snprintf(name, sizeof name, "offsets of %s", vtk_cells_name(kind));
     unsigned char *offsets = read_array(v, &p->offsets[kind], index, name, cells, &type, &swapped),
                   *corners = NULL;
     const int64_t total =
-        offsets ? vtk_whole(offsets + (cells - 1) * vtk_type_bytes(type), type, swapped) : 0;
+        offsets ? number_whole(offsets + (cells - 1) * number_bytes(type), type, swapped) : 0;
     snprintf(name, sizeof name, "connectivity of %s", vtk_cells_name(kind));
     if (offsets && (total < 0 || total > INT64_MAX / 16))
         ok = damaged(v, &(wanted){name, index, 0}, "has an invalid length");
@@ -533,7 +462,7 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
                                &corner_swapped));
     int64_t begin = 0;
     for (size_t n = 0; ok && n < cells; n++) {
-        const int64_t end = vtk_whole(offsets + n * vtk_type_bytes(type), type, swapped);
+        const int64_t end = number_whole(offsets + n * number_bytes(type), type, swapped);
         if (end < begin || end > total) {
             ok = damaged(v, &(wanted){name, index, 0}, "has offsets that do not grow");
             break;
@@ -542,15 +471,15 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
         if (count > room) {
             int64_t *grown = realloc(vertex, count * sizeof *grown);
             if (!grown) {
-                ok = refuse_memory(v);
+                ok = plain_mesh_refuse_memory(v->out);
                 break;
             }
             vertex = grown;
             room = count;
         }
         for (size_t k = 0; k < count; k++)
-            vertex[k] = vtk_whole(corners + ((size_t)begin + k) * vtk_type_bytes(corner_type), corner_type,
-                                  corner_swapped);
+            vertex[k] = number_whole(corners + ((size_t)begin + k) * number_bytes(corner_type), corner_type,
+                                     corner_swapped);
         ok = vtk_add_cell(v->out, kind, (int64_t)n, vertex, count, first);
         begin = end;
     }
@@ -575,7 +504,8 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out)
 {
     vtp v = {.data = data, .size = size, .out = out, .section = -1};
     if (strncmp(data, "# vtk DataFile", 14) == 0) return plain_mesh_read_vtk(data, size, out);
-    const bool ok = parse(&v) && build(&v);
+    v.document = (xml){.data = data, .size = size, .context = &v, .begin = begin_element, .end = end_element};
+    const bool ok = plain_mesh_read_xml(out, &v.document, "the VTK file") && build(&v);
     free(v.pieces);
     return ok;
 }

@@ -1,6 +1,5 @@
 #include "io/meshes/ply_header.h"
 
-#include <endian.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,12 +8,12 @@
 enum { LINE_MOST = 256 };
 
 static const ply_type types[] = {
-    {"char", 1, PLY_SIGNED},    {"uchar", 1, PLY_UNSIGNED},  {"int8", 1, PLY_SIGNED},
-    {"uint8", 1, PLY_UNSIGNED}, {"short", 2, PLY_SIGNED},    {"ushort", 2, PLY_UNSIGNED},
-    {"int16", 2, PLY_SIGNED},   {"uint16", 2, PLY_UNSIGNED}, {"int", 4, PLY_SIGNED},
-    {"uint", 4, PLY_UNSIGNED},  {"int32", 4, PLY_SIGNED},    {"uint32", 4, PLY_UNSIGNED},
-    {"float", 4, PLY_REAL},     {"float32", 4, PLY_REAL},    {"double", 8, PLY_REAL},
-    {"float64", 8, PLY_REAL},   {"double64", 8, PLY_REAL}};
+    {"char", NUMBER_INT8},      {"uchar", NUMBER_UINT8},    {"int8", NUMBER_INT8},
+    {"uint8", NUMBER_UINT8},    {"short", NUMBER_INT16},    {"ushort", NUMBER_UINT16},
+    {"int16", NUMBER_INT16},    {"uint16", NUMBER_UINT16},  {"int", NUMBER_INT32},
+    {"uint", NUMBER_UINT32},    {"int32", NUMBER_INT32},    {"uint32", NUMBER_UINT32},
+    {"float", NUMBER_FLOAT},    {"float32", NUMBER_FLOAT},  {"double", NUMBER_DOUBLE},
+    {"float64", NUMBER_DOUBLE}, {"double64", NUMBER_DOUBLE}};
 
 static const ply_type *find_type(const char *name)
 {
@@ -55,8 +54,8 @@ static bool take_property(ply_header *h, char word[5][PLY_NAME_SIZE])
     memcpy(new->name, word[list ? 4 : 2], sizeof new->name);
     of->properties++;
     of->has_list |= list;
-    if (!list && new->type) of->row += (size_t) new->type->size;
-    return new->type &&*new->name && (!list || (new->length &&new->length->kind != PLY_REAL));
+    if (!list && new->type) of->row += number_bytes(new->type->number);
+    return new->type &&*new->name && (!list || (new->length &&number_is_whole(new->length->number)));
 }
 
 /* Takes a line; false: it is not known. */
@@ -98,26 +97,5 @@ bool ply_header_read(const char *data, size_t size, ply_header *out)
 
 double ply_number(const char *at, const ply_type *type, ply_layout layout)
 {
-    uint64_t bits = 0;
-    if (type->size == 4) { /* as most are */
-        uint32_t four;
-        memcpy(&four, at, sizeof four);
-        bits = layout == PLY_BIG ? be32toh(four) : le32toh(four);
-    } else {
-        for (int k = 0; k < type->size; k++)
-            bits = bits << 8 | (unsigned char)at[layout == PLY_BIG ? k : type->size - 1 - k];
-    }
-    if (type->kind == PLY_REAL && type->size == 8) {
-        double value;
-        memcpy(&value, &bits, sizeof value);
-        return value;
-    }
-    if (type->kind == PLY_REAL) {
-        const uint32_t half = (uint32_t)bits;
-        float value;
-        memcpy(&value, &half, sizeof value);
-        return (double)value;
-    }
-    const uint64_t sign = (uint64_t)1 << (8 * type->size - 1);
-    return type->kind == PLY_SIGNED && bits & sign ? -(double)(2 * sign - bits) : (double)bits;
+    return number_value(at, type->number, layout == PLY_BIG ? NUMBER_BIG_SWAPPED : NUMBER_LITTLE_SWAPPED);
 }

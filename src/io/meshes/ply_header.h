@@ -6,12 +6,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/core/number.h"
+
 typedef enum ply_layout { PLY_TEXT, PLY_LITTLE, PLY_BIG } ply_layout;
 
 typedef struct ply_type {
     const char *name;
-    int size; /* bytes */
-    enum { PLY_SIGNED, PLY_UNSIGNED, PLY_REAL } kind;
+    number_type number;
 } ply_type;
 
 enum { PLY_ELEMENTS_MOST = 16, PLY_PROPERTIES_MOST = 256, PLY_NAME_SIZE = 64 };

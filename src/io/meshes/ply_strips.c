@@ -16,7 +16,7 @@ static const ply_element *find_strips(const ply_header *h)
     if (h->elements == 0) return NULL;
     const ply_element *last = &h->element[h->elements - 1];
     if (strcmp(last->name, "tristrips") != 0 || last->properties != 1 || !last->has_list ||
-        last->property->type->size != 4)
+        number_bytes(last->property->type->number) != 4)
         return NULL;
     for (const ply_element *before = h->element; before < last; before++)
         if (before->has_list || strcmp(before->name, "tristrips") == 0) return NULL;
@@ -68,7 +68,7 @@ static size_t expand(const ply_element *strips, cursor c, char *to)
     size_t count = 0;
     for (uint64_t strip = 0; strip < strips->count; strip++) {
         int64_t length, v[3] = {0, 0, 0};
-        if (!read_number(&c, strips->property->length->size, &length)) return SIZE_MAX;
+        if (!read_number(&c, (int)number_bytes(strips->property->length->number), &length)) return SIZE_MAX;
         for (int64_t k = 0, held = 0; k < length; k++) {
             int64_t next;
             if (!read_number(&c, 4, &next) || next < -1 || next > INT32_MAX) return SIZE_MAX;

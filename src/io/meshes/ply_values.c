@@ -45,7 +45,7 @@ static bool read_rows(const char *data, size_t size, const ply_header *h, const 
             } else {
                 const ply_type *type = vertex->property[c].type;
                 value = ply_number(at, type, h->layout);
-                at += type->size;
+                at += number_bytes(type->number);
             }
             if (slot[c] >= 0) out->value[slot[c]][row] = (float)value;
         }

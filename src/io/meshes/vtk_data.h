@@ -8,31 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/core/number.h"
 #include "io/meshes/plain_mesh.h"
-
-typedef enum vtk_type {
-    VTK_INT8,
-    VTK_UINT8,
-    VTK_INT16,
-    VTK_UINT16,
-    VTK_INT32,
-    VTK_UINT32,
-    VTK_INT64,
-    VTK_UINT64,
-    VTK_FLOAT,
-    VTK_DOUBLE,
-    VTK_TYPES
-} vtk_type;
-
-/* Bytes of a number. */
-size_t vtk_type_bytes(vtk_type type);
-
-/* Whether a type holds whole numbers. */
-bool vtk_type_is_whole(vtk_type type);
-
-/* The number at any address; in the other byte order if `swapped`. */
-double vtk_number(const void *at, vtk_type type, bool swapped);
-int64_t vtk_whole(const void *at, vtk_type type, bool swapped); /* of whole types */
 
 /* Kinds of cells. The vertex lists of the cells of a kind are stored one after the other. */
 typedef enum vtk_cells_kind { VTK_VERTS, VTK_LINES, VTK_STRIPS, VTK_POLYS, VTK_CELLS_KINDS } vtk_cells_kind;

@@ -14,7 +14,4 @@
  * limit_memory. */
 bool picture_png_write(FILE *file, const canvas *picture, error *e);
 
-/* Reads a seekable file from its start and compares it with the picture. Error: internal (they differ). */
-bool picture_png_verify(FILE *file, const canvas *picture, error *e);
-
 #endif

@@ -36,11 +36,8 @@ typedef struct preview_exr_options {
     bool all_channels;
 } preview_exr_options;
 
-/* Writes to an empty file from its start, through its descriptor (the position of the stream does not change). The
- * caller creates, syncs and renames the file. Errors: internal, limit_memory. */
+/* Writes to an empty file from its start, and flushes it. The caller creates, syncs and renames the file. Errors:
+ * storage_full, storage_failed, internal, limit_memory. */
 bool preview_exr_write(FILE *file, const image *picture, const preview_exr_options *options, error *e);
-
-/* Reads the file through its descriptor and compares it with the image. Error: internal (they differ). */
-bool preview_exr_verify(FILE *file, const image *picture, const preview_exr_options *options, error *e);
 
 #endif

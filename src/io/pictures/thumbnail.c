@@ -76,7 +76,7 @@ int thumbnail_main(int argc, char **argv)
     png_infop info = png ? png_create_info_struct(png) : NULL;
     if (!row || !made || !s || !info || setjmp(png_jmpbuf(png)) != 0) _exit(2);
     read_rows(png, info, row, made, s);
-    bool written = reader_write(made, sizeof *made);
+    bool written = reader_answer(made, sizeof *made, NULL, 0);
     _exit(written ? 0 : 1); /* skips freeing the library's memory */
 }
 
@@ -141,6 +141,7 @@ bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patie
                                   fd,      READER_BYTES,      READER_SECONDS};
     reader r;
     struct {
+        reader_head head;
         thumbnail made;
         char more; /* detects a process that writes too much */
     } from;
@@ -150,13 +151,16 @@ bool thumbnail_read(const char *program, int fd, const thumbnail_patience *patie
     if (!time_left(patience)) return fail_late(e);
     if (!reader_start(&params, &r, e)) return false;
     if (!receive(&r, &from, sizeof from, &received, patience)) {
+        r.begun = true; /* the process is killed */
         fail_late(e);
-        return reader_end(&r, true, false, e);
+        return reader_end(&r, false, e);
     }
-    bool ok = received == sizeof from.made && is_thumbnail(&from.made);
+    const bool ok = received == sizeof from.head + sizeof from.made && from.head.magic == READER_MAGIC &&
+                    from.head.code == ERROR_NONE && from.head.size == sizeof from.made &&
+                    is_thumbnail(&from.made);
     if (ok)
         *out = from.made;
     else
         error_set(e, ERROR_INPUT_DAMAGED, WORKER_PREVIEW_NAME " is not a picture written by hexad");
-    return reader_end(&r, ok, ok, e);
+    return reader_end(&r, ok, e);
 }

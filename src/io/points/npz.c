@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <minizip/unzip.h>
 #include <minizip/zip.h>
 
 #include "base/core/memory.h"
@@ -21,12 +20,6 @@ static voidpf open_file(voidpf opaque, const void *name, int mode)
 {
     (void)name, (void)mode;
     return opaque;
-}
-
-static uLong read_file(voidpf opaque, voidpf stream, void *to, uLong size)
-{
-    (void)opaque;
-    return fread(to, 1, size, stream);
 }
 
 static uLong write_file(voidpf opaque, voidpf stream, const void *from, uLong size)
@@ -64,7 +57,7 @@ static int file_error(voidpf opaque, voidpf stream)
 
 static zlib_filefunc64_def functions_of(FILE *file)
 {
-    return (zlib_filefunc64_def){open_file, read_file,  write_file, tell_file,
+    return (zlib_filefunc64_def){open_file, NULL,       write_file, tell_file,
                                  seek_file, close_file, file_error, file};
 }
 
@@ -124,12 +117,6 @@ static bool write_block(void *archive, const void *bytes, size_t size)
     return zipWriteInFileInZip(archive, bytes, (unsigned)size) == ZIP_OK;
 }
 
-static bool compare_block(void *archive, const void *bytes, size_t size)
-{
-    char read[BLOCK * sizeof(uint64_t)];
-    return unzReadCurrentFile(archive, read, (unsigned)size) == (int)size && memcmp(read, bytes, size) == 0;
-}
-
 static bool write_array(zipFile archive, const property *p, size_t rows)
 {
     static const zip_fileinfo no_date = {.tmz_date = {.tm_mday = 1, .tm_year = 1980}};
@@ -141,18 +128,6 @@ static bool write_array(zipFile archive, const property *p, size_t rows)
                                  bytes >= UINT32_MAX) == ZIP_OK &&
            write_block(archive, header, HEADER) && for_each_block(p, rows, archive, write_block) &&
            zipCloseFileInZip(archive) == ZIP_OK;
-}
-
-static bool verify_array(unzFile archive, const property *p, size_t rows, error *e)
-{
-    char name[80], header[HEADER];
-    snprintf(name, sizeof name, "%s.npy", p->name);
-    describe(p, rows, header);
-    bool good = unzLocateFile(archive, name, 1) == UNZ_OK && unzOpenCurrentFile(archive) == UNZ_OK &&
-                compare_block(archive, header, HEADER) && for_each_block(p, rows, archive, compare_block) &&
-                unzReadCurrentFile(archive, header, 1) == 0 && unzCloseCurrentFile(archive) == UNZ_OK;
-    return good || error_set(e, ERROR_INPUT_DAMAGED,
-                             "NPZ file: the array \"%s\" differs from the written data", p->name);
 }
 
 bool npz_write(FILE *file, const points *set, const scene *place, error *e)
@@ -168,22 +143,4 @@ bool npz_write(FILE *file, const points *set, const scene *place, error *e)
     good = good && fflush(file) == 0;
     free(list);
     return good || error_set(e, error_code_of_errno(errno), "cannot write the NPZ file: %s", strerror(errno));
-}
-
-bool npz_verify(FILE *file, const points *set, const scene *place, error *e)
-{
-    zlib_filefunc64_def functions = functions_of(file);
-    property *list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof *list);
-    size_t count = property_list(set, list);
-    unz_global_info64 info;
-    (void)place;
-    rewind(file);
-    unzFile archive = unzOpen2_64("points.npz", &functions);
-    bool good = archive && unzGetGlobalInfo64(archive, &info) == UNZ_OK && info.number_entry == count;
-    if (!good)
-        error_set(e, ERROR_INPUT_DAMAGED, "NPZ file: the number of arrays differs from the written one");
-    for (size_t k = 0; good && k < count; k++) good = verify_array(archive, &list[k], set->count, e);
-    if (archive) unzClose(archive);
-    free(list);
-    return good;
 }

@@ -1,5 +1,5 @@
 /* npz: NumPy archives with one array per property: position (count, 3), kappa (count,), ... Reals are float64, whole
- * numbers int64. The only user of minizip. Contracts: format.h.
+ * numbers int64. The only user of minizip. Contracts: writers.h.
  */
 #ifndef HEXAD_IO_POINTS_NPZ_H
 #define HEXAD_IO_POINTS_NPZ_H
@@ -12,6 +12,5 @@
 #include "io/points/scene.h"
 
 bool npz_write(FILE *file, const points *set, const scene *place, error *e);
-bool npz_verify(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

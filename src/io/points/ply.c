@@ -249,7 +249,7 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
 enum { BATCH_BLOCKS = 8 };
 
 typedef struct block {
-    char *text, *read; /* bytes to write, and for verification the bytes of the file */
+    char *text; /* bytes to write */
     size_t bytes;
     bool good;
     error e; /* for the first point that cannot be written */
@@ -355,26 +355,19 @@ static size_t blocks_of(const batch *job)
 
 static void free_blocks(batch *job)
 {
-    for (int k = 0; k < BATCH_BLOCKS; k++) {
-        free(job->block[k].text);
-        free(job->block[k].read);
-    }
+    for (int k = 0; k < BATCH_BLOCKS; k++) free(job->block[k].text);
 }
 
-/* Allocates the blocks for the first batch, which is the largest; for verification also buffers for the bytes of the
- * file. */
-static bool reserve_blocks(batch *job, bool is_verified, error *e)
+/* Allocates the blocks for the first batch, which is the largest. */
+static bool reserve_blocks(batch *job, error *e)
 {
     const char *what = "the PLY file's buffer";
     const size_t rows = job->set->count < BLOCK_POINTS ? job->set->count : BLOCK_POINTS,
                  bytes = job->format == PLY_ASCII ? job->what->count * NUMBER_TEXT_MAX
                                                   : row_bytes(job->what, job->precision);
     bool ok = true;
-    for (size_t k = 0; ok && k < blocks_of(job); k++) {
-        block *b = &job->block[k];
-        ok = (b->text = mem_array(rows, bytes, what, e)) &&
-             (!is_verified || (b->read = mem_array(rows, bytes, what, e)));
-    }
+    for (size_t k = 0; ok && k < blocks_of(job); k++)
+        ok = (job->block[k].text = mem_array(rows, bytes, what, e)) != NULL;
     return ok;
 }
 
@@ -382,7 +375,7 @@ bool ply_write(FILE *file, const points *set, const columns *what, ply_format fo
                const char *comments, threads *pool, error *e)
 {
     batch job = {set, what, format, precision, 0, {{0}}};
-    bool ok = write_header(file, set, what, format, precision, comments, e) && reserve_blocks(&job, false, e);
+    bool ok = write_header(file, set, what, format, precision, comments, e) && reserve_blocks(&job, e);
     for (; ok && job.first < set->count; job.first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
         const size_t blocks = blocks_of(&job);
         threads_run(pool, blocks, 1, fill_blocks, &job);
@@ -680,123 +673,10 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     return false;
 }
 
-static double as_written(double value, column_type type, ply_precision precision)
-{
-    return type == COLUMN_REAL && precision == PLY_FLOAT ? precision_as_float(value) : value;
-}
-
-/* Types of doubles are the same type in a file. */
-static bool same_columns(const columns *a, const columns *b, ply_precision precision)
-{
-    if (a->count != b->count) return false;
-    for (size_t c = 0; c < a->count; c++)
-        if (strcmp(type_name(a->list[c].type, precision), type_name(b->list[c].type, precision)) != 0 ||
-            strcmp(a->list[c].name, b->list[c].name) != 0)
-            return false;
-    return true;
-}
-
-static bool is_as_meant(const columns *what, ply_precision precision, size_t i, const double *row, error *e)
-{
-    for (size_t c = 0; c < what->count; c++) {
-        const column *meant = &what->list[c];
-        if (row[c] != as_written(column_value(meant, i), meant->type, precision))
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "PLY file: the %s of point %zu differs from the written data", meant->name, i);
-    }
-    return true;
-}
-
-static bool verify_text(FILE *file, const ply_file *f, const columns *what, const points *set, threads *pool,
-                        error *e)
-{
-    double row[COLUMNS_MAX];
-    for (size_t i = 0; i < set->count; i++) {
-        if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-        if (!read_row(file, f, i, row, e) || !is_as_meant(what, f->precision, i, row, e)) return false;
-    }
-    return true;
-}
-
-/* Packs a block again and compares it with the file. */
-static void verify_blocks(void *context, int worker, size_t begin, size_t end)
-{
-    batch *job = context;
-    fill_blocks(context, worker, begin, end);
-    for (size_t k = begin; k < end; k++) {
-        block *b = &job->block[k];
-        b->good = b->good && memcmp(b->text, b->read, b->bytes) == 0;
-    }
-}
-
-/* Sets the error for a block that differs. */
-static bool explain_block(const batch *job, size_t k, error *e)
-{
-    size_t from, to = points_of_block(job, k, &from);
-    const size_t bytes = row_bytes(job->what, job->precision);
-    for (size_t i = from; i < to; i++) {
-        double row[COLUMNS_MAX];
-        unpack_row(job->block[k].read + (i - from) * bytes, job->what, job->precision, row);
-        if (!check_finite(row, job->what, i, e) || !is_as_meant(job->what, job->precision, i, row, e))
-            return false;
-    }
-    return damaged(e, "its bytes differ from the written ones");
-}
-
-static bool verify_binary(FILE *file, batch *job, threads *pool, error *e)
-{
-    const size_t bytes = row_bytes(job->what, job->precision);
-    bool ok = reserve_blocks(job, true, e);
-    for (; ok && job->first < job->set->count; job->first += (size_t)BATCH_BLOCKS * BLOCK_POINTS) {
-        const size_t blocks = blocks_of(job);
-        for (size_t k = 0; ok && k < blocks; k++) {
-            size_t from, to = points_of_block(job, k, &from);
-            ok = fread(job->block[k].read, bytes, to - from, file) == to - from ||
-                 damaged(e, "it is truncated");
-        }
-        if (ok) threads_run(pool, blocks, 1, verify_blocks, job);
-        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
-        for (size_t k = 0; ok && k < blocks; k++) ok = job->block[k].good || explain_block(job, k, e);
-    }
-    free_blocks(job);
-    return ok;
-}
-
-bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
-                ply_precision precision, threads *pool, error *e)
-{
-    ply_file f = {0};
-    if (!read_start(file, &f, e)) return false;
-    if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
-        f.has_labels != (set->triangle_count > 0 && set->triangle_labels) || f.format != format ||
-        f.precision != precision || !same_columns(&f.columns, what, precision))
-        return damaged(e, "its count or type differs from the written one");
-    batch job = {set, what, format, precision, 0, {{0}}};
-    if (!(format == PLY_ASCII ? verify_text(file, &f, what, set, pool, e)
-                              : verify_binary(file, &job, pool, e)))
-        return false;
-    for (size_t k = 0; k < set->triangle_count; k++) {
-        const face meant = face_of(set, k);
-        face read;
-        if (!read_face(file, &f, k, &read, e)) return false;
-        if (memcmp(read.corner, meant.corner, sizeof read.corner) != 0 ||
-            memcmp(read.label, meant.label, sizeof read.label) != 0)
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu differs from the written data", k);
-    }
-    return read_end(file, e);
-}
-
 bool ply_write_job(FILE *file, void *job, error *e)
 {
     const ply_job *j = job;
     return ply_write(file, j->set, &j->what, j->format, j->precision, j->comments, j->pool, e);
-}
-
-bool ply_verify_job(FILE *file, void *job, error *e)
-{
-    const ply_job *j = job;
-    return ply_verify(file, j->set, &j->what, j->format, j->precision, j->pool, e) ||
-           error_prefix(e, "%s differs from the written data when it is read back: check the disk", j->name);
 }
 
 void ply_file_free(ply_file *file)

@@ -1,4 +1,4 @@
-/* ply: writes points.ply and mesh.ply, and reads them to verify them.
+/* ply: writes points.ply and mesh.ply, and reads them.
  *
  * The element `vertex` has a property per column; real numbers are all floats or all doubles. A set with triangles has
  * a second element, `face`, with the list `vertex_indices` of three. Faces between labels also have label_a and
@@ -26,11 +26,6 @@ typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
 bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
                const char *comments, threads *pool, error *e);
 
-/* Reads a file as ply_read does, point by point, and compares it with the set that was written. Memory does not depend
- * on the size of the set. Errors: those of ply_read, input_damaged (a value differs), cancelled. */
-bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
-                ply_precision precision, threads *pool, error *e);
-
 /* A point set that was read. */
 typedef struct ply_file {
     points points; /* arrays owned by this struct; NULL if the file lacks a column of the array */
@@ -50,9 +45,8 @@ typedef struct ply_file {
 bool ply_read(FILE *file, ply_file *out, error *e);
 void ply_file_free(ply_file *file); /* accepts NULL and a zeroed struct */
 
-/* The contents of a file; errors contain its name. */
+/* The contents of a file. */
 typedef struct ply_job {
-    const char *name;
     const points *set;
     columns what;
     ply_format format;
@@ -61,8 +55,7 @@ typedef struct ply_job {
     threads *pool;
 } ply_job;
 
-/* ply_write and ply_verify; `job` is a const ply_job. */
+/* ply_write; `job` is a const ply_job. */
 bool ply_write_job(FILE *file, void *job, error *e);
-bool ply_verify_job(FILE *file, void *job, error *e);
 
 #endif

@@ -1,7 +1,7 @@
 /* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor (linear
  * light), primvars:st and all other properties as primvars. With scene.instancer, points are a
  * UsdGeomPointInstancer. A set with triangles is a UsdGeomMesh. A frame of a sequence has time samples at the time
- * code of its number; the stage of a sequence refers to them by value clips. Contracts: format.h.
+ * code of its number; the stage of a sequence refers to them by value clips. Contracts: writers.h.
  */
 #ifndef HEXAD_IO_POINTS_USDA_H
 #define HEXAD_IO_POINTS_USDA_H
@@ -14,14 +14,11 @@
 #include "io/points/scene.h"
 
 bool usda_write(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify(FILE *file, const points *set, const scene *place, error *e);
 
 /* The stage of the sequence, with the properties of this frame. */
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify_sequence(FILE *file, const points *set, const scene *place, error *e);
 
 /* The same stage for the folder that contains those of all frames. */
 bool usda_write_stage(FILE *file, const points *set, const scene *place, error *e);
-bool usda_verify_stage(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

@@ -14,8 +14,7 @@ typedef struct vdb_exports {
                        error *e);
     bool (*write_grids)(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                         error *e);
-    bool (*write_points)(int fd, const vdb_points *points, error *e);
-    bool (*verify_points)(int fd, const vdb_points *points, error *e);
+    bool (*write_points)(FILE *file, const vdb_points *points, error *e);
 } vdb_exports;
 
 /* The one symbol of the module. */

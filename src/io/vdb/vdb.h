@@ -14,6 +14,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -163,16 +164,13 @@ typedef struct vdb_points {
     const vdb_point_values *values;
 } vdb_points;
 
-/* Writes a whole seekable file at the descriptor's offset: one grid "points" whose transform has its origin at the
+/* Writes a whole file and flushes the stream: one grid "points" whose transform has its origin at the
  * corner of the points' box. Its attributes are P (relative to the centre of its voxel, so exact to 2^-24 voxels), N
  * (vec3f), pscale (float, half the spacing), id (int64), if given the velocities v (vec3f) and the orientations
  * orient (quaternions of floats), and the other values. The same points give the same bytes: the identifier of the
  * format, which the library makes random, is derived from the contents. Errors: limit_memory; internal (writing
  * failed). */
-bool vdb_write_points(int fd, const vdb_points *points, error *e);
-
-/* Reads a file from its beginning and compares it with the points. Error: internal (they differ). */
-bool vdb_verify_points(int fd, const vdb_points *points, error *e);
+bool vdb_write_points(FILE *file, const vdb_points *points, error *e);
 
 #ifdef __cplusplus
 }

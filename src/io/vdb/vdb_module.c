@@ -33,14 +33,8 @@ bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout l
     return shim && shim->write_grids(fd, drafts, count, layout, compressed, e);
 }
 
-bool vdb_write_points(int fd, const vdb_points *points, error *e)
+bool vdb_write_points(FILE *file, const vdb_points *points, error *e)
 {
     const vdb_exports *shim = load(e);
-    return shim && shim->write_points(fd, points, e);
-}
-
-bool vdb_verify_points(int fd, const vdb_points *points, error *e)
-{
-    const vdb_exports *shim = load(e);
-    return shim && shim->verify_points(fd, points, e);
+    return shim && shim->write_points(file, points, e);
 }

@@ -13,6 +13,7 @@
 #include <openexr.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 #include "io/volumes/dwa_image.h"
@@ -142,27 +143,12 @@ static bool choose(image *m)
     return found == 1 || no_part(m, wanted, found, parts, with, channels);
 }
 
-/* Images that are not read, by their first bytes. */
-static const struct {
-    size_t length;
-    const char *bytes, *name;
-} others[] = {{4, "II*\0", "TIFF"},        {4, "MM\0*", "TIFF"}, {4, "\x89PNG", "PNG"},
-              {3, "\xff\xd8\xff", "JPEG"}, {4, "SDPX", "DPX"},   {4, "XPDS", "DPX"}};
-
+/* Refuses an image of another format. */
 static bool refuse_other(image *m)
 {
-    char first[4];
-    if (pread(m->fd, first, sizeof first, 0) != sizeof first) return false;
-    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
-        if (memcmp(first, others[k].bytes, others[k].length) == 0) {
-            error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                      strcmp(others[k].name, "TIFF") == 0
-                          ? "the file is a %s image: name the stack as /surface/volume/path with slices"
-                          : "the file is a %s image: `oiiotool IMAGE -o IMAGE.exr` converts it",
-                      others[k].name);
-            return true;
-        }
-    return false;
+    const char *other = file_formats[file_format_of_file(m->fd, "")].as_image;
+    if (other) error_set(&m->fault, ERROR_INPUT_UNSUPPORTED, "%s", other);
+    return other != NULL;
 }
 
 static bool open_file(image *m)
@@ -376,18 +362,16 @@ static bool answer(image *m, char what)
     char *list = NULL;
     bool ok = what == EXR_READER_LIST ? open_file(m) && (list = list_channels(m))
                                       : open_image(m) && (what == EXR_READER_WINDOW || read_pixels(m));
-    exr_reader_answer a = {.magic = EXR_READER_MAGIC, .code = (uint32_t)m->fault.code};
-    const char *text = list ? list : m->fault.message;
+    exr_reader_answer a = {0};
     if (ok && !list) {
         memcpy(a.low, &m->window.min, sizeof a.low);
         memcpy(a.high, &m->window.max, sizeof a.high);
         a.whole = m->whole;
         a.aspect = 1;
         exr_get_pixel_aspect_ratio(m->file, m->part_index, &a.aspect);
-    } else {
-        a.text_length = (uint32_t)strnlen(text, list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX);
     }
-    bool written = reader_write(&a, sizeof a) && reader_write(text, a.text_length);
+    bool written = ok ? reader_answer(&a, sizeof a, list, list ? strnlen(list, EXR_READER_LIST_MAX) : 0)
+                      : reader_refuse(m->fault.code, m->fault.message);
     if (written && ok && what == EXR_READER_PIXELS)
         written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof *m->values);
     free(list);

@@ -32,7 +32,6 @@ typedef struct exr_stack {
     uint32_t *pixels; /* of a slice's own window, as the reader sends them */
     size_t stretched; /* slices whose pixels are not as wide as high, otherwise than voxel_size says */
     float aspect;     /* of the first of them */
-    bool running;
     reader reader;
 } exr_stack;
 
@@ -46,56 +45,35 @@ static bool start(exr_stack *s, error *e)
                                   -1,
                                   s->params.memory_limit,
                                   seconds_at_least + seconds_per_slice * (unsigned)s->params.count};
-    return s->running || (s->running = reader_start(&params, &s->reader, e));
+    return s->reader.stream || reader_start(&params, &s->reader, e);
 }
 
-/* The answer's text goes to `list` (EXR_READER_LIST_MAX and one more), or is an error. */
-static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e)
+/* The pixels of a window that has not changed. */
+static bool read_pixels(exr_stack *s, const window *w, const exr_reader_answer *a, uint32_t *pixels, error *e)
 {
-    char fault[EXR_READER_TEXT_MAX + 1] = "", *text = list ? list : fault;
-    size_t most = list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX;
-    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > most ||
-        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    for (char *p = text; *p; p++)
-        if ((unsigned char)*p < ' ' && !(list && (*p == '\t' || *p == '\n'))) *p = ' ';
-    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+    const size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
+    for (int axis = 0; axis < 2; axis++)
+        if (a->low[axis] != w->low[axis] || a->high[axis] != w->high[axis])
+            return error_set(e, ERROR_INPUT_DAMAGED, "the file has changed while it was read: try again");
+    return reader_get(&s->reader, pixels, sizeof *pixels, count, e);
 }
 
-/* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
- */
-static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_t *pixels, char *list,
+/* One slice's answer. *list receives its channels, for EXR_READER_LIST. */
+static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_t *pixels, char **list,
                 error *e)
 {
     if (!start(s, e)) return false;
     int fd = s->params.files->open(s->params.files->context, s->params.paths[k], e);
     if (fd < 0) return false;
     off_t size;
-    bool ok = reader_check_file(fd, "image", &size, e), whole = true;
+    bool ok = reader_check_file(fd, "image", &size, e);
     if (ok) {
-        const window *w = &s->windows[k];
-        *a = (exr_reader_answer){0};
-        ok = reader_send(&s->reader, &what, 1, fd, e) && read_answer(s, a, list, e);
-        whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
-        if (ok && what == EXR_READER_PIXELS) {
-            size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
-            for (int axis = 0; axis < 2; axis++)
-                whole = whole && a->low[axis] == w->low[axis] && a->high[axis] == w->high[axis];
-            whole = whole && fread(pixels, sizeof *pixels, count, s->reader.stream) == count;
-        }
+        ok = reader_send(&s->reader, &what, 1, fd, e) &&
+             reader_get_answer(&s->reader, a, sizeof *a, list, list ? EXR_READER_LIST_MAX : 0, e) &&
+             (what != EXR_READER_PIXELS || read_pixels(s, &s->windows[k], a, pixels, e));
+        reader_settle(&s->reader, ok, e);
     }
     close(fd);
-    if (!whole) {
-        s->running = false;
-        if (ok)
-            error_set(e, ERROR_INPUT_DAMAGED,
-                      "the file ended while it was read: check the disk and copy it again");
-        ok = reader_end(&s->reader, false, false, e);
-    }
     return ok || error_prefix(e, "%s", s->params.paths[k]);
 }
 
@@ -184,10 +162,7 @@ static bool exr_next(slices *base, double *values, error *e)
 static void exr_close(slices *base)
 {
     exr_stack *s = (exr_stack *)base;
-    if (s->running) {
-        error ignored = {0};
-        reader_end(&s->reader, true, true, &ignored);
-    }
+    reader_close(&s->reader);
     free(s->names);
     free(s->windows);
     free(s->pixels);
@@ -243,11 +218,8 @@ char *exr_stack_list(const exr_stack_params *params, error *e)
 {
     exr_stack *s = make(params);
     exr_reader_answer a;
-    char *text = mem_alloc(EXR_READER_LIST_MAX + 1);
-    if (!ask(s, 0, EXR_READER_LIST, &a, NULL, text, e)) {
-        free(text);
-        text = NULL;
-    }
+    char *text = NULL;
+    if (ask(s, 0, EXR_READER_LIST, &a, NULL, &text, e)) reader_blank(text, "\t\n");
     exr_close(&s->base);
     return text;
 }

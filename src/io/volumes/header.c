@@ -17,19 +17,6 @@ static const int64_t largest_side = 1 << 20;
 /* And so is one with more samples; their bytes are far from the limits of 64 bits. */
 static const int64_t most_samples = (int64_t)1 << 50;
 
-static bool check_text(FILE *stream, const header *h, char **text, error *e)
-{
-    *text = mem_alloc((size_t)h->text_length + 1);
-    if (fread(*text, 1, h->text_length, stream) != h->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    (*text)[h->text_length] = '\0';
-    if (h->code == ERROR_NONE) return true;
-    for (char *p = *text; *p; p++)
-        if ((unsigned char)*p < ' ') *p = ' ';
-    return error_set(e, (error_code)h->code, "%s", *text);
-}
-
 static bool check_values(const header *h, error *e)
 {
     for (int k = 0; k < 3; k++) {
@@ -71,21 +58,9 @@ static bool check_values(const header *h, error *e)
     bool ended = h->warnings.count < DENSE_WARNINGS_MOST; /* a later one has room */
     for (uint32_t k = 0; ended && k < h->warnings.count; k++)
         ended = memchr(h->warnings.text[k], 0, sizeof h->warnings.text[k]) != NULL;
-    return (ended && h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
+    return (ended && h->type < NUMBER_TYPES && h->encoding < HEADER_ENCODING_COUNT && h->offset >= 0 &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
-           error_set(e, ERROR_INPUT_DAMAGED,
-                     "the file made its reader return an invalid answer: save it in another format");
-}
-
-static bool check_answer(FILE *stream, header *h, char **text, error *e)
-{
-    if (fread(h, sizeof *h, 1, stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    return check_text(stream, h, text, e) && check_values(h, e);
+           reader_invalid(e);
 }
 
 bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e)
@@ -99,8 +74,8 @@ bool header_read(int fd, const char *path, const char *program, header *out, cha
     off_t size;
     lseek(fd, 0, SEEK_SET); /* where the reader begins */
     if (!reader_check_file(fd, "volume", &size, e) || !reader_start(&params, &r, e)) return false;
-    bool ok = check_answer(r.stream, &h, &text, e);
-    ok = reader_end(&r, h.magic == HEADER_MAGIC, ok, e);
+    bool ok = reader_get_answer(&r, &h, sizeof h, &text, HEADER_TEXT_MAX, e) && check_values(&h, e);
+    ok = reader_end(&r, ok, e);
     if (!ok) {
         free(text);
         return false;

@@ -1,8 +1,8 @@
 /* header: reads the header of an NRRD or NIfTI file with Teem and libnifti. The only user of these libraries.
  *
  * They run in a separate process (reader.h) that receives only the open file. It opens no other file, even if the
- * header names one. It writes a struct header and then `text_length` bytes: a message if `code` is an error,
- * otherwise the names of the data files, one per line, as in the header. Numbers have the byte order of the machine.
+ * header names one. It answers a struct header. The text of the answer is the names of the data files, one per line,
+ * as in the header.
  */
 #ifndef HEXAD_IO_VOLUMES_HEADER_H
 #define HEXAD_IO_VOLUMES_HEADER_H
@@ -12,32 +12,15 @@
 #include <sys/types.h>
 
 #include "base/core/error.h"
+#include "base/core/number.h"
 #include "io/volumes/warnings.h"
 
 #define HEADER_COMMAND "read-header"
-#define HEADER_MAGIC 0x3172646864786568u /* "hexdhdr1" */
 #define HEADER_TEXT_MAX (4u << 20)
-
-typedef enum header_type {
-    HEADER_INT8,
-    HEADER_UINT8,
-    HEADER_INT16,
-    HEADER_UINT16,
-    HEADER_INT32,
-    HEADER_UINT32,
-    HEADER_INT64,
-    HEADER_UINT64,
-    HEADER_FLOAT,
-    HEADER_DOUBLE,
-    HEADER_TYPE_COUNT
-} header_type;
 
 typedef enum header_encoding { HEADER_RAW, HEADER_GZIP, HEADER_ASCII, HEADER_ENCODING_COUNT } header_encoding;
 
 typedef struct header {
-    uint64_t magic;
-    uint32_t code; /* an error_code; ERROR_NONE: the other members are set */
-    uint32_t text_length;
     uint32_t type, encoding;
     uint32_t swapped;    /* numbers are in the other byte order */
     uint32_t line_skip;  /* number of lines before the data, counted from `offset` */

@@ -14,6 +14,7 @@
 #include <nifti2_io.h>
 #include <teem/nrrd.h>
 
+#include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 #include "io/volumes/meta_image.h"
@@ -28,7 +29,9 @@ static const long most_files = 65536;
 /* What the process answers; one, as it reads one file. */
 typedef struct answer {
     header head;
-    char *text; /* with room for HEADER_TEXT_MAX */
+    error_code code;
+    char *text; /* with room for HEADER_TEXT_MAX: the message, or the names of data files */
+    size_t text_length;
 } answer;
 
 static bool refuse(answer *a, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
@@ -37,9 +40,9 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    a->head.code = (uint32_t)code;
+    a->code = code;
     vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
-    a->head.text_length = (uint32_t)strlen(a->text);
+    a->text_length = strlen(a->text);
     va_end(arguments);
     return false;
 }
@@ -48,13 +51,12 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 
 static bool add_name(answer *a, const char *name, size_t length)
 {
-    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
-        a->head.file_count == most_files)
+    if (length == 0 || a->text_length + length + 1 >= HEADER_TEXT_MAX || a->head.file_count == most_files)
         return refuse(a, ERROR_INPUT_UNSUPPORTED, "lists more than %ld data files, or one without a name",
                       most_files);
-    memcpy(a->text + a->head.text_length, name, length);
-    a->head.text_length += (uint32_t)length;
-    a->text[a->head.text_length++] = '\n';
+    memcpy(a->text + a->text_length, name, length);
+    a->text_length += length;
+    a->text[a->text_length++] = '\n';
     a->head.file_count++;
     return true;
 }
@@ -151,12 +153,12 @@ static bool type_of_nrrd(answer *a, int type)
 {
     static const struct {
         int nrrd;
-        header_type type;
-    } types[] = {{nrrdTypeChar, HEADER_INT8},   {nrrdTypeUChar, HEADER_UINT8},
-                 {nrrdTypeShort, HEADER_INT16}, {nrrdTypeUShort, HEADER_UINT16},
-                 {nrrdTypeInt, HEADER_INT32},   {nrrdTypeUInt, HEADER_UINT32},
-                 {nrrdTypeLLong, HEADER_INT64}, {nrrdTypeULLong, HEADER_UINT64},
-                 {nrrdTypeFloat, HEADER_FLOAT}, {nrrdTypeDouble, HEADER_DOUBLE}};
+        number_type type;
+    } types[] = {{nrrdTypeChar, NUMBER_INT8},   {nrrdTypeUChar, NUMBER_UINT8},
+                 {nrrdTypeShort, NUMBER_INT16}, {nrrdTypeUShort, NUMBER_UINT16},
+                 {nrrdTypeInt, NUMBER_INT32},   {nrrdTypeUInt, NUMBER_UINT32},
+                 {nrrdTypeLLong, NUMBER_INT64}, {nrrdTypeULLong, NUMBER_UINT64},
+                 {nrrdTypeFloat, NUMBER_FLOAT}, {nrrdTypeDouble, NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
         if (types[k].nrrd == type) {
             a->head.type = types[k].type;
@@ -358,11 +360,11 @@ static bool type_of_nifti(answer *a, int type)
 {
     static const struct {
         int nifti;
-        header_type type;
-    } types[] = {{DT_INT8, HEADER_INT8},     {DT_UINT8, HEADER_UINT8},   {DT_INT16, HEADER_INT16},
-                 {DT_UINT16, HEADER_UINT16}, {DT_INT32, HEADER_INT32},   {DT_UINT32, HEADER_UINT32},
-                 {DT_INT64, HEADER_INT64},   {DT_UINT64, HEADER_UINT64}, {DT_FLOAT32, HEADER_FLOAT},
-                 {DT_FLOAT64, HEADER_DOUBLE}};
+        number_type type;
+    } types[] = {{DT_INT8, NUMBER_INT8},     {DT_UINT8, NUMBER_UINT8},   {DT_INT16, NUMBER_INT16},
+                 {DT_UINT16, NUMBER_UINT16}, {DT_INT32, NUMBER_INT32},   {DT_UINT32, NUMBER_UINT32},
+                 {DT_INT64, NUMBER_INT64},   {DT_UINT64, NUMBER_UINT64}, {DT_FLOAT32, NUMBER_FLOAT},
+                 {DT_FLOAT64, NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
         if (types[k].nifti == type) {
             a->head.type = types[k].type;
@@ -603,43 +605,11 @@ static size_t read_head(char *to, size_t size)
     return count > 0 ? (size_t)count : 0;
 }
 
-/* Files that are not read, by the bytes that they begin with, and a program that converts each. */
-static const struct {
-    size_t at, length;
-    const char *bytes, *what;
-} others[] = {
-    {0, 14, "# vtk DataFile",
-     "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
-    {0, 4, "v/1\001", "an EXR image (use surface.exr)"},
-    {0, 4, " BDV", "an OpenVDB file (use surface.vdb)"},
-    {0, 6, "11111\n", "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
-    {0, 4, "VOL\003",
-     "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)"},
-    {128, 4, "DICM", "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
-    {0, 8, "\x89HDF\r\n\x1a\n",
-     "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw numbers, which need an NRRD header)"},
-    {0, 4, "\0\0\0\1", "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
-    {0, 3, "CDF", "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
-    {0, 4, "PK\3\4", "a ZIP archive (unpack it; name the directory of an OME-Zarr image as the path)"},
-    {208, 4, "MAP ",
-     "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte skip: 1024`)"},
-};
-
-/* What the file may be instead; `head` has the bytes of a header and a zero behind them at least. */
-static const char *guess(const char *head)
+/* What the file may be instead. */
+static const char *guess(const char *head, size_t length)
 {
-    int32_t size;
-    memcpy(&size, head, sizeof size);
-    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
-        if (memcmp(head + others[k].at, others[k].bytes, others[k].length) == 0) return others[k].what;
-    if (strstr(head, "<VTKFile"))
-        return "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a mesh as /surface/mesh/path)";
-    if (strstr(head, "<GIFTI")) return "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)";
-    if (strstr(head, "zarr_format")) return "a part of a Zarr volume (name its directory as the path)";
-    if (size == sizeof(nifti_1_header) || size == 0x5c010000)
-        return "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)";
-    return "not a volume in a known format (raw numbers need an NRRD header: `unu make -h -t "
-           "TYPE -s X Y Z -i FILE`)";
+    const char *found = file_formats[file_format_of_bytes(head, length)].as_volume;
+    return found ? found : file_formats[FILE_FORMAT_RAW].as_volume;
 }
 
 /* `head` is the file's first `length` bytes, with zeros behind them. */
@@ -664,7 +634,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
             return read_nifti(a, head, length, name, packed);
     }
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: give an NRRD, NIfTI or MetaImage file",
-                  packed ? "compressed by gzip and contains " : "", guess(head));
+                  packed ? "compressed by gzip and contains " : "", guess(head, length));
 }
 
 static bool read_file(answer *a, const char *name)
@@ -679,10 +649,10 @@ static bool read_file(answer *a, const char *name)
 
 __attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
 {
-    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}};
+    answer a = {.head = {.slope = 1}};
     if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(HEADER_TEXT_MAX))) return 2;
     read_file(&a, argv[1]);
-    bool written = fwrite(&a.head, sizeof a.head, 1, stdout) == 1 &&
-                   fwrite(a.text, 1, a.head.text_length, stdout) == a.head.text_length && fflush(stdout) == 0;
+    const bool written = a.code == ERROR_NONE ? reader_answer(&a.head, sizeof a.head, a.text, a.text_length)
+                                              : reader_refuse(a.code, a.text);
     _exit(written ? 0 : 1); /* nothing is left to do but to free what the libraries built */
 }

@@ -58,11 +58,11 @@ static const struct {
 
 static const struct {
     const char *name;
-    header_type type;
-} types[] = {{"MET_CHAR", HEADER_INT8},       {"MET_UCHAR", HEADER_UINT8},       {"MET_SHORT", HEADER_INT16},
-             {"MET_USHORT", HEADER_UINT16},   {"MET_INT", HEADER_INT32},         {"MET_UINT", HEADER_UINT32},
-             {"MET_LONG_LONG", HEADER_INT64}, {"MET_ULONG_LONG", HEADER_UINT64}, {"MET_FLOAT", HEADER_FLOAT},
-             {"MET_DOUBLE", HEADER_DOUBLE}};
+    number_type type;
+} types[] = {{"MET_CHAR", NUMBER_INT8},       {"MET_UCHAR", NUMBER_UINT8},       {"MET_SHORT", NUMBER_INT16},
+             {"MET_USHORT", NUMBER_UINT16},   {"MET_INT", NUMBER_INT32},         {"MET_UINT", NUMBER_UINT32},
+             {"MET_LONG_LONG", NUMBER_INT64}, {"MET_ULONG_LONG", NUMBER_UINT64}, {"MET_FLOAT", NUMBER_FLOAT},
+             {"MET_DOUBLE", NUMBER_DOUBLE}};
 
 bool meta_image_is(const char *text)
 {

@@ -9,23 +9,20 @@
 
 enum { NUMBERS_INEXACT_SIZE = 24 };
 
-/* The number of bytes of a number, and the name of its type: "int8", ..., "float", "double". */
-int numbers_bytes(header_type type);
-const char *numbers_name(header_type type);
+/* The name of a type: "int8", ..., "float", "double". */
+const char *numbers_name(number_type type);
 
 /* Whether the type has numbers that a float does not represent. */
-bool numbers_need_doubles(header_type type);
-
-/* The number in the machine's byte order, at any address. */
-double numbers_value(const unsigned char *bytes, header_type type);
+bool numbers_need_doubles(number_type type);
 
 /* If the number is a whole number that a double may not represent, writes it to `inexact`, unless it has a number
  * already. */
-void numbers_note_inexact(const unsigned char *bytes, header_type type, char inexact[NUMBERS_INEXACT_SIZE]);
+void numbers_note_inexact(const unsigned char *bytes, number_type type, bool swapped,
+                          char inexact[NUMBERS_INEXACT_SIZE]);
 
 /* Converts `count` numbers, in the opposite byte order if `swapped`, to doubles. `inexact` as in
  * numbers_note_inexact. */
-void numbers_convert(const unsigned char *bytes, header_type type, bool swapped, int64_t count,
+void numbers_convert(const unsigned char *bytes, number_type type, bool swapped, int64_t count,
                      double *values, char inexact[NUMBERS_INEXACT_SIZE]);
 
 #endif

@@ -39,7 +39,7 @@ typedef struct raw_volume {
 
 static int size_of(const header *h)
 {
-    return numbers_bytes((header_type)h->type);
+    return (int)number_bytes((number_type)h->type);
 }
 
 static const char *name_at(const raw_volume *s)
@@ -211,11 +211,10 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
                 "the file ends before its last value, or is not compressed correctly: it is damaged "
                 "or truncated. Copy or save it again.");
         for (int64_t k = 0; k < some; k++) {
-            unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
-            for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
+            const unsigned char *p = (unsigned char *)s->buffer + k * size;
             if (size == sizeof(int64_t) && !is_scaled(s)) /* a scaled number need not be whole */
-                numbers_note_inexact(one, (header_type)s->head.type, s->base.inexact);
-            *values++ = slope * numbers_value(one, (header_type)s->head.type) + intercept;
+                numbers_note_inexact(p, (number_type)s->head.type, s->head.swapped, s->base.inexact);
+            *values++ = slope * number_value(p, (number_type)s->head.type, s->head.swapped) + intercept;
         }
         count -= some;
     }
@@ -246,8 +245,8 @@ static bool next_word(raw_volume *s, char word[64])
 static bool read_words(raw_volume *s, double *values, int64_t count, error *e)
 {
     char word[64], *end;
-    const bool single = s->head.type == HEADER_FLOAT,
-               whole = s->head.type == HEADER_INT64 || s->head.type == HEADER_UINT64;
+    const bool single = s->head.type == NUMBER_FLOAT,
+               whole = s->head.type == NUMBER_INT64 || s->head.type == NUMBER_UINT64;
     for (int64_t k = 0; k < count; k++) {
         if (!next_word(s, word))
             return damaged(
@@ -358,10 +357,10 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
-    s->base.type = numbers_name((header_type)s->head.type);
+    s->base.type = numbers_name((number_type)s->head.type);
     for (uint32_t k = 0; k < s->head.warnings.count; k++)
         dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
-    s->base.fine = numbers_need_doubles((header_type)s->head.type);
+    s->base.fine = numbers_need_doubles((number_type)s->head.type);
     note_length(s);
     return &s->base;
 }

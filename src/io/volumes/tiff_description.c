@@ -6,7 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include <expat.h>
+#include "base/xml/xml.h"
 
 /* More pages than any file has; products of three such numbers fit into 64 bits. */
 static const double most_pages = 1 << 20;
@@ -110,7 +110,6 @@ static void describe_imagej(const char *text, tiff_description *out, dense_warni
 /* ---- OME-XML */
 
 typedef struct ome {
-    XML_Parser parser;
     tiff_description *out;
     dense_warnings *warnings;
     char *fault;
@@ -119,22 +118,14 @@ typedef struct ome {
     char order[8];
 } ome;
 
-static void stop(ome *o, const char *why)
+static void refuse(ome *o, const char *why)
 {
     if (!*o->fault) snprintf(o->fault, TIFF_FAULT_SIZE, "%s", why);
-    XML_StopParser(o->parser, XML_FALSE);
-}
-
-static const char *find(const char **attributes, const char *name)
-{
-    for (; *attributes; attributes += 2)
-        if (strcmp(attributes[0], name) == 0) return attributes[1];
-    return NULL;
 }
 
 static bool read_count(ome *o, const char **attributes, const char *name, int64_t *out)
 {
-    const char *text = find(attributes, name);
+    const char *text = xml_attribute(attributes, name);
     char *end = NULL;
     const long long value = text ? strtoll(text, &end, 10) : 0;
     if (!text || *end || value < 1 || value > (long long)most_pages) {
@@ -142,7 +133,7 @@ static bool read_count(ome *o, const char **attributes, const char *name, int64_
         snprintf(why, sizeof why,
                  "its OME-XML has the %s \"%.40s\", which is not a number of pages from 1 to %.0f", name,
                  text ? text : "", most_pages);
-        stop(o, why);
+        refuse(o, why);
         return false;
     }
     *out = value;
@@ -165,7 +156,7 @@ static bool read_order(ome *o)
         found++;
     }
     if (found == 3 && strncmp(o->order, "XY", 2) == 0) return true;
-    stop(o, "its OME-XML has an invalid DimensionOrder: correct it, as in XYZCT");
+    refuse(o, "its OME-XML has an invalid DimensionOrder: correct it, as in XYZCT");
     return false;
 }
 
@@ -174,12 +165,12 @@ static void read_sizes(ome *o, const char **attributes)
 {
     static const char *const names[] = {"PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"};
     for (int k = 0; k < 3; k++) {
-        const char *text = find(attributes, names[k]);
+        const char *text = xml_attribute(attributes, names[k]);
         char unit_name[24], unit[TIFF_UNIT_SIZE], *end = NULL;
         const double size = text ? strtod(text, &end) : 0;
         if (!text || *end || !(size > 0) || !isfinite(size)) continue;
         snprintf(unit_name, sizeof unit_name, "%sUnit", names[k]);
-        const char *said = find(attributes, unit_name);
+        const char *said = xml_attribute(attributes, unit_name);
         copy_unit(said ? said : "um", unit);
         if (!*o->out->unit) strcpy(o->out->unit, unit);
         const double own = metres_of(unit), first = metres_of(o->out->unit);
@@ -197,7 +188,7 @@ static void read_sizes(ome *o, const char **attributes)
 
 static void read_pixels(ome *o, const char **attributes)
 {
-    const char *order = find(attributes, "DimensionOrder");
+    const char *order = xml_attribute(attributes, "DimensionOrder");
     o->out->slice_step = o->out->channel_step = o->out->frame_step = 0;
     snprintf(o->order, sizeof o->order, "%s", order ? order : "XYZCT");
     if (!read_count(o, attributes, "SizeZ", &o->out->slices) ||
@@ -211,8 +202,8 @@ static void read_pixels(ome *o, const char **attributes)
 /* A plane that says where it is has to be where the order says. */
 static void check_plane(ome *o, const char **attributes)
 {
-    const char *const text[4] = {find(attributes, "IFD"), find(attributes, "FirstZ"),
-                                 find(attributes, "FirstC"), find(attributes, "FirstT")};
+    const char *const text[4] = {xml_attribute(attributes, "IFD"), xml_attribute(attributes, "FirstZ"),
+                                 xml_attribute(attributes, "FirstC"), xml_attribute(attributes, "FirstT")};
     long long number[4];
     for (int k = 0; k < 4; k++) {
         number[k] = text[k] ? strtoll(text[k], NULL, 10) : 0;
@@ -222,46 +213,34 @@ static void check_plane(ome *o, const char **attributes)
     if (text[0] &&
         (number[0] < 0 || number[1] < 0 || number[2] < 0 || number[3] < 0 ||
          number[0] != number[1] * d->slice_step + number[2] * d->channel_step + number[3] * d->frame_step))
-        stop(o, "its OME-XML places pages in another order than its DimensionOrder: save it again with Fiji "
-                "(Bio-Formats Exporter)");
+        refuse(o,
+               "its OME-XML places pages in another order than its DimensionOrder: save it again with Fiji "
+               "(Bio-Formats Exporter)");
 }
 
-static const char *local_name(const char *name)
-{
-    const char *colon = strrchr(name, ':');
-    return colon ? colon + 1 : name;
-}
-
-static void XMLCALL begin_element(void *context, const char *name, const char **attributes)
+static bool begin_element(void *context, const char *name, const char **attributes)
 {
     ome *o = context;
-    name = local_name(name);
+    name = xml_local_name(name);
     if (strcmp(name, "BinaryOnly") == 0) o->elsewhere = true;
     if (strcmp(name, "Image") == 0) o->images++;
-    if (o->images > 1) return;
+    if (o->images > 1) return true;
     if (strcmp(name, "Pixels") == 0 && o->pixels++ == 0) read_pixels(o, attributes);
     if (strcmp(name, "TiffData") == 0 && o->pixels == 1) check_plane(o, attributes);
-}
-
-static void XMLCALL refuse_doctype(void *context, const char *name, const char *system, const char *public,
-                                   int has_subset)
-{
-    (void)name, (void)system, (void)public, (void)has_subset;
-    stop(context, "its OME-XML has a document type, which is not read: remove it");
+    return !*o->fault;
 }
 
 static bool describe_ome(const char *text, tiff_description *out, dense_warnings *warnings, char *fault)
 {
-    ome o = {.parser = XML_ParserCreate(NULL), .out = out, .warnings = warnings, .fault = fault};
-    if (!o.parser) return snprintf(fault, TIFF_FAULT_SIZE, "its OME-XML exceeds the memory limit") < 0;
-    XML_SetUserData(o.parser, &o);
-    XML_SetStartElementHandler(o.parser, begin_element);
-    XML_SetStartDoctypeDeclHandler(o.parser, refuse_doctype);
-    if (XML_Parse(o.parser, text, (int)strlen(text), 1) != XML_STATUS_OK && !*fault)
+    ome o = {.out = out, .warnings = warnings, .fault = fault};
+    xml document = {.data = text, .size = strlen(text), .context = &o, .begin = begin_element};
+    const xml_result result = xml_read(&document);
+    if (result == XML_RESULT_NO_MEMORY) refuse(&o, "its OME-XML exceeds the memory limit");
+    if (result == XML_RESULT_DECLARATIONS)
+        refuse(&o, "its OME-XML has a document type, which is not read: remove it");
+    if (result == XML_RESULT_INVALID)
         snprintf(fault, TIFF_FAULT_SIZE, "its OME-XML is not valid XML (line %lu: %s): save it again",
-                 (unsigned long)XML_GetCurrentLineNumber(o.parser),
-                 XML_ErrorString(XML_GetErrorCode(o.parser)));
-    XML_ParserFree(o.parser);
+                 document.line, document.why);
     if (*fault) return false;
     if (o.images > 1)
         return snprintf(fault, TIFF_FAULT_SIZE,

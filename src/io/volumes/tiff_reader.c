@@ -39,7 +39,7 @@ typedef struct tiff_file {
     uint64_t *offset; /* of the directory of each page */
     size_t count, room;
     layout layout;
-    header_type type; /* of the numbers that are answered */
+    number_type type; /* of the numbers that are answered */
     tiff_description description;
     double size[3];
     char unit[TIFF_UNIT_SIZE];
@@ -154,25 +154,25 @@ static bool open_library(tiff_file *f)
 
 /* ---- what a page is */
 
-static header_type type_of(const layout *l, bool *known)
+static number_type type_of(const layout *l, bool *known)
 {
     static const struct {
         uint16_t format, bits;
-        header_type type;
-    } types[] = {{SAMPLEFORMAT_UINT, 1, HEADER_UINT8},    {SAMPLEFORMAT_UINT, 2, HEADER_UINT8},
-                 {SAMPLEFORMAT_UINT, 4, HEADER_UINT8},    {SAMPLEFORMAT_UINT, 8, HEADER_UINT8},
-                 {SAMPLEFORMAT_UINT, 16, HEADER_UINT16},  {SAMPLEFORMAT_UINT, 32, HEADER_UINT32},
-                 {SAMPLEFORMAT_UINT, 64, HEADER_UINT64},  {SAMPLEFORMAT_INT, 8, HEADER_INT8},
-                 {SAMPLEFORMAT_INT, 16, HEADER_INT16},    {SAMPLEFORMAT_INT, 32, HEADER_INT32},
-                 {SAMPLEFORMAT_INT, 64, HEADER_INT64},    {SAMPLEFORMAT_IEEEFP, 16, HEADER_FLOAT},
-                 {SAMPLEFORMAT_IEEEFP, 32, HEADER_FLOAT}, {SAMPLEFORMAT_IEEEFP, 64, HEADER_DOUBLE}};
+        number_type type;
+    } types[] = {{SAMPLEFORMAT_UINT, 1, NUMBER_UINT8},    {SAMPLEFORMAT_UINT, 2, NUMBER_UINT8},
+                 {SAMPLEFORMAT_UINT, 4, NUMBER_UINT8},    {SAMPLEFORMAT_UINT, 8, NUMBER_UINT8},
+                 {SAMPLEFORMAT_UINT, 16, NUMBER_UINT16},  {SAMPLEFORMAT_UINT, 32, NUMBER_UINT32},
+                 {SAMPLEFORMAT_UINT, 64, NUMBER_UINT64},  {SAMPLEFORMAT_INT, 8, NUMBER_INT8},
+                 {SAMPLEFORMAT_INT, 16, NUMBER_INT16},    {SAMPLEFORMAT_INT, 32, NUMBER_INT32},
+                 {SAMPLEFORMAT_INT, 64, NUMBER_INT64},    {SAMPLEFORMAT_IEEEFP, 16, NUMBER_FLOAT},
+                 {SAMPLEFORMAT_IEEEFP, 32, NUMBER_FLOAT}, {SAMPLEFORMAT_IEEEFP, 64, NUMBER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof *types; k++)
         if (types[k].format == l->format && types[k].bits == l->bits) {
             *known = true;
             return types[k].type;
         }
     *known = false;
-    return HEADER_UINT8;
+    return NUMBER_UINT8;
 }
 
 static const char *format_name(uint16_t format)
@@ -329,7 +329,7 @@ static bool check_size(tiff_file *f)
 {
     const int64_t pages = f->is_contiguous ? f->description.images : (int64_t)f->count,
                   bytes = page_bytes(&f->layout);
-    const double answered = (double)f->layout.width * f->layout.height * numbers_bytes(f->type);
+    const double answered = (double)f->layout.width * f->layout.height * (double)number_bytes(f->type);
     if (answered > (double)f->memory)
         return refuse(f, ERROR_LIMIT_MEMORY,
                       "a page of %u x %u pixels requires %.0f MiB, and %zu MiB of the limit are left: raise "
@@ -450,8 +450,7 @@ static unsigned char *make_room(tiff_file *f, tmsize_t size)
 static bool read_strips(tiff_file *f, unsigned char *to)
 {
     const uint32_t width = f->layout.width, height = f->layout.height;
-    const size_t row = (size_t)TIFFScanlineSize(f->tiff),
-                 own = (size_t)width * (size_t)numbers_bytes(f->type);
+    const size_t row = (size_t)TIFFScanlineSize(f->tiff), own = (size_t)width * number_bytes(f->type);
     uint32_t rows = height;
     unsigned char *strip = make_room(f, TIFFStripSize(f->tiff));
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_ROWSPERSTRIP, &rows);
@@ -472,8 +471,7 @@ static bool read_strips(tiff_file *f, unsigned char *to)
 static bool read_tiles(tiff_file *f, unsigned char *to)
 {
     const uint32_t width = f->layout.width, height = f->layout.height;
-    const size_t number = (size_t)numbers_bytes(f->type), own = width * number,
-                 row = (size_t)TIFFTileRowSize(f->tiff);
+    const size_t number = number_bytes(f->type), own = width * number, row = (size_t)TIFFTileRowSize(f->tiff);
     uint32_t wide = 0, high = 0;
     const tmsize_t size = TIFFTileSize(f->tiff);
     unsigned char *tile = make_room(f, size);
@@ -520,7 +518,7 @@ static bool read_contiguous(tiff_file *f, uint32_t page, unsigned char *to)
 static unsigned char *read_page(tiff_file *f, uint32_t page)
 {
     layout own;
-    const size_t bytes = (size_t)f->layout.width * f->layout.height * (size_t)numbers_bytes(f->type);
+    const size_t bytes = (size_t)f->layout.width * f->layout.height * number_bytes(f->type);
     unsigned char *to = bytes <= f->memory ? malloc(bytes) : NULL;
     if (!to) {
         refuse(f, ERROR_LIMIT_MEMORY, "a page exceeds the memory limit: raise limits.memory_mb");
@@ -564,7 +562,7 @@ static void describe(const tiff_file *f, tiff_answer *a)
 static bool answer(tiff_file *f, const tiff_request *request)
 {
     unsigned char *page = NULL;
-    tiff_answer a = {.magic = TIFF_READER_MAGIC};
+    tiff_answer a = {0};
     f->fault = (error){0};
     if (request->what == TIFF_READER_OPEN) {
         open_file(f);
@@ -575,15 +573,11 @@ static bool answer(tiff_file *f, const tiff_request *request)
         else
             refuse(f, ERROR_INPUT_DAMAGED, "the file has no page %u", request->page);
     }
-    a.code = (uint32_t)f->fault.code;
-    if (f->fault.code == ERROR_NONE)
-        describe(f, &a);
-    else
-        a.text_length = (uint32_t)strnlen(f->fault.message, TIFF_READER_TEXT_MAX);
-    bool written = reader_write(&a, sizeof a) && reader_write(f->fault.message, a.text_length);
+    if (f->fault.code != ERROR_NONE) return reader_refuse(f->fault.code, f->fault.message);
+    describe(f, &a);
+    bool written = reader_answer(&a, sizeof a, NULL, 0);
     if (written && page)
-        written =
-            reader_write(page, (size_t)f->layout.width * f->layout.height * (size_t)numbers_bytes(f->type));
+        written = reader_write(page, (size_t)f->layout.width * f->layout.height * number_bytes(f->type));
     free(page);
     return written;
 }

@@ -2,8 +2,7 @@
  *
  * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct tiff_request:
  * TIFF_READER_OPEN, with the descriptor of an open file, or TIFF_READER_PAGE for the file that was opened last. The
- * answer is a struct tiff_answer. If `code` is an error, `text_length` bytes of a message follow. Otherwise, for
- * TIFF_READER_PAGE, the numbers of the page follow row by row, in the byte order of the machine.
+ * answer is a struct tiff_answer. For TIFF_READER_PAGE, the numbers of the page follow row by row.
  */
 #ifndef HEXAD_IO_VOLUMES_TIFF_READER_H
 #define HEXAD_IO_VOLUMES_TIFF_READER_H
@@ -14,8 +13,6 @@
 
 #define TIFF_READER_COMMAND "read-tiff"
 #define TIFF_READER_MODULE "hexad-tiff.so"
-#define TIFF_READER_MAGIC 0x3166697464786568u /* "hexdtif1" */
-#define TIFF_READER_TEXT_MAX 768
 
 enum { TIFF_READER_OPEN = 'o', TIFF_READER_PAGE = 'p' };
 
@@ -25,13 +22,10 @@ typedef struct tiff_request {
 } tiff_request;
 
 typedef struct tiff_answer {
-    uint64_t magic;
-    uint32_t code; /* an error_code */
-    uint32_t text_length;
     int64_t width, height, pages;                 /* of the file, for both requests */
     int64_t slices, channels, frames;             /* of a file of several pages */
     int64_t slice_step, channel_step, frame_step; /* in pages */
-    uint32_t type;                                /* a header_type */
+    uint32_t type;                                /* a number_type */
     double size[3];                               /* of a voxel; 0: unknown */
     double origin[3];                             /* the pixel at the origin of the world */
     char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
 #include "io/volumes/numbers.h"
@@ -30,19 +31,8 @@ typedef struct tiff_stack {
     int64_t at;              /* the next slice */
     int64_t opened;          /* the file that the process has, or -1 */
     unsigned char *numbers;  /* of a page */
-    bool running;
     reader reader;
 } tiff_stack;
-
-bool tiff_stack_is(int fd)
-{
-    static const char *const beginnings[] = {"II*\0", "MM\0*", "II+\0", "MM\0+"};
-    char head[4] = "";
-    if (pread(fd, head, sizeof head, 0) != sizeof head) return false;
-    for (size_t k = 0; k < sizeof beginnings / sizeof *beginnings; k++)
-        if (memcmp(head, beginnings[k], sizeof head) == 0) return true;
-    return false;
-}
 
 /* ---- talking to the process */
 
@@ -58,23 +48,7 @@ static bool start(tiff_stack *s, off_t bytes, error *e)
     const reader_params params = {s->program,      TIFF_READER_COMMAND,
                                   "file",          -1,
                                   s->memory_limit, seconds < 1e9 ? (unsigned)seconds : 1000000000};
-    return s->running || (s->running = reader_start(&params, &s->reader, e));
-}
-
-static bool read_answer(tiff_stack *s, tiff_answer *a, error *e)
-{
-    char text[TIFF_READER_TEXT_MAX + 1] = "";
-    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (a->magic != TIFF_READER_MAGIC || a->code >= ERROR_CODE_COUNT ||
-        a->text_length > TIFF_READER_TEXT_MAX ||
-        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    for (char *p = text; *p; p++)
-        if (*p < ' ' || *p > '~') *p = '?';
-    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+    return s->reader.stream || reader_start(&params, &s->reader, e);
 }
 
 static bool is_between(int64_t value, int64_t low, int64_t high)
@@ -88,7 +62,7 @@ static bool check_answer(const tiff_answer *a, error *e)
               is_between(a->pages, 1, largest_side) && is_between(a->slices, 1, a->pages) &&
               is_between(a->channels, 1, a->pages) && is_between(a->frames, 1, a->pages) &&
               is_between(a->slice_step, 1, a->pages) && is_between(a->channel_step, 1, a->pages) &&
-              is_between(a->frame_step, 1, a->pages) && a->type < HEADER_TYPE_COUNT &&
+              is_between(a->frame_step, 1, a->pages) && a->type < NUMBER_TYPES &&
               memchr(a->unit, 0, sizeof a->unit) &&
               a->warnings.count <= DENSE_WARNINGS_MOST / 2; /* later ones have room */
     ok = ok && (a->slices - 1) * a->slice_step + (a->channels - 1) * a->channel_step +
@@ -105,14 +79,6 @@ static bool check_answer(const tiff_answer *a, error *e)
                      (long long)largest_side);
 }
 
-/* A process that did not answer to the end is judged, and another one serves what comes next. */
-static bool judge(tiff_stack *s, bool begun, error *e)
-{
-    s->running = false;
-    s->opened = -1;
-    return reader_end(&s->reader, begun, false, e);
-}
-
 /* Lets the process open a file: number k of a stack, or the one. */
 static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
 {
@@ -120,17 +86,16 @@ static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
     const tiff_request request = {TIFF_READER_OPEN, 0};
     int fd = is_stack(s) ? s->params.files->open(s->params.files->context, s->params.paths[k], e) : s->fd;
     if (fd < 0) return false;
-    *a = (tiff_answer){0};
     bool ok = reader_check_file(fd, "image", &size, e) &&
-              (!is_stack(s) || tiff_stack_is(fd) ||
+              (!is_stack(s) || file_format_of_file(fd, "") == FILE_FORMAT_TIFF ||
                error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the file is not a TIFF file, and others of the stack are: save it as TIFF")) &&
               start(s, size, e);
     if (ok) {
-        ok = reader_send(&s->reader, &request, sizeof request, fd, e) && read_answer(s, a, e) &&
-             check_answer(a, e);
+        ok = reader_send(&s->reader, &request, sizeof request, fd, e) &&
+             reader_get_answer(&s->reader, a, sizeof *a, NULL, 0, e) && check_answer(a, e);
         s->opened = ok ? k : -1;
-        if (!ok && (a->magic != TIFF_READER_MAGIC || a->code == ERROR_NONE)) ok = judge(s, a->magic != 0, e);
+        reader_settle(&s->reader, ok, e);
     }
     if (is_stack(s)) close(fd);
     return ok || (is_stack(s) ? error_prefix(e, "%s", s->params.paths[k]) : false);
@@ -146,14 +111,13 @@ static bool read_page(tiff_stack *s, int64_t page, error *e)
 {
     const tiff_request request = {TIFF_READER_PAGE, (uint32_t)page};
     const size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
-    tiff_answer a = {0};
-    bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) && read_answer(s, &a, e);
-    bool whole = ok || (a.magic == TIFF_READER_MAGIC && a.code != ERROR_NONE);
-    if (ok && (!is_alike(&a, &s->head) || fread(s->numbers, (size_t)numbers_bytes((header_type)a.type), count,
-                                                s->reader.stream) != count))
-        whole = ok = error_set(e, ERROR_INPUT_DAMAGED,
-                               "the file ended while it was read: check the disk and copy it again");
-    if (!whole) judge(s, false, e);
+    tiff_answer a;
+    const bool ok = reader_send(&s->reader, &request, sizeof request, -1, e) &&
+                    reader_get_answer(&s->reader, &a, sizeof a, NULL, 0, e) &&
+                    (is_alike(&a, &s->head) || error_set(e, ERROR_INPUT_DAMAGED, "the file has changed")) &&
+                    reader_get(&s->reader, s->numbers, number_bytes((number_type)a.type), count, e);
+    reader_settle(&s->reader, ok, e);
+    if (!s->reader.stream) s->opened = -1;
     return ok;
 }
 
@@ -184,9 +148,9 @@ static bool tiff_next(slices *base, double *values, error *e)
 {
     tiff_stack *s = (tiff_stack *)base;
     const int64_t count = base->size[0] * base->size[1];
-    const header_type type = (header_type)s->head.type;
+    const number_type type = (number_type)s->head.type;
     if (!s->numbers &&
-        !(s->numbers = mem_array((size_t)count, (size_t)numbers_bytes(type), "a slice of the volume", e)))
+        !(s->numbers = mem_array((size_t)count, number_bytes(type), "a slice of the volume", e)))
         return false;
     if (!read_slice(s, s->at, e)) return false;
     numbers_convert(s->numbers, type, false, count, values, base->inexact);
@@ -197,8 +161,7 @@ static bool tiff_next(slices *base, double *values, error *e)
 static void tiff_close(slices *base)
 {
     tiff_stack *s = (tiff_stack *)base;
-    error unused = {0};
-    if (s->running) reader_end(&s->reader, true, true, &unused);
+    reader_close(&s->reader);
     free(s->numbers);
     free(s);
 }
@@ -257,8 +220,8 @@ static bool place(tiff_stack *s, int64_t slice_count, const double given[3], vec
         m[4 * k + 3] = vec3_get(origin, k) - size[k] * s->head.origin[k];
     }
     m[15] = 1;
-    s->base.type = numbers_name((header_type)s->head.type);
-    s->base.fine = numbers_need_doubles((header_type)s->head.type);
+    s->base.type = numbers_name((number_type)s->head.type);
+    s->base.fine = numbers_need_doubles((number_type)s->head.type);
     return true;
 }
 
@@ -287,7 +250,7 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
 {
     tiff_answer a;
     if (!open_file(s, (int64_t)k, &a, e)) return false;
-    if (s->head.magic == 0) s->head = a;
+    if (s->head.pages == 0) s->head = a;
     if (a.pages != 1)
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
@@ -298,8 +261,8 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
                      "%s: the image has %lld x %lld pixels of %s, and others have %lld x %lld of %s: save "
                      "images of one size and type",
                      s->params.paths[k], (long long)a.width, (long long)a.height,
-                     numbers_name((header_type)a.type), (long long)s->head.width, (long long)s->head.height,
-                     numbers_name((header_type)s->head.type));
+                     numbers_name((number_type)a.type), (long long)s->head.width, (long long)s->head.height,
+                     numbers_name((number_type)s->head.type));
 }
 
 static bool check_slices(tiff_stack *s, error *e)

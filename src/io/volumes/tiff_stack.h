@@ -10,9 +10,6 @@
 #include "io/volumes/exr_stack.h"
 #include "io/volumes/slices.h"
 
-/* Whether an open file begins like a TIFF file. */
-bool tiff_stack_is(int fd);
-
 /* Opens a file. `fd` remains the caller's and must outlive the slices; `program` as in exr_stack.h. `index` of
  * channel c at time t is c + channels t; -1: the only one. `voxel_size` replaces the size in the file; NULL: it does
  * not. Errors, without the path: input_damaged, input_unsupported, no_surface, grid_missing, grid_ambiguous,

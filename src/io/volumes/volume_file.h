@@ -4,6 +4,7 @@
 #ifndef HEXAD_IO_VOLUMES_VOLUME_FILE_H
 #define HEXAD_IO_VOLUMES_VOLUME_FILE_H
 
+#include "base/core/file_format.h"
 #include "io/volumes/exr_stack.h"
 #include "io/volumes/slices.h"
 #include "geometry/space/bbox.h"
@@ -22,6 +23,9 @@ typedef struct volume_file {
     int64_t most_chunks;    /* maximum number of its chunks that are read */
     const vec3 *voxel_size; /* replaces the size in the file; or NULL */
 } volume_file;
+
+/* Whether a reader of volumes, or of stacks of images, is here. */
+bool volume_file_reads(file_format format);
 
 /* Opens NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h) with one value per
  * sample. Errors: those of these modules. */

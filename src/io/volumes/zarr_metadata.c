@@ -111,12 +111,12 @@ static bool check_chunks(const reading *r, const int64_t *chunk, const char *nam
 /* Types by their names in version 3, and by kind and size in version 2. */
 static const struct {
     const char *name, *code;
-    header_type type;
+    number_type type;
 } types[] = {
-    {"bool", "b1", HEADER_UINT8},    {"int8", "i1", HEADER_INT8},     {"uint8", "u1", HEADER_UINT8},
-    {"int16", "i2", HEADER_INT16},   {"uint16", "u2", HEADER_UINT16}, {"int32", "i4", HEADER_INT32},
-    {"uint32", "u4", HEADER_UINT32}, {"int64", "i8", HEADER_INT64},   {"uint64", "u8", HEADER_UINT64},
-    {"float32", "f4", HEADER_FLOAT}, {"float64", "f8", HEADER_DOUBLE}};
+    {"bool", "b1", NUMBER_UINT8},    {"int8", "i1", NUMBER_INT8},     {"uint8", "u1", NUMBER_UINT8},
+    {"int16", "i2", NUMBER_INT16},   {"uint16", "u2", NUMBER_UINT16}, {"int32", "i4", NUMBER_INT32},
+    {"uint32", "u4", NUMBER_UINT32}, {"int64", "i8", NUMBER_INT64},   {"uint64", "u8", NUMBER_UINT64},
+    {"float32", "f4", NUMBER_FLOAT}, {"float64", "f8", NUMBER_DOUBLE}};
 
 static bool find_type(const reading *r, const char *name, bool by_code)
 {

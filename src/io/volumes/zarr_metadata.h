@@ -32,7 +32,7 @@ typedef struct zarr_metadata {
     int64_t shard[ZARR_AXES_MOST]; /* the contents of a file: chunks, or `chunk` itself */
     bool is_sharded, is_index_first, has_index_checksum;
     int stored[ZARR_AXES_MOST]; /* order of the axes in a chunk, slowest first */
-    header_type type;
+    number_type type;
     bool is_swapped; /* numbers have the opposite byte order */
     double fill;     /* value of missing chunks */
     zarr_packing packing;

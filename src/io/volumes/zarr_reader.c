@@ -186,10 +186,8 @@ static bool answer(size_t memory, int file, const zarr_request *request)
 {
     chunk c = {.memory = memory};
     const bool ok = read_chunk(&c, file, request);
-    zarr_answer a = {.magic = ZARR_READER_MAGIC, .code = (uint32_t)c.fault.code};
-    if (!ok) a.text_length = (uint32_t)strnlen(c.fault.message, ZARR_READER_TEXT_MAX);
-    const bool written = reader_write(&a, sizeof a) && reader_write(c.fault.message, a.text_length) &&
-                         (!ok || reader_write(c.bytes, c.count));
+    const bool written = ok ? reader_answer(NULL, 0, NULL, 0) && reader_write(c.bytes, c.count)
+                            : reader_refuse(c.fault.code, c.fault.message);
     free(c.bytes);
     return written;
 }

@@ -37,13 +37,12 @@ typedef struct zarr_volume {
     bool has_index;
     size_t chunk_bytes, index_bytes;
     int64_t step[ZARR_AXES_MOST]; /* in a chunk, from one number to the next along each axis */
-    bool running;
     reader reader;
 } zarr_volume;
 
-static size_t number_bytes(const zarr_volume *v)
+static size_t value_bytes(const zarr_volume *v)
 {
-    return (size_t)numbers_bytes(v->m.type);
+    return number_bytes(v->m.type);
 }
 
 /* ---- talking to the process */
@@ -63,38 +62,16 @@ static bool start(zarr_volume *v, error *e)
     const double seconds = fmin(seconds_at_least + seconds_per_chunk * chunk_count(v), seconds_most);
     const reader_params params = {v->params.program,      ZARR_READER_COMMAND, "chunk", -1,
                                   v->params.memory_limit, (unsigned)seconds};
-    return v->running || (v->running = reader_start(&params, &v->reader, e));
-}
-
-static bool read_answer(zarr_volume *v, unsigned char *to, size_t bytes, bool *is_whole, error *e)
-{
-    zarr_answer a = {0};
-    char text[ZARR_READER_TEXT_MAX + 1] = "";
-    *is_whole = false;
-    if (fread(&a, sizeof a, 1, v->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file ended while it was read: check the disk and copy it again");
-    if (a.magic != ZARR_READER_MAGIC || a.code >= ERROR_CODE_COUNT || a.text_length > ZARR_READER_TEXT_MAX ||
-        fread(text, 1, a.text_length, v->reader.stream) != a.text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "the file made its reader return an invalid answer: save it in another format");
-    for (char *p = text; *p; p++)
-        if (*p < ' ' || *p > '~') *p = '?';
-    *is_whole = a.code != ERROR_NONE || fread(to, 1, bytes, v->reader.stream) == bytes;
-    if (a.code != ERROR_NONE) return error_set(e, (error_code)a.code, "%s", text);
-    return *is_whole || error_set(e, ERROR_INPUT_DAMAGED,
-                                  "the file ended while it was read: check the disk and copy it again");
+    return v->reader.stream || reader_start(&params, &v->reader, e);
 }
 
 static bool ask(zarr_volume *v, int file, const zarr_request *request, unsigned char *to, error *e)
 {
-    bool is_whole = true;
-    if (!start(v, e)) return false;
-    const bool ok = reader_send(&v->reader, request, sizeof *request, file, e) &&
-                    read_answer(v, to, request->unpacked, &is_whole, e);
-    if (ok || is_whole) return ok;
-    v->running = false;
-    return reader_end(&v->reader, false, false, e);
+    return start(v, e) && reader_settle(&v->reader,
+                                        reader_send(&v->reader, request, sizeof *request, file, e) &&
+                                            reader_get_answer(&v->reader, NULL, 0, NULL, 0, e) &&
+                                            reader_get(&v->reader, to, 1, request->unpacked, e),
+                                        e);
 }
 
 /* ---- chunks */
@@ -204,37 +181,37 @@ static void store_fill(const zarr_volume *v, unsigned char bytes[8])
     } n = {.u64 = 0};
     const double whole = fill >= -0x1p62 && fill <= 0x1p63 - 1024 ? fill : 0;
     switch (v->m.type) {
-    case HEADER_FLOAT:
+    case NUMBER_FLOAT:
         n.f = (float)fill;
         break;
-    case HEADER_DOUBLE:
+    case NUMBER_DOUBLE:
         n.d = fill;
         break;
-    case HEADER_UINT64:
+    case NUMBER_UINT64:
         n.u64 = (uint64_t)larger((int64_t)whole, 0);
         break;
-    case HEADER_INT64:
+    case NUMBER_INT64:
         n.i64 = (int64_t)whole;
         break;
-    case HEADER_INT32:
-    case HEADER_UINT32:
+    case NUMBER_INT32:
+    case NUMBER_UINT32:
         n.u32 = (uint32_t)(int64_t)whole;
         break;
-    case HEADER_INT16:
-    case HEADER_UINT16:
+    case NUMBER_INT16:
+    case NUMBER_UINT16:
         n.u16 = (uint16_t)(int64_t)whole;
         break;
     default:
         n.u8 = (uint8_t)(int64_t)whole;
     }
-    const int size = numbers_bytes(v->m.type);
+    const int size = (int)number_bytes(v->m.type);
     for (int k = 0; k < size; k++) bytes[k] = n.bytes[v->m.is_swapped ? size - 1 - k : k];
 }
 
 /* The part of a chunk that is read goes to its place in the layer. chunk_at: of the spatial axes, slowest first. */
 static void place_chunk(zarr_volume *v, const int64_t chunk_at[3], bool is_there)
 {
-    const size_t size = number_bytes(v);
+    const size_t size = value_bytes(v);
     int64_t begin[3], end[3], first[3];
     unsigned char fill[8];
     int64_t offset = 0; /* of the volume, along the axes that are not spatial */
@@ -301,7 +278,7 @@ static int64_t layer_slices(const zarr_volume *v)
 
 static bool make_room(zarr_volume *v, error *e)
 {
-    const size_t slice = (size_t)(v->count[1] * v->count[2]) * number_bytes(v);
+    const size_t slice = (size_t)(v->count[1] * v->count[2]) * value_bytes(v);
     if (v->numbers) return true;
     v->numbers = mem_array((size_t)layer_slices(v), slice, "a layer of chunks", e);
     v->chunk = mem_array(1, v->chunk_bytes, "a chunk", e);
@@ -315,7 +292,7 @@ static bool zarr_next(slices *base, double *values, error *e)
     const int64_t side = v->m.chunk[v->m.space[0]], z = v->low[0] + v->next, layer = z / side,
                   first = larger(layer * side, v->low[0]), slice = v->count[1] * v->count[2];
     if (!make_room(v, e) || (v->layer != layer && !read_layer(v, layer, e))) return false;
-    numbers_convert(v->numbers + (size_t)((z - first) * slice) * number_bytes(v), v->m.type, v->m.is_swapped,
+    numbers_convert(v->numbers + (size_t)((z - first) * slice) * value_bytes(v), v->m.type, v->m.is_swapped,
                     slice, values, base->inexact);
     v->next++;
     return true;
@@ -324,8 +301,7 @@ static bool zarr_next(slices *base, double *values, error *e)
 static void zarr_close(slices *base)
 {
     zarr_volume *v = (zarr_volume *)base;
-    error unused = {0};
-    if (v->running) reader_end(&v->reader, true, true, &unused);
+    reader_close(&v->reader);
     free(v->numbers);
     free(v->chunk);
     free(v->index);
@@ -396,7 +372,7 @@ static void place(zarr_volume *v)
 
 static bool check_limits(zarr_volume *v, error *e)
 {
-    const double chunks = chunk_count(v), bytes = (double)number_bytes(v);
+    const double chunks = chunk_count(v), bytes = (double)value_bytes(v);
     double needed = 1, index = 16;
     for (int k = 0; k < v->m.axes; k++) {
         needed *= (double)v->m.chunk[k];

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 #include "geometry/space/triangle.h"
@@ -280,7 +281,7 @@ static bool join_vertices(frame *f, error *e)
     mesh copy = {0};
     f->joined = mem_array(f->p.m.vertex_count, sizeof *f->joined, what, e);
     if (!f->joined || !mesh_copy(&f->p.m, NULL, &copy, e)) return false;
-    const bool ok = mesh_join(&copy, NULL, e);
+    const bool ok = mesh_weld_vertices(&copy, NULL, e);
     for (size_t n = 0; ok && n < copy.triangle_count; n++)
         for (int k = 0; k < 3; k++) f->joined[f->p.m.triangle[n][k]] = copy.triangle[n][k];
     mesh_free(&copy);

@@ -1,56 +1,25 @@
 #include "job/attributes/attribute.h"
 
-#include <string.h>
-#include <strings.h>
-#include <unistd.h>
-
+#include "base/core/file_format.h"
 #include "job/attributes/corners.h"
 #include "job/attributes/dense.h"
 #include "job/attributes/grid.h"
 
 /* What reads a kind of file. */
 typedef struct reader {
-    const char *magic;
-    size_t magic_length;
-    const char *
-        endings; /* each between blanks, if the first bytes do not determine the format; NULL: all other files */
     bool (*find)(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
     bool (*read)(const attribute_request *request, size_t count, const vec3 *position, double *values,
                  attribute_counts *counts, error *e);
 } reader;
 
-enum { GRIDS, VOLUMES, PAIRS, PAGES, MESHES, READERS };
-static const reader readers[READERS] = {
-    [GRIDS] = {" BDV\0\0\0\0", 8, "", grid_find, grid_read},
-    [VOLUMES] = {"NRRD", 4, "", dense_find, dense_read},
-    [PAIRS] = {"", 0, " .nii .nii.gz .hdr .mha .mhd ", dense_find, dense_read},
-    [PAGES] = {"", 0, " .tif .tiff .btf ", dense_find, dense_read},
-    [MESHES] = {"", 0, NULL, corners_find, corners_read}, /* whose reader knows the formats */
-};
-
-static bool ends_with_one_of(const char *path, const char *endings)
-{
-    size_t length = strlen(path);
-    for (const char *at = endings; (at = strchr(at, '.')); at += strcspn(at, " ")) {
-        size_t n = strcspn(at, " ");
-        if (length > n && strncasecmp(path + length - n, at, n) == 0) return true;
-    }
-    return false;
-}
-
-/* By the file's first bytes, or its name. */
+/* Files of no other kind are meshes, whose reader says what they are. */
 static const reader *reader_of(const attribute_request *request)
 {
-    char head[8] = "";
-    const reader *r = readers;
-    if (request->stack) return &readers[VOLUMES];
-    ssize_t got = pread(request->fd, head, sizeof head, 0);
-    for (; r->endings; r++)
-        if (r->magic_length > 0
-                ? got >= (ssize_t)r->magic_length && memcmp(head, r->magic, r->magic_length) == 0
-                : ends_with_one_of(request->path, r->endings))
-            break;
-    return r;
+    static const reader grids = {grid_find, grid_read}, volumes = {dense_find, dense_read},
+                        meshes = {corners_find, corners_read};
+    if (request->stack) return &volumes;
+    const file_format_kind kind = file_formats[file_format_of_file(request->fd, request->path)].kind;
+    return kind == FILE_FORMAT_GRIDS ? &grids : kind == FILE_FORMAT_VOLUMES ? &volumes : &meshes;
 }
 
 static bool suits(point_attribute_kind kind, int components)

@@ -121,7 +121,7 @@ bool dense_describe(const contents_input *in, slices *s, const char *kind, const
         FEW = 2
     }; /* maximum number of labels of a volume that may be a mask; its isovalue is suggested first */
     const spec_labels all = {0};
-    const size_t memory = (size_t)in->options->memory_mb << 20;
+    const size_t memory = run_options_memory(in->options, 0);
     const double voxels = (double)s->size[0] * (double)s->size[1] * (double)s->size[2];
     values v = values_begin();
     label_volume labels = {0};
@@ -157,7 +157,7 @@ bool dense_describe_volume(const contents_input *in, slices *s, json *file, json
 slices *dense_open(const contents_input *in, const slices_files *files, error *e)
 {
     const volume_file file = {
-        .fd = in->fd, .path = in->path, .files = files, .memory_limit = (size_t)in->options->memory_mb << 20};
+        .fd = in->fd, .path = in->path, .files = files, .memory_limit = run_options_memory(in->options, 0)};
     return volume_file_open(&file, e);
 }
 

@@ -1,7 +1,7 @@
 #include "job/inspect/frame.h"
 
 #include "geometry/space/affine.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 
 static void put_index(json *o, const char *key, const int64_t at[3])
 {

@@ -74,8 +74,7 @@ static bool describe_grid(const contents_input *in, size_t index, const char *na
                           json *suggestions, error *e)
 {
     error fault = {0};
-    vdb_grid *g =
-        vdb_load_grid(in->fd, index, (vdb_loading){0}, (size_t)in->options->memory_mb << 20, &fault);
+    vdb_grid *g = vdb_load_grid(in->fd, index, (vdb_loading){0}, run_options_memory(in->options, 0), &fault);
     if (!g) { /* one damaged grid does not hide the others */
         json *told = json_put_object(o, "error");
         json_put_string(told, "code", error_code_name(fault.code));

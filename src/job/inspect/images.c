@@ -85,7 +85,7 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
                                      .part = *part ? part : NULL,
                                      .channel = channel,
                                      .voxel_size = {1, 1, 1},
-                                     .memory_limit = (size_t)in->options->memory_mb << 20,
+                                     .memory_limit = run_options_memory(in->options, 0),
                                      .files = &files};
     slices *s = exr_stack_open(&params, e);
     if (!s) return false;
@@ -115,7 +115,7 @@ static bool describe_pages(const contents_input *in, const stack *of, json *insp
                                      .paths = (const char *const *)of->paths,
                                      .numbers = of->numbers,
                                      .voxel_size = {1, 1, 1},
-                                     .memory_limit = (size_t)in->options->memory_mb << 20,
+                                     .memory_limit = run_options_memory(in->options, 0),
                                      .files = &files};
     slices *s = volume_file_open_stack(&params, e);
     if (!s) return false;
@@ -171,7 +171,7 @@ bool contents_read_exr(const contents_input *in, json *inspection, error *e)
     const exr_stack_params own = {.count = 1,
                                   .paths = &in->path,
                                   .numbers = &(int){0},
-                                  .memory_limit = (size_t)in->options->memory_mb << 20,
+                                  .memory_limit = run_options_memory(in->options, 0),
                                   .files = &files};
     char *text = exr_stack_list(&own, e), *rest = text;
     if (!text) return false;

@@ -65,7 +65,7 @@ bool contents_read_zarr(const contents_input *in, json *inspection, error *e)
     bool ok = describe_levels(&directory, json_put_array(inspection, "levels"), &level, &is_ome, &fault);
     if (ok) {
         const volume_file file = {.path = in->path,
-                                  .memory_limit = (size_t)in->options->memory_mb << 20,
+                                  .memory_limit = run_options_memory(in->options, 0),
                                   .directory = &directory,
                                   .level = level,
                                   .most_chunks = most_chunks};

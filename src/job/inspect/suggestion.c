@@ -5,11 +5,11 @@
 #include "base/core/memory.h"
 #include "surface/field/patches.h"
 #include "geometry/space/packing.h"
-#include "job/phases/advice.h"
+#include "job/report/advice.h"
 #include "job/phases/job.h"
 #include "job/source/plan.h"
 #include "job/source/source_report.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 #include "sampling/measures/measures.h"
 #include "sampling/sizing/clearance.h"
 

@@ -6,10 +6,10 @@
 #include "job/inspect/contents.h"
 #include "job/inspect/suggestion.h"
 #include "geometry/mesh/flat_triangles.h"
-#include "geometry/mesh/mesh.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "io/meshes/mesh_file.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 
 /* Edges at which an odd number of triangles meets; their box. */
 static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
@@ -60,7 +60,7 @@ static bool describe(const mesh *m, json *o, error *e)
 /* The read mesh takes no part in what follows: a job reads its own. */
 static bool describe_file(const contents_input *in, json *o, error *e)
 {
-    const mesh_file file = {in->fd, in->path, NULL, (size_t)in->options->memory_mb << 20};
+    const mesh_file file = {in->fd, in->path, NULL, run_options_memory(in->options, 0)};
     mesh m;
     mesh_notes notes = {0};
     if (!mesh_file_read(&file, &m, &notes, e)) return error_prefix(e, "%s", in->path);

@@ -10,7 +10,7 @@
 #include "io/points/ply.h"
 #include "io/points/property.h"
 #include "job/phases/job.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 #include "job/phases/surface_meshes.h"
 #include "job/phases/upright.h"
 #include "job/source/source_report.h"
@@ -372,7 +372,8 @@ static void fill_report(attach *a)
     json_put(of_surface, "warnings", a->warnings);
     source_describe(&j->source, report, unused, a->warnings);
     json_free(unused);
-    attributes_describe(&j->attributes, report, a->warnings);
+    json *of_points = attributes_describe(&j->attributes, a->warnings);
+    if (of_points) json_put(report, "attributes", of_points);
     if (a->without > 0) {
         char *text = mem_printf("%zu points lie on no mesh and stay where they were", a->without);
         json_append_string(a->warnings, text);
@@ -383,7 +384,8 @@ static void fill_report(attach *a)
     json_put_array(report, "advice");
     json_put_integer(report, "threads", threads_count(j->pool));
     json_put_integer(report, "peak_memory_bytes", job_peak_memory(j));
-    report_put_timing(report, &j->progress);
+    const report_timing timing = job_timing(j);
+    report_put_timing(report, &timing);
     json_put(report, "spec", json_copy(j->spec->normalised));
 }
 

@@ -9,7 +9,7 @@
 #include "base/core/error.h"
 #include "base/json/json.h"
 #include "job/phases/run_options.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "spec/spec.h"
 
 /* As run_job. Errors: attribute_missing (points.ply lacks a property), input_unsupported (the topology of a mesh differs), those of run_job. */

@@ -515,11 +515,11 @@ static void describe_meshes(const attributes *a, const attributes_entry *entry, 
          "lie on no mesh, such as those on caps of a region or on other parts: their numbers are -1");
 }
 
-void attributes_describe(const attributes *a, json *report, json *warnings)
+json *attributes_describe(const attributes *a, json *warnings)
 {
     static const char *const types[] = {"float", "int", "vector", "normal", "color", "uv"};
-    if (a->count == 0) return;
-    json *list = json_put_array(report, "attributes");
+    if (a->count == 0) return NULL;
+    json *list = json_new_array();
     for (size_t k = 0; k < a->count; k++) {
         const attributes_entry *entry = &a->entries[k];
         json *object = json_append_object(list);
@@ -542,6 +542,7 @@ void attributes_describe(const attributes *a, json *report, json *warnings)
             free(text);
         }
     }
+    return list;
 }
 
 double attributes_bytes_per_point(const attributes *a)

@@ -48,8 +48,8 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
 /* Puts the values in another order: point k gets those of point order[k]. Sets the attributes of the set again. Error: limit_memory. */
 bool attributes_permute(attributes *a, const uint32_t *order, points *set, error *e);
 
-/* Adds the member `attributes` to the report, and warnings. */
-void attributes_describe(const attributes *a, json *report, json *warnings);
+/* The member `attributes` of the report, which the caller frees; NULL: there are none. Adds warnings. */
+json *attributes_describe(const attributes *a, json *warnings);
 
 /* Bytes per point for its attributes. */
 double attributes_bytes_per_point(const attributes *a);

@@ -6,15 +6,15 @@
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
 #include "sampling/measures/measures.h"
-#include "job/phases/advice.h"
+#include "job/report/advice.h"
 #include "job/phases/cost_model.h"
 #include "job/phases/attach.h"
 #include "job/phases/job.h"
 #include "job/source/plan.h"
 #include "job/source/source_report.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 #include "job/phases/run.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "sampling/sizing/clearance.h"
 #include "surface/scan/surface.h"
 
@@ -100,7 +100,7 @@ static double measuring_memory(const job *j, double count)
  * without points. */
 static double memory_for(const job *j, int64_t held, double count)
 {
-    double begin = fmax((double)held, j->spec->has_points_vdb ? BYTES_WITH_OPENVDB : 0);
+    double begin = fmax((double)held, j->spec->points_in[FILE_FORMAT_VDB] ? BYTES_WITH_OPENVDB : 0);
     return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
                                                 measuring_memory(j, count) + plan_picture_memory(j->spec));
 }

@@ -16,7 +16,7 @@
 #include "job/phases/label_meshes.h"
 #include "job/phases/measured_surface.h"
 #include "job/phases/upright.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "job/phases/watchdog.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "job/source/mesh_projection.h"
@@ -123,14 +123,13 @@ static bool check_label_meshes(const job *j, error *e)
 
 static size_t memory_left(const job *j)
 {
-    const size_t held = source_memory(&j->source);
-    return j->memory > held ? j->memory - held : 0;
+    return mem_left(j->memory, source_memory(&j->source));
 }
 
 bool job_make_pool(job *j, error *e)
 {
     const spec *s = j->spec;
-    j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
+    j->memory = run_options_memory(j->options, s->memory_mb);
     int most = j->options->threads, workers = s->threads;
     if (workers <= 0) workers = most > 0 ? most : threads_available();
     if (most > 0 && workers > most) workers = most;
@@ -149,6 +148,11 @@ bool job_load(job *j, error *e)
               attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */
     return ok;
+}
+
+report_timing job_timing(const job *j)
+{
+    return (report_timing){j->progress.start_ms, PROGRESS_PHASES, progress_phase_names, j->progress.phase_ms};
 }
 
 int64_t job_peak_memory(const job *j)
@@ -397,7 +401,7 @@ bool job_place(job *j, solution *out, error *e)
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
         .step = s->step,
-        .list_limit = j->memory - source_memory(&j->source),
+        .list_limit = memory_left(j),
         .max_sweeps = s->max_sweeps,
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,

@@ -55,7 +55,7 @@ typedef struct job {
     sequence sequence; /* with queue.coherent */
     int64_t end_ms;    /* if the target is a time: when the job must end, monotonic */
     json *report;
-    results_facts results;
+    report_outputs results;
 } job;
 
 /* A phase of a job. Errors: those of run_job. */
@@ -106,6 +106,9 @@ double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
 double job_bytes_per_particle(const job *j);
+
+/* Start and times of the phases. */
+report_timing job_timing(const job *j);
 
 /* Peak bytes of memory: of the worker alone, or of the worker and its reader while inputs were loaded, whichever is
  * larger. */

@@ -1,3 +1,4 @@
+#include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
 
 #include <math.h>
@@ -22,8 +23,8 @@ static bool write_png(const char *directory, const char *name, const canvas *pic
 {
     char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && picture_png_write(file.stream, picture, e) &&
-              picture_png_verify(file.stream, picture, e) && results_commit(&file, name, outputs, e);
+    bool ok = store_file_begin_hashed(path, &file, e) && picture_png_write(file.stream, picture, e) &&
+              outputs_commit(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -38,9 +39,9 @@ static bool write_exr(const char *directory, const spec *s, const image *picture
                                          s->preview_channels == SPEC_CHANNELS_ALL};
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, &options, e) &&
-              preview_exr_verify(file.stream, picture, &options, e) &&
-              results_commit(&file, "preview.exr", outputs, e);
+    bool ok = store_file_begin_hashed(path, &file, e) &&
+              preview_exr_write(file.stream, picture, &options, e) &&
+              outputs_commit(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;

@@ -1,5 +1,5 @@
-/* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written, read again,
- * verified, and added to `outputs`. A build without pictures has no_pictures.c instead of pictures.c.
+/* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written,
+ * verified (results.h), and added to `outputs`. A build without pictures has no_pictures.c instead of pictures.c.
  */
 #ifndef HEXAD_JOB_PHASES_PICTURES_H
 #define HEXAD_JOB_PHASES_PICTURES_H

@@ -12,18 +12,19 @@
 #include "base/core/precision.h"
 #include "surface/field/patches.h"
 #include "io/points/column.h"
-#include "io/points/format.h"
 #include "io/points/ply.h"
 #include "io/points/property.h"
 #include "io/points/quantity.h"
+#include "io/points/writers.h"
 #include "surface/remesh/surface_mesh.h"
 #include "job/phases/instances.h"
 #include "job/phases/label_meshes.h"
 #include "job/phases/layout.h"
 #include "job/phases/patch_meshes.h"
+#include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
 #include "job/phases/snapshot.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "files/file.h"
 #include "files/late_commit.h"
@@ -39,27 +40,6 @@ enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxel size of points.vdb, in spacings. */
 static const double POINTS_VOXEL = 3;
-
-static json *add_output(json *outputs, const char *name)
-{
-    json *output = json_append_object(outputs);
-    json_put_string(output, "name", name);
-    return output;
-}
-
-static void put_facts(json *output, const store_facts *facts)
-{
-    json_put_integer(output, "bytes", (int64_t)facts->bytes);
-    json_put_string(output, "sha256", facts->sha256);
-}
-
-bool results_commit(store_file *file, const char *name, json *outputs, error *e)
-{
-    store_facts facts;
-    if (!late_commit_now(file, &facts, e)) return false;
-    put_facts(add_output(outputs, name), &facts);
-    return true;
-}
 
 static vec3 as_floats(vec3 x)
 {
@@ -99,7 +79,7 @@ static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Measures the residuals of the positions, rounded to floats or not, over h. */
-static void measure_residuals(const results_input *in, bool as_float, threads *pool, results_facts *out)
+static void measure_residuals(const results_input *in, bool as_float, threads *pool, report_outputs *out)
 {
     if (!in->field) return;
     const size_t chunks = in->set->count / GRAIN + 1;
@@ -165,63 +145,47 @@ static vec3 origin_of(const points *set)
     return middle;
 }
 
-/* Writes points.ply; `job` has the name and the points, and is completed here. With `beside` it is written by another
+/* Writes points.ply or a mesh; `job` has the points, and is completed here. With `beside` it is written by another
  * thread while other outputs are written, if it is large enough and binary: text uses all threads. */
-static late_commit *begin_ply(const char *directory, const spec *s, bool as_float, threads *pool, bool beside,
-                              ply_job *job, error *e)
+static late_commit *begin_ply(const char *directory, const char *name, const spec *s, bool as_float,
+                              threads *pool, bool beside, ply_job *job, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, job->name);
+    char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
     job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    const bool more = threads_count(pool) > 1;
-    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && more;
+    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && threads_count(pool) > 1;
     job->pool = beside ? threads_beside(pool) : pool;
     const char *const *wanted = (const char *const *)s->ply_properties;
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
-                    store_file_begin(path, &file, e);
+                    store_file_begin_hashed(path, &file, e);
     free(path);
-    return ok ? late_commit_begin(&file, ply_write_job, ply_verify_job, job, beside, more) : NULL;
+    return ok ? late_commit_begin(&file, ply_write_job, job, beside) : NULL;
 }
 
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
                       bool as_float, threads *pool, json *outputs, error *e)
 {
-    ply_job job = {.name = name, .set = set};
+    ply_job job = {.set = set};
     store_facts facts;
-    late_commit *begun = begin_ply(directory, s, as_float, pool, false, &job, e);
+    late_commit *begun = begin_ply(directory, name, s, as_float, pool, false, &job, e);
     if (!begun || !late_commit_end(begun, &facts, e)) return false;
-    put_facts(add_output(outputs, name), &facts);
+    outputs_put_facts(outputs_add(outputs, name), &facts);
     return true;
 }
 
-static bool write_format(const char *directory, const point_format *f, const points *set, const scene *place,
-                         json *outputs, error *e)
+static bool write_format(const char *directory, file_format format, writer_part part, const points *set,
+                         const scene *place, bool of_mesh, json *outputs, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, f->file);
+    const writer *w = &writers[format];
+    char *name = writers_name(format, part, of_mesh), *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, place, e);
-    if (ok && !f->verify(file.stream, set, place, e))
-        ok =
-            error_prefix(e, "%s differs from the written data when it is read back: check the disk", f->file);
-    ok = ok && results_commit(&file, f->file, outputs, e);
+    const bool ok = store_file_begin_hashed(path, &file, e) && w->write[part](file.stream, set, place, e) &&
+                    outputs_commit(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
+    free(name);
     return ok;
-}
-
-/* Whether the spec requests this format. */
-static bool has_format(const spec *s, format_name which)
-{
-    const bool asked[FORMATS] = {[FORMAT_NPZ] = s->has_points_npz,
-                                 [FORMAT_GLB] = s->has_points_glb,
-                                 [FORMAT_USDA] = s->has_points_usda,
-                                 [FORMAT_USDA_SEQUENCE] = s->has_points_usda,
-                                 [FORMAT_USDA_STAGE] = s->has_points_usda,
-                                 [FORMAT_MESH_USDA] = s->has_mesh_usda,
-                                 [FORMAT_MESH_USDA_SEQUENCE] = s->has_mesh_usda,
-                                 [FORMAT_MESH_USDA_STAGE] = s->has_mesh_usda};
-    return asked[which];
 }
 
 /* Writes the formats of points, or of their mesh. A file of a whole sequence is written by the frame listed first. */
@@ -239,13 +203,14 @@ static bool write_formats(const char *directory, const results_input *in, const 
         instanced.instancer = in->instancer;
         if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
     }
-    for (int k = 0; ok && k < FORMATS; k++) {
-        const point_format *f = &formats[k];
-        if (f->of_mesh != of_mesh || !has_format(s, (format_name)k)) continue;
-        if (f->of_sequence && (s->frame_count == 0 || s->frame[0] != in->frame)) continue;
-        const bool is_points_usda = k == FORMAT_USDA || k == FORMAT_USDA_SEQUENCE || k == FORMAT_USDA_STAGE;
-        ok = write_format(directory, f, set, is_points_usda ? &instanced : &place, outputs, e);
-    }
+    const bool *asked = of_mesh ? s->mesh_in : s->points_in;
+    const int parts = s->frame_count > 0 && s->frame[0] == in->frame ? WRITER_PARTS : WRITER_SEQUENCE;
+    for (int k = 0; k < FILE_FORMATS; k++)
+        for (int part = 0; ok && asked[k] && part < parts; part++)
+            ok =
+                !writers[k].write[part] ||
+                write_format(directory, (file_format)k, (writer_part)part, set,
+                             writers[k].has_instances && !of_mesh ? &instanced : &place, of_mesh, outputs, e);
     layout_free(&frames);
     return ok;
 }
@@ -369,7 +334,7 @@ static void renumber(triangulation *made, const uint32_t *place)
 }
 
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
-                       json *outputs, results_facts *out, error *e)
+                       json *outputs, report_outputs *out, error *e)
 {
     const points *set = in->set;
     const solver_patch_points *stands = &in->solved->patch_points;
@@ -473,11 +438,9 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
                              .values = values};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
-    bool ok = (rows || !needs_rows) && store_file_begin(path, &file, e) &&
-              vdb_write_points(fileno(file.stream), &grid, e);
-    if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
-        ok = error_prefix(e, "points.vdb differs from the written data when it is read back: check the disk");
-    ok = ok && results_commit(&file, "points.vdb", outputs, e);
+    const bool ok = (rows || !needs_rows) && store_file_begin_hashed(path, &file, e) &&
+                    vdb_write_points(file.stream, &grid, e) &&
+                    outputs_commit(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
     free(values);
     free(rows);
@@ -515,17 +478,17 @@ static bool write_pictures(const char *directory, const results_input *in, threa
 /* Whether a requested format has colors even without a color attribute: those of the preview. */
 static bool needs_color(const spec *s)
 {
-    for (int k = 0; k < FORMATS; k++)
-        if (formats[k].colored && has_format(s, (format_name)k)) return true;
+    for (int k = 0; k < FILE_FORMATS; k++)
+        if (writers[k].has_colors && (s->points_in[k] || s->mesh_in[k])) return true;
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
-                   results_facts *out, error *e)
+                   report_outputs *out, error *e)
 {
     const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
+    report_outputs facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
     measure_residuals(in, as_float, pool, &facts);
     const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > OUTCOME_RESIDUAL;
     if (is_coarse) {
@@ -540,8 +503,8 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     points colored = *in->set;
     results_input with_color = *in;
     store_facts ply;
-    ply_job job = {.name = "points.ply", .set = &colored, .comments = in->comments};
-    json *const told = add_output(outputs, "points.ply");
+    ply_job job = {.set = &colored, .comments = in->comments};
+    json *const told = outputs_add(outputs, "points.ply");
     vec3 *color = NULL;
     instances turned = {0};
     with_color.set = &colored;
@@ -560,8 +523,10 @@ bool results_write(const char *directory, const results_input *in, threads *pool
             return false;
         }
     }
-    late_commit *late = begin_ply(directory, s, as_float, pool, spec_has_other_outputs(s), &job, e);
-    bool ok = late && (!s->has_points_vdb || write_points_vdb(directory, &with_color, outputs, e)) &&
+    late_commit *late =
+        begin_ply(directory, "points.ply", s, as_float, pool, spec_has_other_outputs(s), &job, e);
+    bool ok = late &&
+              (!s->points_in[FILE_FORMAT_VDB] || write_points_vdb(directory, &with_color, outputs, e)) &&
               write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
               (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
               (!s->has_preview || write_pictures(directory, &with_color, pool, outputs, e)) &&
@@ -571,7 +536,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     free(color);
     instances_free(&turned);
     if (ok) {
-        put_facts(told, &ply);
+        outputs_put_facts(told, &ply);
         *out = facts;
         return true;
     }
@@ -623,19 +588,11 @@ bool results_write_report(const char *directory, const json *report, error *e)
     char *path = mem_printf("%s/report.json", directory), *text = json_print_pretty(report);
     size_t length = strlen(text);
     store_file file = {0};
-    bool ok = write_summary(directory, report, length, e) && store_file_begin(path, &file, e);
-    if (ok && (fwrite(text, 1, length, file.stream) != length || fflush(file.stream) != 0))
-        ok = error_set(e, error_code_of_errno(errno), "cannot write %s: %m", path);
+    bool ok = write_summary(directory, report, length, e) && store_file_begin_hashed(path, &file, e);
     if (ok) {
-        char *back = mem_alloc(length + 1);
-        rewind(file.stream);
-        if (fread(back, 1, length + 1, file.stream) != length || memcmp(back, text, length) != 0)
-            ok = error_set(e, ERROR_INTERNAL,
-                           "report.json differs from the written data when it is read back: check the disk");
-        free(back);
+        fwrite(text, 1, length, file.stream); /* the flush checks the stream's error flag */
+        ok = store_file_place_verified(&file, NULL, e) && store_directory_sync(directory, e);
     }
-    if (ok) ok = store_file_commit(&file, e);
-    store_file_abort(&file);
     free(text);
     free(path);
     return ok;
@@ -654,10 +611,19 @@ static int numbered_name_length(const char *name)
 static bool for_each_result(const char *directory, bool (*act)(const char *path, error *e), error *e)
 {
     bool ok = true;
-    for (size_t k = 0; ok && k < NAMES + FORMATS; k++) {
-        char *path = mem_printf("%s/%s", directory, k < NAMES ? names[k] : formats[k - NAMES].file);
+    for (size_t k = 0; ok && k < NAMES; k++) {
+        char *path = mem_printf("%s/%s", directory, names[k]);
         ok = act(path, e);
         free(path);
+    }
+    for (int k = 0; ok && k < FILE_FORMATS * WRITER_PARTS * 2; k++) {
+        const file_format format = (file_format)(k / 2 / WRITER_PARTS);
+        const writer_part part = (writer_part)(k / 2 % WRITER_PARTS);
+        if (!writers[format].write[part] || (k % 2 == 1 && !writers[format].has_mesh)) continue;
+        char *name = writers_name(format, part, k % 2 == 1), *path = mem_printf("%s/%s", directory, name);
+        ok = act(path, e);
+        free(path);
+        free(name);
     }
     DIR *listing = opendir(directory);
     for (struct dirent *entry; listing && ok && (entry = readdir(listing));) {

@@ -1,5 +1,5 @@
-/* results: the files of a finished job. Each is written under a temporary name, read again, verified, hashed and then
- * renamed. */
+/* results: the files of a finished job. Each is written under a temporary name, read from the disk again, compared with
+ * what was written, and then renamed (files/file.h). */
 #ifndef HEXAD_JOB_PHASES_RESULTS_H
 #define HEXAD_JOB_PHASES_RESULTS_H
 
@@ -11,23 +11,10 @@
 #include "base/json/json.h"
 #include "surface/labels/label_surface.h"
 #include "geometry/mesh/mesh.h"
-#include "sampling/voronoi/triangulation.h"
+#include "job/report/report.h"
 #include "sampling/solver/solver.h"
 #include "spec/spec.h"
 #include "files/file.h"
-
-typedef struct results_facts {
-    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply, without points that are kept. For meshes and labels: the distance from
-     * the triangles over h. */
-    double max_residual, rms_residual;
-    bool widened;    /* float was requested, double was written */
-    vec3 origin;     /* of floats in glTF and USD; 0 if floats represent the positions without an origin */
-    double rounding; /* largest error of floats relative to the origin, over h; 0 without an origin */
-    bool y_up;       /* y, not z, points up in pictures and scenes */
-    bool has_mesh;
-    triangulation_facts mesh;
-    json *label_meshes; /* for the report, which takes ownership; or NULL */
-} results_facts;
 
 typedef struct results_input {
     const spec *spec;
@@ -53,13 +40,11 @@ typedef struct results_input {
     size_t sweep_count;
 } results_input;
 
-/* Hashes a verified file, appends it to `outputs`, and renames it to its final name. */
-bool results_commit(store_file *file, const char *name, json *outputs, error *e);
-
 /* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to `outputs`.
- * Errors: internal (a failure of the disk, or a file that does not read back as written), limit_memory, cancelled. */
+ * Errors: storage_full, storage_failed (also if a file is not read as it was written), internal, limit_memory,
+ * cancelled. */
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
-                   results_facts *out, error *e);
+                   report_outputs *out, error *e);
 
 /* Writes the summary and then the report: a directory with a report is complete. */
 bool results_write_report(const char *directory, const json *report, error *e);

@@ -5,7 +5,7 @@
 #include "base/core/clock.h"
 #include "job/phases/attach.h"
 #include "job/phases/job.h"
-#include "job/phases/report.h"
+#include "job/report/report.h"
 #include "job/phases/time_target.h"
 #include "files/file.h"
 
@@ -75,10 +75,12 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
     const solution *s = &j->solution;
     const outcome_input judged = outcome_input_of(j);
     const outcome_result v = outcome_evaluate(&judged);
+    json *warnings = json_new_array();
     const report_facts facts = {
         .spec = j->spec,
         .source = &j->source,
-        .attributes = &j->attributes,
+        .attributes = attributes_describe(&j->attributes, warnings),
+        .attribute_warnings = warnings,
         .scan = j->scan,
         .sizing = s->sizing,
         .curvature = s->curvature,
@@ -91,13 +93,14 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
         .memory_limit = (double)j->memory,
         .particle_memory = job_particle_memory(j),
         .bytes_per_particle = job_bytes_per_particle(j),
-        .results = &j->results,
+        .outputs = &j->results,
         .result = &v,
         .pool = j->pool,
         .isa = j->isa,
-        .progress = &j->progress,
+        .timing = job_timing(j),
     };
     report_fill(j->report, &facts);
+    json_free(warnings);
     given_points_describe(&j->given, j->spec, j->report);
     avoided_points_describe(&j->avoided, j->report);
     if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);

@@ -13,7 +13,7 @@
 #include "base/core/error.h"
 #include "base/json/json.h"
 #include "job/phases/run_options.h"
-#include "job/phases/outcome.h"
+#include "job/report/outcome.h"
 #include "spec/spec.h"
 
 /* Errors: any code in base/core/error.h. On failure the directory has no report.json. *report is the report; the caller

@@ -25,4 +25,10 @@ typedef struct run_options {
     void (*leave)(const error *e);
 } run_options;
 
+/* The memory limit in bytes. `own_mb`: that of the spec; 0: it has none. */
+static inline size_t run_options_memory(const run_options *options, int64_t own_mb)
+{
+    return (size_t)(own_mb > 0 ? own_mb : options->memory_mb) << 20;
+}
+
 #endif

@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <strings.h>
 
+#include "base/core/file_format.h"
 #include "base/core/precision.h"
 #include "io/volumes/volume_file.h"
 #include "surface/volume/grid_selection.h"
@@ -123,8 +123,8 @@ static label_surface *refuse_members(error *e)
 label_surface *label_source_open(const label_source_request *request, error *e)
 {
     const spec_labels *l = request->how.spec;
-    const char *ending = l->path ? strrchr(l->path, '.') : NULL;
-    if (!request->stack && !request->directory && (l->grid || (ending && strcasecmp(ending, ".vdb") == 0)))
+    const bool is_vdb = l->path && file_format_of_name(l->path) == FILE_FORMAT_VDB;
+    if (!request->stack && !request->directory && (l->grid || is_vdb))
         return request->voxel_size || l->has_level ? refuse_members(e) : open_vdb(request, e);
     const volume_file file = {.fd = request->fd,
                               .path = l->path,

@@ -54,7 +54,8 @@ double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 double plan_bytes_per_particle(const spec *s, bool is_continued)
 {
     /* one after the other */
-    double more = fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    double more =
+        fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->points_in[FILE_FORMAT_VDB] ? BYTES_PER_GRID_POINT : 0);
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */

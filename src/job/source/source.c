@@ -168,8 +168,7 @@ enum { POINTER_SIZE = 256 };
 
 static size_t memory_left(const opening *o)
 {
-    size_t held = source_memory(o->source);
-    return o->memory > held ? o->memory - held : 0;
+    return mem_left(o->memory, source_memory(o->source));
 }
 
 static void close_part(source_part *p)

@@ -563,11 +563,13 @@ bool solver_finalize(solver *s, error *e)
 
 bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error *e)
 {
+    size_t pinned;
     *goes_on = false;
     if (s->state.outcome != SOLVER_CONVERGED || !s->state.p->place || solver_is_continued(s) ||
         s->state.regime->is_under_resolved || 2 * s->record.sweep_count >= (size_t)s->setup.params.max_sweeps)
         return true;
-    if (solver_pin_near(s, place, count) == 0) return true;
+    if (!solver_pin_near(s, place, count, &pinned, e)) return false;
+    if (pinned == 0) return true;
     solver_release_description(s);
     s->scratch.relax = solver_new_relax(s, s->scratch.capacity, e);
     if (!s->scratch.relax) return false;

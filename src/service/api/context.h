@@ -3,6 +3,7 @@
 #ifndef HEXAD_SERVICE_API_CONTEXT_H
 #define HEXAD_SERVICE_API_CONTEXT_H
 
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdint.h>
 
@@ -45,6 +46,7 @@ struct http_context {
     int64_t started_ms;             /* start of the service, wall clock */
     const http_counters *counters;  /* the server changes them */
     const delivery_counters *calls; /* calls of webhooks; the delivery thread changes them */
+    pthread_mutex_t *frame_checks;  /* held while the values of frames are checked: one check at a time */
     atomic_bool *copying;           /* true while a backup is made; the handler of backups changes it */
     document_cache *documents;      /* NULL: documents are not cached */
     const struct page *page;        /* service/api/page.h; NULL: no page is served */

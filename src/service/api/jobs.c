@@ -121,14 +121,13 @@ static void order_clear(order *o)
  * it, and no check begins after the service has begun to stop. */
 static bool check_frames(const http_context *c, const spec *s, reply *r)
 {
-    static pthread_mutex_t one_at_a_time = PTHREAD_MUTEX_INITIALIZER;
     error e = {0};
     spec_faults faults = {0};
     if (!s->has_frame_values) return true;
-    pthread_mutex_lock(&one_at_a_time);
+    pthread_mutex_lock(c->frame_checks);
     bool goes_on = executor_takes_jobs(c->x);
     bool good = goes_on && spec_check_frames(s, &faults, &e);
-    pthread_mutex_unlock(&one_at_a_time);
+    pthread_mutex_unlock(c->frame_checks);
     if (!goes_on)
         reply_set_unavailable(
             r, "the service is stopping or draining and does not check by_frame now: try again later");

@@ -1,29 +1,21 @@
 #include "service/api/notifier.h"
 
 #include <inttypes.h>
-#include <pthread.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/core/background.h"
-#include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/executor/progress_ring.h"
 
 /* Events, and progress lines, that one round reads. If there are more, the next round follows without a wait. */
 #define NEWS_MOST 256
-/* Longest wait between rounds, in milliseconds: a round that could not read the database is repeated after it. */
-#define LOOK_MS 1000
 
 struct notifier {
     queue *q;
     progress_ring *progress;
     wait_list *waiting;
-    pthread_t thread;
-    atomic_bool stopping;
     int64_t event_seq, row_number; /* the last event and the last progress line that were read */
 };
 
@@ -49,15 +41,18 @@ static void add_topic(news *n, const char *topic)
     n->topic[n->count++] = topic;
 }
 
-/* Reads new events and progress lines and wakes their topics. True if there may be more. */
-static bool wake_waiters(notifier *n)
+/* Reads new events and progress lines and wakes their topics. If there may be more, or if the events could not be read,
+ * the next step need not be woken. */
+static int64_t wake_waiters(void *context)
 {
+    notifier *n = context;
     error e = {0};
     news fresh;
     fresh.count = 0;
     queue_event_page page = {0};
     queue_event_filter filter = {.after_seq = n->event_seq, .limit = NEWS_MOST};
-    if (!queue_list_events(n->q, &filter, &page, &e))
+    const bool ok = queue_list_events(n->q, &filter, &page, &e);
+    if (!ok)
         log_write(LOG_LEVEL_ERROR, "events cannot be read: %s", e.message);
     else
         n->event_seq = page.position;
@@ -78,19 +73,8 @@ static bool wake_waiters(notifier *n)
     if (fresh.count) wait_list_wake(n->waiting, fresh.topic, fresh.count);
     free(page.events);
     progress_ring_lines_free(lines, line_count);
-    return page.more || line_count == NEWS_MOST;
-}
-
-static void *run(void *argument)
-{
-    notifier *n = argument;
-    uint64_t seen = 0;
-    while (!n->stopping) {
-        queue_wait(n->q, &seen, clock_monotonic_ms() + LOOK_MS);
-        while (!n->stopping && wake_waiters(n)) {
-        }
-    }
-    return NULL;
+    if (page.more || line_count == NEWS_MOST) return 0;
+    return ok ? RUNNER_WHEN_WOKEN : runner_retry_time();
 }
 
 /* Skips the existing events: no connection waits for them. */
@@ -103,22 +87,21 @@ static bool catch_up(notifier *n, error *e)
     return true;
 }
 
-notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e)
+notifier *notifier_add(runner *to, queue *q, executor *x, wait_list *l, error *e)
 {
     notifier *n = mem_alloc(sizeof *n);
     n->q = q;
     n->progress = executor_progress_ring(x);
     n->waiting = l;
-    if (catch_up(n, e) && background_start(&n->thread, run, n, "the server", e)) return n;
+    if (catch_up(n, e)) {
+        queue_wake_on_change(q, runner_add(to, "notifier", wake_waiters, n));
+        return n;
+    }
     free(n);
     return NULL;
 }
 
-void notifier_stop(notifier *n)
+void notifier_free(notifier *n)
 {
-    if (!n) return;
-    n->stopping = true;
-    queue_signal(n->q);
-    pthread_join(n->thread, NULL);
     free(n);
 }

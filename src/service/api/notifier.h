@@ -1,6 +1,6 @@
 /* notifier: wakes connections in the wait list when their jobs have new events or progress lines.
  *
- * One thread waits for the queue. It reads the new events and progress lines once for all connections, and wakes the
+ * One task waits for the queue. It reads the new events and progress lines once for all connections, and wakes the
  * connections that wait for the topic of one of these jobs or of its owner. The topic of a job is its id.
  */
 #ifndef HEXAD_SERVICE_API_NOTIFIER_H
@@ -13,11 +13,11 @@
 
 typedef struct notifier notifier;
 
-/* Starts the thread. Queue, executor and wait list must outlive the notifier. NULL on failure: errors of the queue
- * and of background_start. */
-notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e);
-/* Ends the thread and frees. Accepts NULL. */
-void notifier_stop(notifier *n);
+/* Adds the task to the runner. Queue, executor and wait list must outlive the notifier. NULL on failure: errors of the
+ * queue. */
+notifier *notifier_add(runner *to, queue *q, executor *x, wait_list *l, error *e);
+/* After runner_stop. Accepts NULL. */
+void notifier_free(notifier *n);
 
 /* The topic of all jobs of a user. Any thread. */
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE]);

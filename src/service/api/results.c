@@ -10,6 +10,7 @@
 #include "service/api/job_lookup.h"
 #include "service/api/png_reply.h"
 #include "service/api/preview.h"
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "service/http/parameter.h"
@@ -21,19 +22,8 @@
 
 static const char *content_type_of(const char *name)
 {
-    static const struct {
-        const char *ending, *type;
-    } types[] = {
-        {".json", "application/json"}, {".png", "image/png"},       {".exr", "image/x-exr"},
-        {".ply", "model/ply"},         {".npz", "application/zip"}, {".glb", "model/gltf-binary"},
-        {".usda", "model/vnd.usda"},
-    };
-    size_t length = strlen(name);
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
-        size_t n = strlen(types[i].ending);
-        if (length > n && strcmp(name + length - n, types[i].ending) == 0) return types[i].type;
-    }
-    return "application/octet-stream";
+    const char *type = file_formats[file_format_of_name(name)].content_type;
+    return type ? type : "application/octet-stream";
 }
 
 /* Tasks that one query reads. */

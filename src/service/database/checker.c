@@ -1,14 +1,13 @@
 #include "service/database/checker.h"
 
-#include <pthread.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
+#include "base/core/runner.h"
 #include "service/database/backup.h"
 #include "service/database/database.h"
 #include "service/database/health.h"
@@ -23,8 +22,13 @@ struct checker {
     database *d;
     int64_t interval_ms; /* 0: never */
     int64_t free_bytes;
-    bool logged; /* a failed check has been logged */
-    pthread_t thread;
+    bool logged;    /* a failed check has been logged */
+    bool began;     /* a check has been tried */
+    bool full;      /* the quick check has been made */
+    int64_t due_ms; /* of the next check, monotonic */
+    bool due;       /* this time has passed; the database was then not idle yet */
+    uint64_t seen;  /* database_change_count at the last step in this state */
+    runner *tasks;  /* this one only */
 };
 
 /* Checks the database once. False when no check could be made. */
@@ -56,22 +60,19 @@ static int64_t later(int64_t ms, int64_t by_ms)
     return ms < INT64_MAX - by_ms ? ms + by_ms : INT64_MAX;
 }
 
-/* Waits until a full check is due and the database is idle. False: the thread must end. */
-static bool wait_for_turn(checker *c, int64_t due_ms)
+/* Whether a check is due and the database is idle. Otherwise *look_ms is the time of the next look. */
+static bool is_turn(checker *c, int64_t *look_ms)
 {
-    health *h = database_health(c->d);
-    bool doubt = false;
-    if (!health_wait(h, due_ms, &doubt)) return false;
-    int64_t idle_ms = c->interval_ms / 10 < IDLE_MS ? c->interval_ms / 10 : IDLE_MS,
-            last_ms = later(due_ms, c->interval_ms);
-    uint64_t seen = database_change_count(c->d);
-    while (!doubt && clock_monotonic_ms() < last_ms) {
-        if (!health_wait(h, clock_monotonic_ms() + idle_ms, &doubt)) return false;
-        uint64_t now = database_change_count(c->d);
-        if (now == seen) break;
-        seen = now;
-    }
-    return true;
+    const int64_t now = clock_monotonic_ms(),
+                  idle_ms = c->interval_ms / 10 < IDLE_MS ? c->interval_ms / 10 : IDLE_MS;
+    if (!c->began || health_requires_check(database_health(c->d))) return true;
+    *look_ms = now < c->due_ms ? c->due_ms : now + idle_ms;
+    if (now < c->due_ms) return false;
+    const uint64_t count = database_change_count(c->d);
+    const bool idle = c->due && count == c->seen;
+    c->due = true;
+    c->seen = count;
+    return idle || now >= later(c->due_ms, c->interval_ms);
 }
 
 static int64_t next_ms(checker *c, bool ok)
@@ -82,26 +83,27 @@ static int64_t next_ms(checker *c, bool ok)
     return later(clock_monotonic_ms(), ok ? c->interval_ms : known.damaged ? RETRY_IN_DOUBT_MS : RETRY_MS);
 }
 
-static void *run(void *argument)
+static int64_t check_in_turn(void *context)
 {
-    checker *c = argument;
-    pthread_setname_np(pthread_self(), "checker");
-    bool full = false;
-    int64_t due_ms;
-    do {
-        bool ok = check(c, full);
-        full |= ok;
-        due_ms = next_ms(c, ok);
-    } while (wait_for_turn(c, due_ms));
-    return NULL;
+    checker *c = context;
+    int64_t look_ms;
+    if (!is_turn(c, &look_ms)) return look_ms;
+    bool ok = check(c, c->full);
+    c->began = true;
+    c->full |= ok;
+    c->due = false;
+    c->due_ms = next_ms(c, ok);
+    return c->due_ms;
 }
 
 checker *checker_start(database *d, double interval_s, int64_t free_bytes, error *e)
 {
     checker *c = mem_alloc(sizeof *c);
-    *c = (checker){.d = d, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes};
-    if (background_start(&c->thread, run, c, "checks of the database", e)) return c;
-    free(c);
+    *c = (checker){
+        .d = d, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes, .tasks = runner_new()};
+    health_wake_in_doubt(database_health(d), runner_add(c->tasks, "checker", check_in_turn, c));
+    if (runner_start(c->tasks, e)) return c;
+    checker_stop(c);
     return NULL;
 }
 
@@ -109,6 +111,8 @@ void checker_stop(checker *c)
 {
     if (!c) return;
     health_stop(database_health(c->d));
-    pthread_join(c->thread, NULL);
+    health_wake_in_doubt(database_health(c->d), NULL);
+    runner_stop(c->tasks);
+    runner_free(c->tasks);
     free(c);
 }

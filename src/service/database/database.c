@@ -10,7 +10,6 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/statvfs.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "base/core/background.h"
@@ -101,9 +100,8 @@ struct database {
     bool commits, ending; /* the thread exists; it has to end */
     unsigned slow; /* number of waiting threads of a lower priority: the thread commits their changes */
 
-    pthread_mutex_t news_mutex;
-    pthread_cond_t news;
-    uint64_t happened;
+    runner_task **woken; /* by database_signal */
+    size_t woken_count;
 };
 
 sqlite3 *database_connection(database *d)
@@ -585,24 +583,13 @@ static void stop_log_thread(database *d)
 
 void database_signal(database *d)
 {
-    pthread_mutex_lock(&d->news_mutex);
-    d->happened++;
-    pthread_cond_broadcast(&d->news);
-    pthread_mutex_unlock(&d->news_mutex);
+    for (size_t i = 0; i < d->woken_count; i++) runner_wake(d->woken[i]);
 }
 
-bool database_wait(database *d, uint64_t *seen, int64_t until_ms)
+void database_wake_on_change(database *d, runner_task *t)
 {
-    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000),
-                             .tv_nsec = (long)(until_ms % 1000) * 1000000};
-    int status = 0;
-    pthread_mutex_lock(&d->news_mutex);
-    while (d->happened == *seen && status != ETIMEDOUT)
-        status = pthread_cond_timedwait(&d->news, &d->news_mutex, &until);
-    bool any = d->happened != *seen;
-    *seen = d->happened;
-    pthread_mutex_unlock(&d->news_mutex);
-    return any;
+    d->woken = mem_resize(d->woken, (d->woken_count + 1) * sizeof(runner_task *));
+    d->woken[d->woken_count++] = t;
 }
 
 /* ---- opening */
@@ -633,11 +620,8 @@ static void make_locks(database *d)
     pthread_mutex_init(&d->gate, NULL);
     pthread_cond_init(&d->turn, NULL);
     pthread_cond_init(&d->entrusted, NULL);
-    pthread_mutex_init(&d->news_mutex, NULL);
-    pthread_cond_init(&d->news, &monotonic);
     pthread_condattr_destroy(&monotonic);
     STAILQ_INIT(&d->waiting);
-    d->happened = 1; /* so that database_wait with *seen = 0 returns at once */
 }
 
 static bool open_for_flushes(database *d, error *e)
@@ -737,8 +721,7 @@ void database_close(database *d)
     pthread_mutex_destroy(&d->gate);
     pthread_cond_destroy(&d->turn);
     pthread_cond_destroy(&d->entrusted);
-    pthread_mutex_destroy(&d->news_mutex);
-    pthread_cond_destroy(&d->news);
+    free(d->woken);
     free(d->trouble);
     free(d->state_dir);
     free(d->path);

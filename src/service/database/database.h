@@ -20,6 +20,7 @@
 #include <sqlite3.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 
 typedef struct database database;
 
@@ -111,9 +112,8 @@ bool database_has_space(database *d);
  * reserved, a warning is logged. */
 void database_reserve(database *d, int64_t bytes);
 
-/* Waits until changes were stored or database_signal was called since *seen (initially 0), or until the deadline
- * (monotonic). Returns true and updates *seen if one of these happened. */
-bool database_wait(database *d, uint64_t *seen, int64_t until_ms);
+/* Stored changes and database_signal wake the task. Call it before other threads use the database. */
+void database_wake_on_change(database *d, runner_task *t);
 void database_signal(database *d);
 
 int database_changes(database *d); /* rows that the last RUN changed */

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "base/core/clock.h"
 #include "base/core/log.h"
@@ -12,10 +11,10 @@
 
 struct health {
     pthread_mutex_t mutex;
-    pthread_cond_t woken; /* monotonic clock */
     health_report known;
-    bool doubt;  /* it was a read error, which may not be damage */
-    bool wanted; /* a check is required, because of the read error */
+    bool doubt;           /* it was a read error, which may not be damage */
+    bool wanted;          /* a check is required, because of the read error */
+    runner_task *checker; /* woken when a check is required; NULL: none */
     int64_t began_ms;
     atomic_bool damaged, stopping;
 };
@@ -23,19 +22,13 @@ struct health {
 health *health_new(void)
 {
     health *h = mem_alloc(sizeof *h);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_mutex_init(&h->mutex, NULL);
-    pthread_cond_init(&h->woken, &monotonic);
-    pthread_condattr_destroy(&monotonic);
     return h;
 }
 
 void health_free(health *h)
 {
     if (!h) return;
-    pthread_cond_destroy(&h->woken);
     pthread_mutex_destroy(&h->mutex);
     free(h);
 }
@@ -53,7 +46,7 @@ static void set_damage(health *h, const char *found_by, const char *what, bool d
         if ((unsigned char)*c < 0x20) *c = ' ';
     h->doubt = h->wanted = doubt;
     atomic_store(&h->damaged, true);
-    pthread_cond_broadcast(&h->woken);
+    if (doubt && h->checker) runner_wake(h->checker);
     if (doubt)
         log_write(LOG_LEVEL_ERROR,
                   "cannot read the database; nothing is written until a check has read all of it: %s",
@@ -121,25 +114,24 @@ void health_get(health *h, health_report *known)
     pthread_mutex_unlock(&h->mutex);
 }
 
-bool health_wait(health *h, int64_t until_ms, bool *doubt)
+void health_wake_in_doubt(health *h, runner_task *checker)
 {
-    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000),
-                             .tv_nsec = (long)(until_ms % 1000) * 1000000};
-    int status = 0;
     pthread_mutex_lock(&h->mutex);
-    while (!h->wanted && !atomic_load(&h->stopping) && status == 0)
-        status = pthread_cond_timedwait(&h->woken, &h->mutex, &until);
-    *doubt = h->wanted;
+    h->checker = checker;
     pthread_mutex_unlock(&h->mutex);
-    return !atomic_load(&h->stopping);
+}
+
+bool health_requires_check(health *h)
+{
+    pthread_mutex_lock(&h->mutex);
+    bool required = h->wanted;
+    pthread_mutex_unlock(&h->mutex);
+    return required;
 }
 
 void health_stop(health *h)
 {
-    pthread_mutex_lock(&h->mutex);
     atomic_store(&h->stopping, true);
-    pthread_cond_broadcast(&h->woken);
-    pthread_mutex_unlock(&h->mutex);
 }
 
 const atomic_bool *health_stop_flag(const health *h)

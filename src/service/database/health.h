@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 
 /* Instruction in messages about damage. */
 #define HEALTH_WAY_OUT                                                                                          \
@@ -46,10 +47,12 @@ void health_end_check(health *h, const char *name, bool done, const char *what);
 
 void health_get(health *h, health_report *known);
 
-/* Waits until `until_ms` (monotonic), or until a read error requires a check: then *doubt is true. False after
- * health_stop. */
-bool health_wait(health *h, int64_t until_ms, bool *doubt);
-void health_stop(health *h); /* ends health_wait */
+/* Whether a read error requires a check, which has not begun. */
+bool health_requires_check(health *h);
+/* Such a read error wakes the task from now on. NULL: none. */
+void health_wake_in_doubt(health *h, runner_task *checker);
+
+void health_stop(health *h); /* sets the flag, which aborts checks and copies of the database */
 const atomic_bool *health_stop_flag(const health *h);
 
 #endif

@@ -34,8 +34,6 @@
 #include "service/results/retention.h"
 #include "files/file.h"
 
-/* Delay after a database error (a full disk): long enough not to spin, short enough to recover. */
-#define RETRY_MS 1000
 /* Maximum delay between two tries while no worker can be started, because the program is being replaced or memory is
  * exhausted. */
 #define START_WAIT_MOST_MS 30000
@@ -148,7 +146,8 @@ static void serve(executor *x, slot *s)
     if (news & SLOT_STARTED) x->start_wait_ms = 0;
     if (news & SLOT_NOT_STARTED) {
         /* the next worker probably fails to start for the same reason */
-        x->start_wait_ms = x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
+        x->start_wait_ms =
+            x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RUNNER_RETRY_MS;
         x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     }
     if (news & SLOT_FREED) {
@@ -211,7 +210,7 @@ static bool claim(executor *x, slot *s, queue_resources *free_now)
         }
     } else {
         log_write(LOG_LEVEL_DEBUG, "cannot claim a job: %s", e.message); /* the queue has logged it */
-        x->claim_ms = clock_monotonic_ms() + RETRY_MS;
+        x->claim_ms = runner_retry_time();
     }
     pthread_mutex_unlock(&x->order);
     return found;
@@ -221,7 +220,7 @@ static bool claim(executor *x, slot *s, queue_resources *free_now)
 static void note_due(executor *x)
 {
     x->may_claim = false;
-    if (!queue_next_due(x->q, &x->due_ms, NULL)) x->due_ms = clock_wall_ms() + RETRY_MS;
+    if (!queue_next_due(x->q, &x->due_ms, NULL)) x->due_ms = clock_wall_ms() + RUNNER_RETRY_MS;
 }
 
 /* Whether attempts may start: the state directory is at its path, has space and can be written. */
@@ -386,8 +385,9 @@ static bool make_places(const executor *x, error *e)
     return ok;
 }
 
-static void executor_free(executor *x)
+void executor_free(executor *x)
 {
+    if (!x) return;
     if (x->wake_fd >= 0) close(x->wake_fd);
     if (x->drained_fd >= 0) close(x->drained_fd);
     for (size_t i = 0; i < x->settings.input_root_count; i++) free(x->input_roots[i]);
@@ -397,9 +397,9 @@ static void executor_free(executor *x)
     free(x->worker);
     for (size_t i = 0; i < x->slot_count; i++) slot_free(x->slots[i]);
     free(x->slots);
-    retention_stop(x->retention);
-    redelivery_stop(x->redelivery);
-    output_cleanup_stop(x->cleanup);
+    retention_free(x->retention);
+    redelivery_free(x->redelivery);
+    output_cleanup_free(x->cleanup);
     store_roots_close(x->roots);
     progress_ring_free(x->progress);
     pthread_mutex_destroy(&x->order);
@@ -515,7 +515,7 @@ static bool recover(executor *x, error *e)
     return true;
 }
 
-executor *executor_start(const executor_settings *settings, queue *q, error *e)
+executor *executor_open(const executor_settings *settings, queue *q, runner *to, error *e)
 {
     assert(settings->engine && settings->worker);
     executor *x = mem_alloc(sizeof *x);
@@ -538,23 +538,27 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     ok = x->roots && make_places(x, e);
     if (ok) storage_check(&x->storage); /* removes what a kill has left of a probe, before the inventory */
     ok = ok && recover(x, e) &&
-         output_cleanup_start(q, output_place_roots(settings->outputs), &x->cleanup, e) &&
-         (!settings->outputs ||
-          (x->redelivery = redelivery_start(q, settings->counts, settings->outputs, x->work_dir, e))) &&
-         (x->retention =
-              retention_start(q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
-    if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
-    executor_free(x);
-    return NULL;
+         output_cleanup_add(to, q, output_place_roots(settings->outputs), &x->cleanup, e);
+    if (!ok) {
+        executor_free(x);
+        return NULL;
+    }
+    if (settings->outputs)
+        x->redelivery = redelivery_add(to, q, settings->counts, settings->outputs, x->work_dir);
+    x->retention = retention_add(to, q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd);
+    return x;
+}
+
+bool executor_start(executor *x, error *e)
+{
+    return background_start(&x->thread, supervise, x, "the supervisor", e);
 }
 
 void executor_stop(executor *x)
 {
-    if (!x) return;
     atomic_store(&x->stopping, true);
     executor_force(x);
     pthread_join(x->thread, NULL);
-    executor_free(x);
 }
 
 void executor_drain(executor *x, double seconds)

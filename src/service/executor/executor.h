@@ -15,6 +15,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 #include "base/core/sandbox.h"
 #include "service/executor/engine.h"
 #include "service/executor/meter.h"
@@ -61,12 +62,16 @@ typedef struct executor_settings {
 } executor_settings;
 
 /* Settles tasks that a crash left, compares results/ and attempts/ with the queue (service/results/inventory), gives both the
- * same instance id (service/results/instance), and starts the supervisor. Copies the settings. The queue must outlive the
- * executor. */
-executor *executor_start(const executor_settings *settings, queue *q, error *e);
+ * same instance id (service/results/instance), and adds the tasks that look after results to the runner. Copies the
+ * settings. The queue must outlive the executor. */
+executor *executor_open(const executor_settings *settings, queue *q, runner *to, error *e);
+/* After executor_stop, if the supervisor was started, and runner_stop. Accepts NULL. */
+void executor_free(executor *x);
 
+/* Starts the supervisor: jobs run from now on. */
+bool executor_start(executor *x, error *e);
 /* Ends the supervisor. Running attempts are stopped at once and queued again, or left to the next daemon
- * (service/executor/engine). Accepts NULL. */
+ * (service/executor/engine). */
 void executor_stop(executor *x);
 
 /* Like queue_delete, and removes the job's directories. */
@@ -99,7 +104,7 @@ void executor_offer(executor *x, const char *id);
  * freed. NULL when there is none. */
 char *executor_progress(executor *x, const char *id);
 
-/* The newest progress lines of all jobs. queue_wait returns when there is a new one. */
+/* The newest progress lines of all jobs. A new one wakes the tasks of queue_wake_on_change. */
 progress_ring *executor_progress_ring(executor *x);
 
 typedef struct executor_load {

@@ -8,6 +8,7 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
+#include "base/core/runner.h"
 #include "base/core/worker_contract.h"
 #include "service/executor/cache.h"
 #include "service/executor/input_permissions.h"
@@ -17,9 +18,6 @@
 #include "service/results/publication.h"
 #include "service/results/result.h"
 #include "files/file.h"
-
-/* Delay before deciding or settling is repeated: long enough not to spin, short enough to recover. */
-#define RETRY_MS 1000
 
 typedef struct limits {
     double timeout_s, stall_s; /* 0: none */
@@ -155,7 +153,7 @@ static unsigned try_later(slot *s, const char *why)
     work *w = &s->w;
     log_write(w->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, /* an error once per attempt */
               "attempt not settled job=%s attempt=%d: %s", w->claimed.job.id, w->claimed.task.attempt, why);
-    w->retry_ms = clock_monotonic_ms() + RETRY_MS;
+    w->retry_ms = runner_retry_time();
     return SLOT_NOT_WRITTEN | (s->context->draining ? release(s) : SLOT_NO_NEWS);
 }
 

@@ -8,11 +8,11 @@
 #include <sys/socket.h>
 
 #include "files/scope.h"
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"
+#include "base/core/runner.h"
 
-/* Maximum delay, in ms, until the thread notices an overdue connection. */
+/* Maximum delay, in ms, until the watcher notices an overdue connection. */
 #define WATCH_MS 250
 /* Maximum time, in ms, in which a connection over a limit must send its first request. */
 #define REFUSED_MS 2000
@@ -47,14 +47,13 @@ struct connections {
     unsigned reserve;
     ledger *counts;
     access_control *access;
-    pthread_t watcher;
+    runner *tasks; /* the watcher only */
+    runner_task *watcher;
     pthread_mutex_t mutex;
-    pthread_cond_t changed; /* monotonic clock */
     LIST_HEAD(, client_connection) all;
     unsigned admins, others;   /* numbers of connections that have a place */
     connection_queue idle;     /* with a place, without a user, without a complete request */
     connection_queue unplaced; /* without a place, before their first request */
-    bool stopping;
 };
 
 /* Maximum number of connections without a place. */
@@ -195,7 +194,7 @@ client_connection *connections_add(connections *p, int fd)
     await_request(p, new);
     if (p->unplaced.count > most_unplaced(&p->settings)) end(p, TAILQ_FIRST(&p->unplaced.list));
     LIST_INSERT_HEAD(&p->all, new, link);
-    if (!LIST_NEXT(new, link)) pthread_cond_broadcast(&p->changed); /* otherwise the watcher wakes in time */
+    if (!LIST_NEXT(new, link)) runner_wake(p->watcher); /* otherwise it wakes in time */
     pthread_mutex_unlock(&p->mutex);
     return new;
 }
@@ -285,36 +284,23 @@ static bool has_ended(client_connection *which)
     return must_check && recv(which->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
 }
 
-static void *close_overdue(void *argument)
+static int64_t close_overdue(void *context)
 {
-    connections *p = argument;
+    connections *p = context;
     int64_t limit_ms = (int64_t)(p->settings.timeout_s * 1000);
     int64_t refused_ms = limit_ms < REFUSED_MS ? limit_ms : REFUSED_MS;
     pthread_mutex_lock(&p->mutex);
-    while (!p->stopping) {
-        int64_t now = clock_monotonic_ms();
-        client_connection *one;
-        LIST_FOREACH (one, &p->all, link) {
-            int64_t passed_ms = one->since_ms == NEVER ? -1 : now - one->since_ms;
-            if (passed_ms >= (one->placed ? limit_ms : refused_ms) ||
-                (passed_ms >= WATCH_MS && has_ended(one)))
-                end(p, one);
-        }
-        if (!LIST_EMPTY(&p->all))
-            background_wait_until(&p->changed, &p->mutex,
-                                  now + (limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS));
-        else
-            pthread_cond_wait(&p->changed, &p->mutex);
+    int64_t now = clock_monotonic_ms();
+    client_connection *one;
+    LIST_FOREACH (one, &p->all, link) {
+        int64_t passed_ms = one->since_ms == NEVER ? -1 : now - one->since_ms;
+        if (passed_ms >= (one->placed ? limit_ms : refused_ms) || (passed_ms >= WATCH_MS && has_ended(one)))
+            end(p, one);
     }
+    const bool any = !LIST_EMPTY(&p->all);
     pthread_mutex_unlock(&p->mutex);
-    return NULL;
-}
-
-static void connections_free(connections *p)
-{
-    pthread_cond_destroy(&p->changed);
-    pthread_mutex_destroy(&p->mutex);
-    free(p);
+    if (!any) return RUNNER_WHEN_WOKEN;
+    return now + (limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
 }
 
 connections *connections_start(const connections_settings *settings, ledger *counts, access_control *access,
@@ -328,20 +314,19 @@ connections *connections_start(const connections_settings *settings, ledger *cou
     unsigned half = settings->connection_limit / 2;
     p->reserve = settings->admin_reserve < half ? settings->admin_reserve : half;
     p->access = access;
-    background_init_condition(&p->changed);
     pthread_mutex_init(&p->mutex, NULL);
-    if (background_start(&p->watcher, close_overdue, p, "the server", e)) return p;
-    connections_free(p);
+    p->tasks = runner_new();
+    p->watcher = runner_add(p->tasks, "connections", close_overdue, p);
+    if (runner_start(p->tasks, e)) return p;
+    connections_stop(p);
     return NULL;
 }
 
 void connections_stop(connections *p)
 {
     if (!p) return;
-    pthread_mutex_lock(&p->mutex);
-    p->stopping = true;
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->mutex);
-    pthread_join(p->watcher, NULL);
-    connections_free(p);
+    runner_stop(p->tasks);
+    runner_free(p->tasks);
+    pthread_mutex_destroy(&p->mutex);
+    free(p);
 }

@@ -12,7 +12,7 @@
  * connection, the new connection stays open until its first request identifies the caller. An administrator may be
  * admitted then; other callers are refused. Therefore idle connections of unknown clients do not lock users out.
  *
- * The watcher thread closes a connection if the client takes longer than timeout_s to begin a request. It also
+ * The watcher, a task, closes a connection if the client takes longer than timeout_s to begin a request. It also
  * closes it if the client takes longer than timeout_s to send a request, measured from its first line to its last
  * byte. The library limits only idle time. The serving thread calls all functions.
  */

@@ -7,7 +7,6 @@
 
 #include <microhttpd.h>
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 
@@ -24,9 +23,8 @@ typedef struct waiter {
 } waiter;
 
 struct wait_list {
-    pthread_t thread;
+    runner_task *task;
     pthread_mutex_t mutex;
-    pthread_cond_t changed; /* monotonic clock */
     LIST_HEAD(, waiter) waiters;
     uint64_t happened;
     bool dismissed;
@@ -54,31 +52,22 @@ static void resume_waiters(wait_list *l, const char *const *topics, size_t count
     }
 }
 
-static void *resume_overdue(void *argument)
+static int64_t resume_overdue(void *context)
 {
-    wait_list *l = argument;
+    wait_list *l = context;
     pthread_mutex_lock(&l->mutex);
-    while (!l->dismissed) {
-        if (!LIST_EMPTY(&l->waiters))
-            background_wait_until(&l->changed, &l->mutex, clock_monotonic_ms() + TICK_MS);
-        else
-            pthread_cond_wait(&l->changed, &l->mutex);
-        resume_waiters(l, NULL, 0);
-    }
+    resume_waiters(l, NULL, 0);
+    const bool any = !LIST_EMPTY(&l->waiters);
     pthread_mutex_unlock(&l->mutex);
-    return NULL;
+    return any ? clock_monotonic_ms() + TICK_MS : RUNNER_WHEN_WOKEN;
 }
 
-wait_list *wait_list_open(error *e)
+wait_list *wait_list_new(runner *to)
 {
     wait_list *l = mem_alloc(sizeof *l);
-    background_init_condition(&l->changed);
     pthread_mutex_init(&l->mutex, NULL);
-    if (background_start(&l->thread, resume_overdue, l, "the server", e)) return l;
-    pthread_cond_destroy(&l->changed);
-    pthread_mutex_destroy(&l->mutex);
-    free(l);
-    return NULL;
+    l->task = runner_add(to, "wait-list", resume_overdue, l);
+    return l;
 }
 
 void wait_list_dismiss(wait_list *l)
@@ -86,16 +75,12 @@ void wait_list_dismiss(wait_list *l)
     pthread_mutex_lock(&l->mutex);
     l->dismissed = true;
     resume_waiters(l, NULL, 0);
-    pthread_cond_broadcast(&l->changed);
     pthread_mutex_unlock(&l->mutex);
 }
 
-void wait_list_close(wait_list *l)
+void wait_list_free(wait_list *l)
 {
     if (!l) return;
-    wait_list_dismiss(l);
-    pthread_join(l->thread, NULL);
-    pthread_cond_destroy(&l->changed);
     pthread_mutex_destroy(&l->mutex);
     free(l);
 }
@@ -128,7 +113,7 @@ bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connect
         w->until_ms = until_ms;
         strncpy(w->topic, topic, sizeof w->topic - 1);
         LIST_INSERT_HEAD(&l->waiters, w, link);
-        if (!LIST_NEXT(w, link)) pthread_cond_broadcast(&l->changed);
+        if (!LIST_NEXT(w, link)) runner_wake(l->task);
     }
     pthread_mutex_unlock(&l->mutex);
     return stays;

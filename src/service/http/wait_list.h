@@ -13,17 +13,18 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "base/core/error.h"
+#include "base/core/runner.h"
 #include "service/http/loop.h"
 
 typedef struct wait_list wait_list;
 
-/* Starts a thread that resumes connections at their deadlines. */
-wait_list *wait_list_open(error *e);
+/* Adds a task to the runner that resumes connections at their deadlines. */
+wait_list *wait_list_new(runner *to);
 
 /* Resumes all connections. Afterwards no connection waits. */
 void wait_list_dismiss(wait_list *l);
-void wait_list_close(wait_list *l); /* calls wait_list_dismiss first; accepts NULL */
+void wait_list_free(
+    wait_list *l); /* after wait_list_dismiss, or if no connection waited, and runner_stop; accepts NULL */
 bool wait_list_is_dismissed(wait_list *l);
 
 /* The current number of wake-ups. */

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "base/core/clock.h"
-#include "service/queue/job_state.h"
+#include "service/queue/job_save.h"
 #include "service/queue/members.h"
 
 /* ---- results of waiting tasks */
@@ -66,7 +66,7 @@ static bool end_found(database *d, change *asked)
            RUN(d, e, "UPDATE job SET result_bytes = NULL WHERE seq = ?1", integer(j.seq)) &&
            (f->frame == QUEUE_NO_FRAME || job_state_add_event(d, j.seq, QUEUE_EVENT_TASK, QUEUE_SUCCEEDED,
                                                               f->outcome, f->frame, 0, now, e)) &&
-           job_state_save(d, &before, &j, now, e);
+           job_save(d, &before, &j, now, e);
 }
 
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e)

@@ -9,7 +9,7 @@
 #include "service/queue/chunks.h"
 #include "service/queue/copy.h"
 #include "service/queue/job_row.h"
-#include "service/queue/job_state.h"
+#include "service/queue/job_save.h"
 #include "service/queue/hold.h"
 #include "service/queue/members.h"
 #include "service/queue/owner.h"
@@ -55,7 +55,7 @@ static bool promote(database *d, int64_t now, error *e)
         job_state before = j;
         j.delayed--;
         j.ready++;
-        if (!job_state_save(d, &before, &j, now, e)) return false;
+        if (!job_save(d, &before, &j, now, e)) return false;
     }
 }
 
@@ -149,7 +149,7 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     j.running++;
     j.attempts++;
     ok = (!c->resources || owner_take_turn(d, seq, c->resources->weights, e)) &&
-         job_state_save(d, &before, &j, now, e) &&
+         job_save(d, &before, &j, now, e) &&
          job_state_add_event(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt,
                              now, e) &&
          read_claimed(d, seq, number, &c->claimed, e);
@@ -396,7 +396,7 @@ static bool settle(database *d, change *asked)
            (s->back ? put_back(d, s, &j, now, e) : end_task(d, s, &j, frame, now, e)) &&
            (!s->ending->copied || copy_forget(d, s->ending->copied, e)) &&
            end_followers(d, s, &j, frame, now, e) && note_uncopied(d, s, &j, e) && note_left(d, s, &j, e) &&
-           job_state_save(d, &before, &j, now, e);
+           job_save(d, &before, &j, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

@@ -6,7 +6,7 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "service/queue/frame_needs.h"
-#include "service/queue/job_state.h"
+#include "service/queue/job_save.h"
 #include "service/queue/members.h"
 
 typedef struct telling {
@@ -97,7 +97,7 @@ static bool tell(database *d, change *asked)
         ok = deliver(d, &j, &t->changed, e);
         break;
     }
-    if (ok && t->changed) ok = job_state_save(d, &before, &j, now, e);
+    if (ok && t->changed) ok = job_save(d, &before, &j, now, e);
     if (ok && t->changed && j.state == before.state)
         ok = job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
                                  now, e);
@@ -168,7 +168,7 @@ static bool retry_dependent(database *d, retrying *x, int64_t seq, int64_t now, 
     if (!retry(d, &j, now, &changed, e)) return false;
     if (changed) {
         x->retried.count++;
-        return job_state_save(d, &before, &j, now, e);
+        return job_save(d, &before, &j, now, e);
     }
     queue_retried *r = &x->retried;
     r->others = mem_resize(r->others, (r->other_count + 1) * sizeof *r->others);
@@ -242,7 +242,7 @@ static bool change_job(database *d, change *asked)
     if (x->edited != QUEUE_EDITED) return true;
     job_state before = j;
     if (x->edit->retention_s) j.retention_s = *x->edit->retention_s;
-    return store_edit(d, x->edit, &j, e) && job_state_save(d, &before, &j, now, e) &&
+    return store_edit(d, x->edit, &j, e) && job_save(d, &before, &j, now, e) &&
            job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
                                now, e);
 }

@@ -5,7 +5,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/memory.h"
-#include "service/queue/job_state.h"
+#include "service/queue/job_save.h"
 #include "service/queue/members.h"
 #include "service/queue/usage.h"
 
@@ -189,7 +189,7 @@ static bool end_copying(database *d, change *asked)
            RUN(d, e,
                "UPDATE job SET copy_state = iif(copy_code IS NULL, 'delivered', 'failed') WHERE seq = ?1",
                integer(j.seq)) &&
-           job_state_save(d, &before, &j, clock_wall_ms(), e) &&
+           job_save(d, &before, &j, clock_wall_ms(), e) &&
            job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
                                clock_wall_ms(), e);
 }

@@ -2,8 +2,7 @@
  * from both.
  *
  * Private to src/service/queue. Call every function inside a change (service/database/database). To change tasks: load the job state,
- * adjust its counts, save it. Saving, and nothing else, updates everything that depends on it: the state, times and
- * events of the job, the counts of its owner, and the jobs that depend on this one.
+ * adjust its counts, save it (service/queue/job_save).
  */
 #ifndef HEXAD_SERVICE_QUEUE_JOB_STATE_H
 #define HEXAD_SERVICE_QUEUE_JOB_STATE_H
@@ -13,7 +12,7 @@
 
 typedef struct job_state {
     int64_t seq, revision;
-    queue_state state; /* as stored; job_state_save updates it */
+    queue_state state; /* as stored; job_save updates it */
     bool array, ordered, paused, cancelled;
     int pending; /* number of jobs that this one waits for */
     int tasks, ready, delayed, running, succeeded, failed, cancelled_tasks, timed_out, unresolved,
@@ -22,7 +21,7 @@ typedef struct job_state {
     int64_t started_ms, finished_ms, retention_s;
     int chunk;       /* tasks of a chunk (service/queue/chunks); 1: there are no chunks */
     int held;        /* ready tasks that wait for frames of other jobs (service/queue/frame_needs) */
-    bool first_held; /* set by job_state_save: in an ordered job the first queued task is held */
+    bool first_held; /* set by job_save: in an ordered job the first queued task is held */
     int ended;       /* the frame that has ended since the job state was loaded, see job_state_note_ended */
 } job_state;
 
@@ -34,6 +33,13 @@ typedef struct job_state {
 bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e);
 /* The job must exist. */
 bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
+
+/* The columns of job that job_state_load_row reads. Loads the row of a statement; *found is false if there is none. */
+#define JOB_STATE_COLUMNS                                                                               \
+    "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
+    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
+    "retention_s, is_ordered, unresolved, held, chunk"
+bool job_state_load_row(database *d, sqlite3_stmt *s, job_state *j, bool *found, error *e);
 
 /* The state that follows from the counts and flags. */
 queue_state job_state_derive(const job_state *j);
@@ -47,9 +53,6 @@ void job_state_count_outcome(job_state *j, queue_outcome outcome);
 
 /* Adds the first event of a job whose row was just inserted, and adds the job to the counts of its owner. */
 bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);
-
-/* Stores the job state with the next revision. `before`: the job state as it was loaded. */
-bool job_state_save(database *d, const job_state *before, job_state *j, int64_t now, error *e);
 
 /* Ends all waiting tasks in the final state `state`. `code` and `message` give the reason and may be NULL. */
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,

@@ -101,9 +101,9 @@ void queue_signal(queue *q)
     database_signal(q->database);
 }
 
-bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
+void queue_wake_on_change(queue *q, runner_task *t)
 {
-    return database_wait(q->database, seen, until_ms);
+    database_wake_on_change(q->database, t);
 }
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {

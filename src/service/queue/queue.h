@@ -30,6 +30,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 #include "base/core/running_time.h"
 #include "service/database/health.h"
 #include "base/core/ulid.h"
@@ -734,10 +735,9 @@ bool queue_end_delivery(queue *q, int64_t number, int64_t wait_ms, error *e);
 
 /* ---- waiting for changes */
 
-/* Waits until changes were stored or queue_signal was called since *seen (initially 0), or until the deadline
- * (monotonic). Returns true and updates *seen if one of these happened. A caller that waits first and then lists misses
- * no event. */
-bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms);
+/* Stored changes and queue_signal wake the task, whose next step then misses no event. Call it before other threads
+ * use the queue. */
+void queue_wake_on_change(queue *q, runner_task *t);
 void queue_signal(queue *q);
 
 #endif

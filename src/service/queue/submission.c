@@ -9,7 +9,7 @@
 #include "service/database/schema.h"
 #include "service/queue/frame_needs.h"
 #include "service/queue/job_row.h"
-#include "service/queue/job_state.h"
+#include "service/queue/job_save.h"
 #include "service/queue/members.h"
 #include "service/queue/relation.h"
 #include "service/queue/usage.h"
@@ -265,7 +265,7 @@ static bool put(database *d, change *c)
     job_state before = j;
     if (ok && lost) ok = job_state_fail_dependent(d, &j, lost, now, e);
     if (ok && s->in->after_frames_count) ok = frame_needs_begin(d, &j, now, e);
-    if (ok && (lost || s->in->after_frames_count)) ok = job_state_save(d, &before, &j, now, e);
+    if (ok && (lost || s->in->after_frames_count)) ok = job_save(d, &before, &j, now, e);
     s->receipt.admission = QUEUE_CREATED;
     s->receipt.state = j.state;
     s->receipt.revision = j.revision;

@@ -1,11 +1,8 @@
 #include "service/results/output_cleanup.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
@@ -16,12 +13,9 @@
 struct output_cleanup {
     queue *q;
     const store_outputs *outputs;
-    queue_copy *copies; /* the thread's; the name is NULL after the file was removed */
+    queue_copy *copies; /* the task's; the name is NULL after the file was removed */
     size_t count;
-    pthread_t thread;
-    pthread_mutex_t mutex;
-    pthread_cond_t stopping;
-    bool stop;
+    bool again; /* not the first round */
 };
 
 static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool first)
@@ -39,64 +33,38 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
     return false;
 }
 
-/* Waits for the next round. False: the thread must end. */
-static bool wait_for_round(output_cleanup *c)
+/* Tries to remove all files that are left. */
+static int64_t do_round(void *context)
 {
-    int64_t until_ms = clock_monotonic_ms() + AGAIN_MS;
-    bool waiting = true;
-    pthread_mutex_lock(&c->mutex);
-    while (!c->stop && waiting) waiting = background_wait_until(&c->stopping, &c->mutex, until_ms);
-    bool go_on = !c->stop;
-    pthread_mutex_unlock(&c->mutex);
-    return go_on;
-}
-
-static void *run(void *argument)
-{
-    output_cleanup *c = argument;
-    size_t left = c->count;
-    bool first = true;
-    do {
-        for (size_t i = 0; i < c->count; i++) {
-            if (!c->copies[i].name || !remove_one(c, &c->copies[i], first)) continue;
-            free(c->copies[i].name);
-            c->copies[i].name = NULL;
-            left--;
+    output_cleanup *c = context;
+    size_t left = 0;
+    for (size_t i = 0; i < c->count; i++) {
+        if (!c->copies[i].name) continue;
+        if (!remove_one(c, &c->copies[i], !c->again)) {
+            left++;
+            continue;
         }
-        first = false;
-    } while (left && wait_for_round(c));
-    return NULL;
+        free(c->copies[i].name);
+        c->copies[i].name = NULL;
+    }
+    c->again = true;
+    return left ? clock_monotonic_ms() + AGAIN_MS : RUNNER_WHEN_WOKEN;
 }
 
-static void release(output_cleanup *c)
-{
-    pthread_cond_destroy(&c->stopping);
-    pthread_mutex_destroy(&c->mutex);
-    queue_copies_free(c->copies, c->count);
-    free(c);
-}
-
-bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup **made, error *e)
+bool output_cleanup_add(runner *to, queue *q, const store_outputs *outputs, output_cleanup **made, error *e)
 {
     output_cleanup *c = mem_alloc(sizeof *c);
     c->q = q;
     c->outputs = outputs;
-    pthread_mutex_init(&c->mutex, NULL);
-    background_init_condition(&c->stopping);
-    bool ok = queue_list_copies(q, &c->copies, &c->count, e);
-    if (ok && c->count) ok = background_start(&c->thread, run, c, "files of interrupted copies", e);
-    *made = ok && c->count ? c : NULL;
-    if (!*made) release(c);
-    return ok;
+    *made = c;
+    if (!queue_list_copies(q, &c->copies, &c->count, e)) return false;
+    if (c->count) runner_add(to, "cleanup", do_round, c);
+    return true;
 }
 
-void output_cleanup_stop(output_cleanup *c)
+void output_cleanup_free(output_cleanup *c)
 {
     if (!c) return;
-    pthread_mutex_lock(&c->mutex);
-    c->stop = true;
-    pthread_cond_signal(&c->stopping);
-    pthread_mutex_unlock(&c->mutex);
-    pthread_join(c->thread, NULL);
-    release(c);
+    queue_copies_free(c->copies, c->count);
+    free(c);
 }

@@ -7,17 +7,14 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/results/result.h"
 #include "files/file.h"
 
-/* Jobs or notes that are processed before the thread checks whether it must end. */
+/* Jobs or notes that are processed before the task checks whether it must end. */
 #define AT_ONCE 100
-/* Wait after a database error, in milliseconds. */
-#define RETRY_MS 1000
 /* Wait after a failed removal, in milliseconds. */
 #define REMOVE_AGAIN_MS 10000
 /* Longest time between two collections of uploaded files, in milliseconds. */
@@ -35,18 +32,16 @@ struct retention {
     char *work_dir;
     store_inputs *inputs; /* NULL: uploaded files are not collected */
     int64_t keep_ms;
-    pthread_t thread;
-    pthread_mutex_t mutex;
-    pthread_cond_t woken;
+    runner_task *task;
+    pthread_mutex_t mutex; /* guards `delivered` and `left` */
     fetches *fetches;
     int space_fd;
     atomic_uint_fast64_t evicted;
-    pthread_mutex_t removing; /* held while directories are removed */
-    bool wake, stop;
+    pthread_mutex_t removing;  /* held while directories are removed */
     fetches_result *delivered; /* results that were sent completely and are not yet marked in the queue */
     size_t delivered_count;
     bool left; /* some noted directories may still exist */
-    /* The following are used by the thread only. Monotonic times of the next attempt of a failed removal, of the next
+    /* The following are used by the task only. Monotonic times of the next attempt of a failed removal, of the next
      * collection of uploaded files, and of the next storing of the running time: */
     int64_t again_ms, collect_ms, store_ms;
     bool trouble;     /* a failed removal has been logged */
@@ -110,8 +105,8 @@ static bool work_off(retention *r, const char *id, error *e)
     queue_removal *tasks = NULL;
     size_t count = AT_ONCE;
     int64_t after = 0;
-    bool ok = true, stop = false;
-    while (count == AT_ONCE && !stop) {
+    bool ok = true;
+    while (count == AT_ONCE && !runner_is_stopping(r->task)) {
         pthread_mutex_lock(&r->removing);
         if (queue_list_removals(r->q, id, after, AT_ONCE, &tasks, &count, e)) {
             if (count) after = tasks[count - 1].number;
@@ -122,11 +117,8 @@ static bool work_off(retention *r, const char *id, error *e)
             ok = false;
         }
         pthread_mutex_unlock(&r->removing);
-        pthread_mutex_lock(&r->mutex);
-        stop = r->stop;
-        pthread_mutex_unlock(&r->mutex);
     }
-    return ok && !stop;
+    return ok && count < AT_ONCE;
 }
 
 static void set_left(retention *r, bool left)
@@ -180,9 +172,8 @@ void retention_note_sent(retention *r, const fetches_result *of, size_t index, s
     pthread_mutex_lock(&r->mutex);
     r->delivered = mem_resize(r->delivered, (r->delivered_count + 1) * sizeof *r->delivered);
     r->delivered[r->delivered_count++] = *of;
-    r->wake = true;
-    pthread_cond_signal(&r->woken);
     pthread_mutex_unlock(&r->mutex);
+    retention_wake(r);
 }
 
 uint64_t retention_count_evicted(const retention *r)
@@ -301,19 +292,6 @@ static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
     return true;
 }
 
-/* Waits until this monotonic time or a wake-up, at most LOOK_MS. False: the thread must end. */
-static bool wait_until(retention *r, int64_t at_ms)
-{
-    bool waiting = true;
-    at_ms = least(at_ms, clock_monotonic_ms() + LOOK_MS);
-    pthread_mutex_lock(&r->mutex);
-    while (!r->wake && !r->stop && waiting) waiting = background_wait_until(&r->woken, &r->mutex, at_ms);
-    r->wake = false;
-    bool go_on = !r->stop;
-    pthread_mutex_unlock(&r->mutex);
-    return go_on;
-}
-
 /* Whether the file has been unused for keep_ms and no unfinished job reads it. False on a database error. */
 static bool may_go(void *context, const char *name, int64_t used_ms)
 {
@@ -341,14 +319,17 @@ static void store_running(retention *r)
 {
     int64_t now = clock_monotonic_ms();
     if (now < r->store_ms) return;
-    r->store_ms = now + (queue_store_running(r->q, NULL) ? STORE_MS : RETRY_MS);
+    r->store_ms = now + (queue_store_running(r->q, NULL) ? STORE_MS : RUNNER_RETRY_MS);
 }
 
-/* Does what is due. Returns the monotonic time of the next call. */
-static int64_t sweep(retention *r)
+/* Does what is due. */
+static int64_t sweep(void *context)
 {
+    retention *r = context;
     bool more[4] = {false};
     int64_t next = 0, again;
+    /* what is at the path of a lost state directory may belong to another service */
+    if (!queue_has_place(r->q, NULL)) return runner_retry_time();
     store_running(r);
     again = work_off_rest(r);
     collect_inputs(r);
@@ -358,27 +339,18 @@ static int64_t sweep(retention *r)
     clear_some(r, &more[3]);
     bool any = more[0] || more[1] || more[2] || more[3];
     if (!ok || (!any && !find_next_expiry(r, looked_ms, &next)))
-        next = clock_monotonic_ms() + RETRY_MS;
+        next = runner_retry_time();
     else if (any)
         next = 0;
     if (r->inputs) next = least(next, r->collect_ms);
+    next = least(next, clock_monotonic_ms() + LOOK_MS);
     return least(next, least(again, r->store_ms));
 }
 
-static void *keep(void *argument)
+void retention_free(retention *r)
 {
-    retention *r = argument;
-    int64_t next;
-    do /* what is at the path of a lost state directory may belong to another service */
-        next = queue_has_place(r->q, NULL) ? sweep(r) : clock_monotonic_ms() + RETRY_MS;
-    while (wait_until(r, next));
+    if (!r) return;
     queue_store_running(r->q, NULL);
-    return NULL;
-}
-
-static void release(retention *r)
-{
-    pthread_cond_destroy(&r->woken);
     pthread_mutex_destroy(&r->removing);
     pthread_mutex_destroy(&r->mutex);
     fetches_free(r->fetches);
@@ -388,8 +360,8 @@ static void release(retention *r)
     free(r);
 }
 
-retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int space_fd,
-                           error *e)
+retention *retention_add(runner *to, queue *q, const char *work_dir, store_inputs *inputs, double keep_s,
+                         int space_fd)
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
@@ -405,30 +377,11 @@ retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs,
     free(results);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
-    background_init_condition(&r->woken);
-    if (background_start(&r->thread, keep, r, "the removal of expired jobs", e)) return r;
-    release(r);
-    return NULL;
-}
-
-static void wake_thread(retention *r, bool stop)
-{
-    pthread_mutex_lock(&r->mutex);
-    r->wake = true;
-    r->stop |= stop;
-    pthread_cond_signal(&r->woken);
-    pthread_mutex_unlock(&r->mutex);
+    r->task = runner_add(to, "retention", sweep, r);
+    return r;
 }
 
 void retention_wake(retention *r)
 {
-    wake_thread(r, false);
-}
-
-void retention_stop(retention *r)
-{
-    if (!r) return;
-    wake_thread(r, true);
-    pthread_join(r->thread, NULL);
-    release(r);
+    runner_wake(r->task);
 }

@@ -161,6 +161,6 @@ void slurm_list(slurm *s)
     if (pause_ms < PAUSE_TIMES * took_ms) pause_ms = PAUSE_TIMES * took_ms;
     pthread_mutex_lock(&s->mutex);
     s->list_due_ms = clock_monotonic_ms() + pause_ms;
-    pthread_cond_signal(&s->files_due);
+    runner_wake(s->files);
     pthread_mutex_unlock(&s->mutex);
 }

@@ -1,10 +1,10 @@
-/* place: data shared by the threads of the Slurm engine; internal to src/service/slurm.
+/* place: data shared by the tasks of the Slurm engine; internal to src/service/slurm.
  *
- * The commands thread (service/slurm/submission, service/slurm/listing) stores the states that Slurm reports. The files thread
- * (service/slurm/inspection) decides when an attempt has ended. The supervisor starts, polls, cancels and settles attempts.
- * `mutex` guards all members; no thread holds it while it waits for a file or a command. The supervisor frees an
- * attempt only after the files thread has ended it, or leaves it to slurm_close. Only the files thread keeps a
- * pointer to an attempt without holding the mutex.
+ * One task submits, cancels and lists (service/slurm/submission, service/slurm/listing) and stores the states that
+ * Slurm reports. The task of the files (service/slurm/inspection) decides when an attempt has ended. The supervisor
+ * starts, polls, cancels and settles attempts. `mutex` guards all members; no thread holds it while it waits for a file
+ * or a command. The supervisor frees an attempt only after the task of the files has ended it, or leaves it to
+ * slurm_close. Only the task of the files keeps a pointer to an attempt without holding the mutex.
  */
 #ifndef HEXAD_SERVICE_SLURM_PLACE_H
 #define HEXAD_SERVICE_SLURM_PLACE_H
@@ -67,7 +67,7 @@ struct engine_attempt {
     int64_t began_ms;                 /* start of the worker, monotonic; INT64_MAX: not yet */
     /* time at which the end of its task, or of its worker, was noticed; 0: not yet */
     int64_t over_ms, stopped_ms;
-    /* time since which its ending cannot be read; 0: it can be read. Used by the files thread only */
+    /* time since which its ending cannot be read; 0: it can be read. Used by the task of the files only */
     int64_t unread_ms;
     int64_t offset;       /* number of bytes of its progress that were read */
     char reason[64];      /* why it waits, as last reported to the executor */
@@ -100,7 +100,6 @@ struct slurm {
     uint64_t serial;            /* next serial number for names of jobs */
     int64_t newest_ms;          /* arrival of the last attempt, monotonic */
     bool more;                  /* more attempts of the chunk of the last one arrive */
-    bool news;                  /* the commands thread must check for work */
     int64_t list_due_ms;        /* monotonic */
     int quiet;                  /* number of listings without attempts or jobs */
     bool away;                  /* Slurm did not answer the last command */
@@ -109,10 +108,8 @@ struct slurm {
     size_t avoided_next; /* index of the oldest */
     char **trash;        /* directories to remove */
     size_t trash_count;
-    bool closing;
     pthread_mutex_t mutex;
-    pthread_cond_t commands_due, files_due;
-    pthread_t commands, files;
+    runner_task *commands, *files;
 };
 
 /* ---- The caller holds the mutex. */

@@ -6,7 +6,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
@@ -20,103 +19,6 @@
 #define HIGHEST_PRIORITY 1000
 /* Added to the remaining time of an attempt, so that the worker ends by itself before Slurm ends it. */
 #define MORE_TIME_S 60
-
-/* ---- batches */
-
-slurm_batch *slurm_batch_find(slurm *s, const char *name)
-{
-    slurm_batch *b;
-    LIST_FOREACH (b, &s->batches, link)
-        if (strcmp(b->name, name) == 0) return b;
-    return NULL;
-}
-
-slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
-{
-    slurm_batch *b = mem_alloc(sizeof *b);
-    b->name = mem_strdup(name);
-    b->shared = shared;
-    LIST_INSERT_HEAD(&s->batches, b, link);
-    return b;
-}
-
-slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number)
-{
-    if (number >= b->task_count) b->tasks = mem_resize(b->tasks, (number + 1) * sizeof *b->tasks);
-    for (; b->task_count <= number; b->task_count++)
-        b->tasks[b->task_count] = (slurm_task){.listing = s->listing, .seen_ms = clock_monotonic_ms()};
-    return &b->tasks[number];
-}
-
-void slurm_batch_release(slurm_batch *b)
-{
-    if (--b->users) return;
-    LIST_REMOVE(b, link);
-    free(b->name);
-    free(b->list);
-    free(b->tasks);
-    free(b);
-}
-
-/* Adds `change` to the counts of the batch's attempts to run, if the attempt is one of them. */
-static void count(const engine_attempt *a, size_t change)
-{
-    slurm_batch *b = a->batch;
-    if (!b || a->cancelled) return;
-    bool open = b->shared && !a->taken;
-    *(open ? &b->open : &b->tasks[a->task].wanted) += change;
-    b->wanted += change;
-    if (open) a->place->open += change;
-}
-
-void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task)
-{
-    slurm_batch_task(a->place, b, task);
-    b->users++;
-    a->batch = b;
-    a->task = task;
-    a->taken = a->late = false;
-    count(a, 1);
-}
-
-void slurm_take(engine_attempt *a, const attempt_files_batch *by)
-{
-    slurm *s = a->place;
-    slurm_batch *own = a->batch, *b = slurm_batch_find(s, by->name);
-    if (!b) b = slurm_batch_new(s, by->name, true);
-    own->users++;
-    slurm_leave(a);
-    slurm_enter(a, b, (size_t)by->task);
-    count(a, (size_t)-1);
-    a->taken = true;
-    a->late = by->number > 0;
-    count(a, 1);
-    if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
-    slurm_batch_release(own);
-}
-
-void slurm_forsake(engine_attempt *a)
-{
-    count(a, (size_t)-1); /* no effect if it was cancelled before */
-    a->cancelled = true;
-}
-
-void slurm_leave(engine_attempt *a)
-{
-    if (!a->batch) return;
-    count(a, (size_t)-1);
-    slurm_batch_release(a->batch);
-    a->batch = NULL;
-}
-
-void slurm_list_soon(slurm *s)
-{
-    s->list_due_ms = 0;
-    s->news = true;
-    pthread_cond_signal(&s->commands_due);
-}
-
-/* ---- attempts */
 
 static const char *find_account(const slurm_settings *settings, const char *owner)
 {
@@ -190,7 +92,7 @@ static void attempt_free(engine_attempt *a)
     free(a);
 }
 
-/* Passes the attempt to the threads. `batch`: it may have been submitted already; NULL: it has not. */
+/* Passes the attempt to the tasks. `batch`: it may have been submitted already; NULL: it has not. */
 static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const attempt_files_batch *batch)
 {
     pthread_mutex_lock(&s->mutex);
@@ -205,8 +107,7 @@ static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const 
     s->attempt_count++;
     a->since_ms = s->newest_ms = clock_monotonic_ms();
     s->more = r->more;
-    s->news = true;
-    pthread_cond_signal(&s->commands_due);
+    runner_wake(s->commands);
     pthread_mutex_unlock(&s->mutex);
 }
 
@@ -244,7 +145,7 @@ static engine_attempt *resume(void *place, const engine_request *request, error 
     return a;
 }
 
-/* Does not free the attempt, since the files thread may use it. slurm_close frees it. */
+/* Does not free the attempt, since the task of the files may use it. slurm_close frees it. */
 static void leave(engine_attempt *a)
 {
     slurm *s = a->place;
@@ -323,7 +224,7 @@ static void cancel(engine_attempt *a, bool force)
     slurm_forsake(a);
     a->forced |= force;
     slurm_list_soon(s);
-    pthread_cond_signal(&s->files_due);
+    runner_wake(s->files);
     pthread_mutex_unlock(&s->mutex);
 }
 
@@ -351,34 +252,24 @@ static void settle(engine_attempt *a, engine_ending *ending)
 const engine engine_slurm = {"slurm",  start,    resume, runs_on,      leave,  sweep,
                              began_ms, identify, watch,  poll_attempt, cancel, settle};
 
-/* ---- the threads */
+/* ---- the tasks */
 
-static void *run_commands(void *argument)
+/* The time of the next listing. */
+static int64_t next_listing(slurm *s)
 {
-    slurm *s = argument;
-    pthread_setname_np(pthread_self(), "slurm");
     pthread_mutex_lock(&s->mutex);
-    while (!s->closing) {
-        pthread_mutex_unlock(&s->mutex);
-        int64_t due_ms = slurm_submit(s);
-        pthread_mutex_lock(&s->mutex);
-        bool list = s->prefix && s->quiet < 3 && clock_monotonic_ms() >= s->list_due_ms;
-        if (list) {
-            pthread_mutex_unlock(&s->mutex);
-            slurm_list(s);
-            pthread_mutex_lock(&s->mutex);
-        }
-        if (s->prefix && s->quiet < 3 && s->list_due_ms < due_ms) due_ms = s->list_due_ms;
-        bool news = s->news;
-        s->news = false;
-        if (s->closing || news) continue;
-        if (due_ms == INT64_MAX)
-            pthread_cond_wait(&s->commands_due, &s->mutex);
-        else
-            background_wait_until(&s->commands_due, &s->mutex, due_ms);
-    }
+    int64_t due_ms = s->prefix && s->quiet < 3 ? s->list_due_ms : RUNNER_WHEN_WOKEN;
     pthread_mutex_unlock(&s->mutex);
-    return NULL;
+    return due_ms;
+}
+
+static int64_t run_commands(void *context)
+{
+    slurm *s = context;
+    int64_t submit_ms = slurm_submit(s);
+    if (clock_monotonic_ms() >= next_listing(s)) slurm_list(s);
+    int64_t list_ms = next_listing(s);
+    return list_ms < submit_ms ? list_ms : submit_ms;
 }
 
 /* Removes the files of an attempt after renaming their directory. Nodes find attempts by their names; if the claim
@@ -410,21 +301,12 @@ static void empty_trash(slurm *s)
     free(trash);
 }
 
-static void *run_files(void *argument)
+static int64_t run_files(void *context)
 {
-    slurm *s = argument;
-    pthread_setname_np(pthread_self(), "slurm-files");
-    pthread_mutex_lock(&s->mutex);
-    while (!s->closing) {
-        pthread_mutex_unlock(&s->mutex);
-        slurm_inspect(s);
-        empty_trash(s);
-        pthread_mutex_lock(&s->mutex);
-        if (!s->closing) background_wait_until(&s->files_due, &s->mutex, clock_monotonic_ms() + LOOK_MS);
-    }
-    pthread_mutex_unlock(&s->mutex);
+    slurm *s = context;
+    slurm_inspect(s);
     empty_trash(s);
-    return NULL;
+    return clock_monotonic_ms() + LOOK_MS;
 }
 
 static bool check_accounts(const slurm_settings *settings, error *e)
@@ -441,8 +323,6 @@ static bool check_accounts(const slurm_settings *settings, error *e)
 static void place_free(slurm *s)
 {
     pthread_mutex_destroy(&s->mutex);
-    pthread_cond_destroy(&s->commands_due);
-    pthread_cond_destroy(&s->files_due);
     for (engine_attempt *a; (a = TAILQ_FIRST(&s->attempts));) { /* attempts that were left */
         TAILQ_REMOVE(&s->attempts, a, link);
         slurm_leave(a);
@@ -454,17 +334,7 @@ static void place_free(slurm *s)
     free(s);
 }
 
-static void end_thread(slurm *s, pthread_t thread)
-{
-    pthread_mutex_lock(&s->mutex);
-    s->closing = true;
-    pthread_cond_signal(&s->commands_due);
-    pthread_cond_signal(&s->files_due);
-    pthread_mutex_unlock(&s->mutex);
-    pthread_join(thread, NULL);
-}
-
-slurm *slurm_open(const slurm_settings *settings, error *e)
+slurm *slurm_open(const slurm_settings *settings, runner *to, error *e)
 {
     if (!check_accounts(settings, e)) return NULL;
     slurm *s = mem_alloc(sizeof *s);
@@ -474,20 +344,18 @@ slurm *slurm_open(const slurm_settings *settings, error *e)
     s->wake_fd = -1;
     s->serial = (uint64_t)clock_wall_ms();
     pthread_mutex_init(&s->mutex, NULL);
-    background_init_condition(&s->commands_due);
-    background_init_condition(&s->files_due);
-    bool ok = store_directory_create(s->farm, e) &&
-              background_start(&s->commands, run_commands, s, "the commands of Slurm", e);
-    if (ok && background_start(&s->files, run_files, s, "the files of the farm", e)) return s;
-    if (ok) end_thread(s, s->commands);
-    place_free(s);
-    return NULL;
+    if (!store_directory_create(s->farm, e)) {
+        place_free(s);
+        return NULL;
+    }
+    s->commands = runner_add(to, "slurm", run_commands, s);
+    s->files = runner_add(to, "slurm-files", run_files, s);
+    return s;
 }
 
 void slurm_close(slurm *s)
 {
     if (!s) return;
-    end_thread(s, s->commands);
-    end_thread(s, s->files);
+    empty_trash(s);
     place_free(s);
 }

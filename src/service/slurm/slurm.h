@@ -1,10 +1,10 @@
 /* slurm: the engine that runs attempts as jobs of Slurm.
  *
- * The engine uses the commands of Slurm, sbatch, squeue and scancel, in one of its threads and with a time limit. An
+ * The engine uses the commands of Slurm, sbatch, squeue and scancel, in one of its tasks and with a time limit. An
  * attempt is identified by the name of its Slurm job, never by a number. The name consists of the instance, the
  * first attempt of the batch and a serial number; no name is submitted twice. Attempts that wait at the same time
  * and need the same resources are submitted together, as an array. Small attempts share the tasks of the array: each
- * task runs its part, and then attempts of other tasks that have not begun (service/slurm/node). A second thread examines
+ * task runs its part, and then attempts of other tasks that have not begun (service/slurm/node). A second task examines
  * the files that the nodes write (service/slurm/attempt_files). The state of Slurm ends an attempt only if the node has left
  * no ending, or an ending without a reason for the stop. While Slurm does not answer, only files decide.
  */
@@ -15,6 +15,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/runner.h"
 #include "service/executor/engine.h"
 
 typedef struct slurm_settings {
@@ -35,9 +36,9 @@ typedef struct slurm_settings {
 
 typedef struct slurm slurm;
 
-/* Starts the engine. All objects in the settings must outlive it. Errors: internal, spec_invalid (an account). */
-slurm *slurm_open(const slurm_settings *settings, error *e);
-void slurm_close(slurm *s); /* call it after all attempts were settled or left; accepts NULL */
+/* Opens the engine and adds its tasks to the runner. All objects in the settings must outlive it. Errors: internal, spec_invalid (an account). */
+slurm *slurm_open(const slurm_settings *settings, runner *to, error *e);
+void slurm_close(slurm *s); /* after all attempts were settled or left, and runner_stop; accepts NULL */
 
 extern const engine engine_slurm; /* its `place` is a slurm */
 

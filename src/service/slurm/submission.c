@@ -312,7 +312,7 @@ int64_t slurm_submit(slurm *s)
         command_result said = {0};
         char why[256] = "";
         pthread_mutex_lock(&s->mutex);
-        bool any = !s->closing && gather(s, &l, &due_ms);
+        bool any = !runner_is_stopping(s->commands) && gather(s, &l, &due_ms);
         pthread_mutex_unlock(&s->mutex);
         if (!any) return due_ms;
         bool called = note_batch(s, &l, &e) && call_sbatch(s, &l, &said, &e);

@@ -16,7 +16,6 @@
 
 #include "config.h"
 
-#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/denial.h"
@@ -24,8 +23,6 @@
 #include "base/json/json.h"
 #include "files/file.h"
 
-/* Wait, in ms, after an error of the database, such as a full disk. */
-#define TROUBLE_MS 1000
 /* Maximum time, in ms, between two checks of the outbox and of the wall clock, which may be set. */
 #define LOOK_MS 60000
 #define SECRET_LEAST 16
@@ -35,13 +32,12 @@
 #define KEY_LEAST 24
 #define KEY_MOST 64
 
-/* A thread that makes the calls given to it, one after another. */
+/* A task that makes the calls given to it, one after another. */
 typedef struct caller {
     delivery *c;
     CURL *curl;
     char fault[CURL_ERROR_SIZE];
-    pthread_t thread;
-    bool started;
+    runner_task *task;
     queue_delivery delivery;
     bool taken; /* the head of an answer with a status of 2xx has been received */
     char *host; /* the host being called (webhook_host_of); NULL: idle. Guarded by the mutex */
@@ -53,11 +49,9 @@ struct delivery {
     size_t key_length;
     queue *q;
     _Atomic int64_t not_before_ms; /* monotonic; after an error of the database */
-    atomic_bool stopping;
-    clock_watch watch; /* used by `thread` only */
-    pthread_t thread;  /* gives due notifications to callers */
+    runner_task *task;             /* gives due notifications to callers */
+    clock_watch watch;             /* used by `task` only */
     pthread_mutex_t mutex;
-    pthread_cond_t given;
     caller *callers;
 };
 
@@ -206,7 +200,7 @@ static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all
 {
     (void)all, (void)got, (void)all_up, (void)up;
     const caller *r = context;
-    return r->taken || r->c->stopping; /* a value other than 0 stops the transfer */
+    return r->taken || runner_is_stopping(r->task); /* a value other than 0 stops the transfer */
 }
 
 /* The answer of a receiver that did not accept a call. */
@@ -280,7 +274,7 @@ static bool deliver(caller *r)
     error why = {0}, e = {0};
     refusal refused = {0};
     bool taken = post(r, &refused, &why);
-    if (!taken && c->stopping) return true;
+    if (!taken && runner_is_stopping(r->task)) return true;
     bool last = refused.gone || d->tries + 1 >= c->settings.tries;
     int64_t wait = wait_ms(&c->settings, d->tries);
     if (wait < refused.at_least_ms) wait = refused.at_least_ms;
@@ -302,24 +296,23 @@ static bool deliver(caller *r)
     return false;
 }
 
-static void *make_calls(void *argument)
+/* Makes the call that was given to the caller, if there is one. */
+static int64_t make_call(void *context)
 {
-    caller *r = argument;
+    caller *r = context;
     delivery *c = r->c;
     pthread_mutex_lock(&c->mutex);
-    for (;;) {
-        while (!r->host && !c->stopping) pthread_cond_wait(&c->given, &c->mutex);
-        if (c->stopping) break;
-        pthread_mutex_unlock(&c->mutex);
-        if (!deliver(r)) c->not_before_ms = clock_monotonic_ms() + TROUBLE_MS;
-        pthread_mutex_lock(&c->mutex);
-        queue_delivery_clear(&r->delivery);
-        free(r->host);
-        r->host = NULL;
-        queue_signal(c->q); /* further calls may wait for this host or for an idle thread */
-    }
+    const bool given = r->host;
     pthread_mutex_unlock(&c->mutex);
-    return NULL;
+    if (!given) return RUNNER_WHEN_WOKEN;
+    if (!deliver(r)) c->not_before_ms = runner_retry_time();
+    pthread_mutex_lock(&c->mutex);
+    queue_delivery_clear(&r->delivery);
+    free(r->host);
+    r->host = NULL;
+    pthread_mutex_unlock(&c->mutex);
+    runner_wake(c->task); /* further calls may wait for this host or for an idle caller */
+    return RUNNER_WHEN_WOKEN;
 }
 
 /* Returns an idle caller, or NULL; *busy is a JSON array of the hosts that are being called. */
@@ -345,13 +338,15 @@ static void give(caller *r, const queue_delivery *d)
     pthread_mutex_lock(&r->c->mutex);
     r->delivery = *d;
     r->host = webhook_host_of(d->url);
-    pthread_cond_broadcast(&r->c->given);
     pthread_mutex_unlock(&r->c->mutex);
+    runner_wake(r->task);
 }
 
-/* Gives due notifications to idle callers. Returns the time of the next check, monotonic. */
-static int64_t give_due(delivery *c)
+/* Gives due notifications to idle callers. */
+static int64_t give_due(void *context)
 {
+    delivery *c = context;
+    if (clock_was_set_back(&c->watch) && !queue_shorten_waits(c->q, NULL)) c->watch = CLOCK_WATCH;
     for (;;) {
         queue_delivery d = {0};
         bool found = false;
@@ -362,7 +357,7 @@ static int64_t give_due(delivery *c)
         bool ok = !idle || queue_next_delivery(c->q, busy, &d, &found, NULL);
         free(busy);
         int64_t ahead_ms = ok && found ? d.due_ms - clock_wall_ms() : LOOK_MS;
-        if (!ok) c->not_before_ms = now + TROUBLE_MS;
+        if (!ok) c->not_before_ms = runner_retry_time();
         if (found && ahead_ms <= 0) {
             give(idle, &d);
             continue;
@@ -372,69 +367,46 @@ static int64_t give_due(delivery *c)
     }
 }
 
-static void *run(void *argument)
+void delivery_free(delivery *c)
 {
-    delivery *c = argument;
-    uint64_t seen = 0;
-    c->watch = CLOCK_WATCH;
-    while (!c->stopping) {
-        if (clock_was_set_back(&c->watch) && !queue_shorten_waits(c->q, NULL)) c->watch = CLOCK_WATCH;
-        queue_wait(c->q, &seen, give_due(c));
-    }
-    return NULL;
-}
-
-/* Ends the callers and aborts calls in progress. */
-static void release(delivery *c)
-{
-    pthread_mutex_lock(&c->mutex);
-    c->stopping = true;
-    pthread_cond_broadcast(&c->given);
-    pthread_mutex_unlock(&c->mutex);
+    if (!c) return;
     for (int i = 0; i < c->settings.calls; i++) {
         caller *r = &c->callers[i];
-        if (r->started) pthread_join(r->thread, NULL);
         if (r->curl) curl_easy_cleanup(r->curl);
         queue_delivery_clear(&r->delivery);
         free(r->host);
     }
-    pthread_cond_destroy(&c->given);
     pthread_mutex_destroy(&c->mutex);
     free(c->callers);
     free(c->key);
     free(c);
 }
 
-static bool start_caller(delivery *c, caller *r, error *e)
+static bool open_caller(delivery *c, caller *r, error *e)
 {
     r->c = c;
     r->curl = curl_easy_init();
-    if (!r->curl) return error_set(e, ERROR_INTERNAL, "cannot initialise libcurl");
-    r->started = background_start(&r->thread, make_calls, r, "webhooks", e);
-    return r->started;
+    return r->curl || error_set(e, ERROR_INTERNAL, "cannot initialise libcurl");
 }
 
-delivery *delivery_start(const delivery_settings *settings, queue *q, error *e)
+delivery *delivery_add(runner *to, const delivery_settings *settings, queue *q, error *e)
 {
     delivery *c = mem_alloc(sizeof *c);
     c->settings = *settings;
     c->q = q;
+    c->watch = CLOCK_WATCH;
     c->callers = mem_alloc((size_t)settings->calls * sizeof *c->callers);
     pthread_mutex_init(&c->mutex, NULL);
-    pthread_cond_init(&c->given, NULL);
     c->key = read_key(settings->secret_file, &c->key_length, e);
     bool ok = c->key != NULL;
-    for (int i = 0; ok && i < settings->calls; i++) ok = start_caller(c, &c->callers[i], e);
-    if (ok && background_start(&c->thread, run, c, "webhooks", e)) return c;
-    release(c);
-    return NULL;
-}
-
-void delivery_stop(delivery *c)
-{
-    if (!c) return;
-    c->stopping = true;
-    queue_signal(c->q);
-    pthread_join(c->thread, NULL);
-    release(c);
+    for (int i = 0; ok && i < settings->calls; i++) ok = open_caller(c, &c->callers[i], e);
+    if (!ok) {
+        delivery_free(c);
+        return NULL;
+    }
+    for (int i = 0; i < settings->calls; i++)
+        c->callers[i].task = runner_add(to, "webhook-call", make_call, &c->callers[i]);
+    c->task = runner_add(to, "webhooks", give_due, c);
+    queue_wake_on_change(q, c->task);
+    return c;
 }

@@ -1,4 +1,4 @@
-/* delivery: threads that call webhooks when jobs have ended.
+/* delivery: tasks that call webhooks when jobs have ended.
  *
  * They post the notifications in the queue's outbox: concurrently to several hosts, sequentially to one host. A
  * notification is repeated until the receiver answers with a status of 2xx or the maximum number of tries is
@@ -6,7 +6,7 @@
  * receiver may get a notification twice. The headers are those of standardwebhooks.com, version 1.0.0. webhook-id is
  * a globally unique id of the end of a job, equal in all tries. webhook-timestamp is the time of the try in seconds.
  * webhook-signature is `v1,` and the base64 of the HMAC-SHA256 of `ID.TIMESTAMP.BODY` with the key. The body has the
- * schema JobEnded of the OpenAPI document. The threads follow no redirects, use no proxy and discard the bodies of
+ * schema JobEnded of the OpenAPI document. The tasks follow no redirects, use no proxy and discard the bodies of
  * answers.
  */
 #ifndef HEXAD_SERVICE_WEBHOOK_DELIVERY_H
@@ -43,10 +43,10 @@ typedef struct delivery_settings {
     delivery_counters *counters;
 } delivery_settings;
 
-/* Starts the threads. The queue must outlive the delivery. Error spec_invalid: the secret is missing, has no valid
+/* Adds the tasks to the runner. The queue must outlive the delivery. Error spec_invalid: the secret is missing, has no valid
  * form, or other users can read it. */
-delivery *delivery_start(const delivery_settings *settings, queue *q, error *e);
-/* Aborts tries in progress, which then do not count, and ends the threads. Accepts NULL. */
-void delivery_stop(delivery *c);
+delivery *delivery_add(runner *to, const delivery_settings *settings, queue *q, error *e);
+/* After runner_stop, which aborts tries in progress; they do not count. Accepts NULL. */
+void delivery_free(delivery *c);
 
 #endif

@@ -334,7 +334,7 @@ static bool filter(filtering *f, size_t blocks, size_t memory_limit, threads *po
                  taken = label_volume_bytes(f->v) + workers * scratch_bytes(f) +
                          label_weights_bytes(f->v->count, workers) + blocks * sizeof *f->contests;
     if (!check_memory(taken, memory_limit, e)) return false;
-    f->left = memory_limit - taken;
+    f->left = mem_left(memory_limit, taken);
     if (!(f->contests = mem_array(blocks, sizeof *f->contests, what, e)) ||
         !(f->on = mem_array(workers, sizeof *f->on, what, e)))
         return false;

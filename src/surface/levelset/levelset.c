@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/bbox.h"
 #include "geometry/space/block_map.h"
@@ -335,9 +336,8 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, size_t *solids, error *e)
 {
-    size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
     making k = {.m = m, .notes = notes, .band = params->band_vox, .pool = params->pool};
-    k.limit = params->memory_limit > held ? params->memory_limit - held : 0;
+    k.limit = mem_left(params->memory_limit, mesh_bytes(m->vertex_count, m->triangle_count));
     vdb_grid *out = mem_alloc(sizeof *out);
     bool ok = make(&k, params, out, e);
     if (ok && solids) *solids = k.solids.solid_count;

@@ -119,7 +119,7 @@ bool winding_make(const mesh *m, const uint32_t *first_of_solid, size_t solid_co
         c.first[n] = total;
         total += count;
     }
-    if (total > (memory_limit - (lines + 1) * sizeof *c.first) / sizeof *c.crossings) goto too_large;
+    if (total > mem_left(memory_limit, (lines + 1) * sizeof *c.first) / sizeof *c.crossings) goto too_large;
     if (!(c.crossings = mem_array(total, sizeof *c.crossings, "the lines through the mesh", e))) {
         winding_free(&c);
         return false;

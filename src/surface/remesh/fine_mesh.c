@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/point_tree.h"
 

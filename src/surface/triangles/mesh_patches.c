@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "geometry/mesh/coplanar.h"

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/triangle.h"
 #include "geometry/mesh/mesh_edges.h"
@@ -107,7 +108,7 @@ static bool find_middles(halving *h, const vec3 *normal, double longest, error *
 {
     mesh joined = {0};
     mesh_edges edges = {0};
-    const bool ok = mesh_copy(h->m, NULL, &joined, e) && mesh_join(&joined, NULL, e) &&
+    const bool ok = mesh_copy(h->m, NULL, &joined, e) && mesh_weld_vertices(&joined, NULL, e) &&
                     mesh_edges_list(&joined, NULL, &edges, e);
     /* sides that no edge has: of triangles whose vertices are all joined */
     for (size_t n = 0; ok && n < h->m->triangle_count; n++)

@@ -633,8 +633,7 @@ static size_t triangle_bytes(const mesh_surface *s)
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
-    const size_t held = triangle_bytes(s), left = memory_limit > held ? memory_limit - held : 0;
-    const cutting c = {longest, left / (sizeof(piece) + SCAN_BYTES)};
+    const cutting c = {longest, mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
     /* the pieces along the longest side alone would exceed the limit: refused before the recursion goes so deep */
     if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {

@@ -519,8 +519,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     if (!(l->grid = levelset_make(m, &params, notes, &l->solids, e)))
         return r->offset != 0 && error_prefix(e, "at an offset of %g", r->offset);
     v->info.isovalue = r->offset;
-    size_t held = mesh_bytes(m->vertex_count, m->triangle_count), limit = r->resolution.memory_limit;
-    l->memory_limit = limit > held ? limit - held : 0;
+    l->memory_limit = mem_left(r->resolution.memory_limit, mesh_bytes(m->vertex_count, m->triangle_count));
     v->info.active_voxels = l->grid->active_voxels;
     v->info.triangles = m->triangle_count;
     return true;

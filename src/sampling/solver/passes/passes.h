@@ -45,8 +45,9 @@ projection_limits solver_rounding(double h);
  * fails. */
 bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal);
 
-/* Moves the nearest particle to each place and fixes it there, see solver_pin. Returns the number of fixed particles (pin.c). */
-size_t solver_pin_near(solver *s, const vec3 *place, size_t count);
+/* Moves the nearest particle to each place and fixes it there, see solver_pin. *pinned: the number of fixed particles (pin.c).
+ * Errors: limit_memory, cancelled. */
+bool solver_pin_near(solver *s, const vec3 *place, size_t count, size_t *pinned, error *e);
 
 /* Sets *is_under_resolved if the spacing does not resolve the surface. The particles have nearly converged. Not computed, and *is_under_resolved
  * unchanged, on surfaces with patches, without the fast kernel, or if few normals diverge (fill_gaps.c). Errors: limit_memory, cancelled. */

@@ -1,7 +1,10 @@
 /* pin: moves particles to given places and fixes them there (solver_pin). */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "base/core/memory.h"
+#include "geometry/space/cell_list.h"
 #include "sampling/solver/passes/passes.h"
 
 /* Maximum distance of a particle from its place, in spacings. */
@@ -12,6 +15,9 @@ static const double PATCH_DISTANCE = 0.01;
 static const double OPPOSITE_FACTOR = 2;
 /* No particle is pinned within this distance of a fixed particle, in spacings: neither could give way. */
 static const double MIN_FIXED_DISTANCE = 0.3;
+
+/* Searches reach farther by this factor, for rounding. */
+static const double SEARCH_MARGIN = 1.0001;
 
 /* A particle and the position where it would be pinned. */
 typedef struct pin {
@@ -37,34 +43,84 @@ static bool is_nearer(const solver *s, size_t i, vec3 place, pin *best)
     return true;
 }
 
-static bool is_beside_fixed(const solver *s, const pin *to)
+/* Particles near a place. They are found by their positions before any was moved. */
+typedef struct pinning {
+    const solver *s;
+    vec3 *before; /* positions */
+    cell_list *cells;
+    double largest;  /* spacing of a particle */
+    double farthest; /* that a particle was moved */
+    uint32_t *near;  /* particles that were found; capacity of all */
+    size_t near_count;
+} pinning;
+
+static void add_near(void *context, uint32_t particle)
 {
-    const particles *p = s->state.p;
-    for (size_t i = 0; i < p->count; i++)
+    pinning *f = context;
+    f->near[f->near_count++] = particle;
+}
+
+static int by_number(const void *left, const void *right)
+{
+    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
+    return (a > b) - (a < b);
+}
+
+/* Finds particles whose distance from x was at most `reach`, in ascending order. */
+static void find_near(pinning *f, vec3 x, double reach)
+{
+    f->near_count = 0;
+    cell_list_within(f->cells, x, reach * SEARCH_MARGIN, add_near, f);
+    qsort(f->near, f->near_count, sizeof *f->near, by_number);
+}
+
+static bool is_beside_fixed(pinning *f, const pin *to)
+{
+    const particles *p = f->s->state.p;
+    find_near(f, to->at, MIN_FIXED_DISTANCE * f->largest + f->farthest);
+    for (size_t k = 0; k < f->near_count; k++) {
+        const size_t i = f->near[k];
         if (particles_is_fixed(p, i) && vec3_dot(p->normal[i], to->normal) > 0 &&
             vec3_norm(vec3_sub(p->position[i], to->at)) <
-                MIN_FIXED_DISTANCE * s->state.spacing * particles_size(p, i))
+                MIN_FIXED_DISTANCE * f->s->state.spacing * particles_size(p, i))
             return true;
+    }
     return false;
 }
 
-/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. */
-static bool pin_at(solver *s, vec3 place)
+/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. Particles that can be
+ * pinned have not moved. */
+static bool pin_at(pinning *f, vec3 place)
 {
-    particles *p = s->state.p;
+    particles *p = f->s->state.p;
     pin best = {.distance = INFINITY};
     bool found = false;
-    for (size_t i = 0; i < p->count; i++) found |= is_nearer(s, i, place, &best);
-    if (!found || is_beside_fixed(s, &best)) return false;
+    find_near(f, place, MAX_DISTANCE * f->largest);
+    for (size_t k = 0; k < f->near_count; k++) found |= is_nearer(f->s, f->near[k], place, &best);
+    if (!found || is_beside_fixed(f, &best)) return false;
+    f->farthest = fmax(f->farthest, vec3_norm(vec3_sub(best.at, p->position[best.particle])));
     p->position[best.particle] = best.at;
     p->normal[best.particle] = best.normal;
     p->place[best.particle] = PARTICLES_PINNED;
     return true;
 }
 
-size_t solver_pin_near(solver *s, const vec3 *place, size_t count)
+bool solver_pin_near(solver *s, const vec3 *place, size_t count, size_t *pinned, error *e)
 {
-    size_t pinned = 0;
-    for (size_t k = 0; k < count; k++) pinned += pin_at(s, place[k]);
-    return pinned;
+    const particles *p = s->state.p;
+    pinning f = {.s = s, .before = mem_array(p->count, sizeof *f.before, "pinned particles", e)};
+    *pinned = 0;
+    if (f.before) f.near = mem_array(p->count, sizeof *f.near, "pinned particles", e);
+    if (f.near) {
+        memcpy(f.before, p->position, p->count * sizeof *f.before);
+        f.cells = cell_list_new(f.before, p->count, s->setup.pool, e);
+    }
+    for (size_t i = 0; f.cells && i < p->count; i++)
+        f.largest = fmax(f.largest, s->state.spacing * particles_size(p, i));
+    for (size_t k = 0; f.cells && k < count; k++) *pinned += pin_at(&f, place[k]);
+    const bool ok = f.cells != NULL;
+    cell_list_free(f.cells);
+    free(f.near);
+    free(f.before);
+    return ok;
 }

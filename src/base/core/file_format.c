@@ -1,0 +1,238 @@
+#include "base/core/file_format.h"
+
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+/* ---- formats that a few bytes do not identify */
+
+/* The exchange format of STEP, whose schema is not IFC, which assimp reads. */
+static bool is_step(const char *data, size_t size)
+{
+    static const char begin[] = "ISO-10303-21;";
+    if (size < sizeof begin || memcmp(data, begin, sizeof begin - 1) != 0) return false;
+    const char *schema = strstr(data, "FILE_SCHEMA"), *end = schema ? strchr(schema, ';') : NULL,
+               *ifc = schema ? strstr(schema, "IFC") : NULL;
+    return !ifc || !end || ifc > end;
+}
+
+/* Lines of 80 characters: the 73rd of the first section is S, and its number follows. */
+static bool is_iges(const char *data, size_t size)
+{
+    enum { SECTION = 72, NUMBER = 7 };
+    if (size < SECTION + NUMBER + 1 || data[SECTION] != 'S' || memchr(data, '\n', SECTION)) return false;
+    const size_t blanks = strspn(data + SECTION + 1, " 0");
+    return blanks == NUMBER - 1 && data[SECTION + NUMBER] == '1';
+}
+
+/* DXF as text: a group code of 0, and the name SECTION in the next line. */
+static bool is_dxf(const char *data, size_t size)
+{
+    static const char blanks[] = " \t\r\n", binary[] = "AutoCAD Binary DXF";
+    if (size >= sizeof binary && memcmp(data, binary, sizeof binary - 1) == 0) return true;
+    const char *code = data + strspn(data, blanks);
+    return *code == '0' && code[1] && strchr(blanks, code[1]) &&
+           strncmp(code + 1 + strspn(code + 1, blanks), "SECTION", 7) == 0;
+}
+
+/* ---- the registry */
+
+#define OTHER_ENDING(what, endings) \
+    "the file is a " what " file, which the ending of its name does not say. Name it " endings "."
+#define NOT_READ(what) "the file is " what ", which is not read. Convert it with "
+#define BLENDER "Blender: import it, and export PLY or OBJ."
+#define OTHER_IMAGE(what) "the file is a " what " image: `oiiotool IMAGE -o IMAGE.exr` converts it"
+
+// clang-format off
+const file_format_row file_formats[FILE_FORMATS] = {
+    [FILE_FORMAT_UNKNOWN] = {.name = "unknown"},
+    /* meshes that are read */
+    [FILE_FORMAT_PLY] = {.name = "PLY", .ending = {".ply"}, .beginning = {{0, 3, "ply"}},
+        .reading = FILE_FORMAT_READ, .is_written = true, .has_points = true, .up_varies = true,
+        .content_type = "model/ply"},
+    [FILE_FORMAT_OBJ] = {.name = "OBJ", .ending = {".obj"}, .reading = FILE_FORMAT_READ, .up_varies = true},
+    [FILE_FORMAT_STL] = {.name = "STL", .ending = {".stl"}, .reading = FILE_FORMAT_READ, .z_up = true,
+        .up_varies = true},
+    [FILE_FORMAT_OFF] = {.name = "OFF", .ending = {".off"}, .reading = FILE_FORMAT_READ, .up_varies = true},
+    [FILE_FORMAT_3MF] = {.name = "3MF", .ending = {".3mf"}, .reading = FILE_FORMAT_READ, .z_up = true},
+    [FILE_FORMAT_VTK] = {.name = "VTK", .ending = {".vtk", ".vtp"}, .beginning = {{0, 14, "# vtk DataFile"}},
+        .reading = FILE_FORMAT_READ, .positions_only = true, .z_up = true,
+        .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
+        .as_volume = "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
+    [FILE_FORMAT_VTP] = {.name = "VTK (XML)", .ending = {".vtp", ".vtk"}, .within = "<VTKFile",
+        .reading = FILE_FORMAT_READ, .is_written = true, .positions_only = true, .z_up = true,
+        .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
+        .as_volume = "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a ""mesh as "
+            "/surface/mesh/path)"},
+    [FILE_FORMAT_GIFTI] = {.name = "GIfTI", .ending = {".gii"}, .within = "<GIFTI",
+        .reading = FILE_FORMAT_READ, .positions_only = true, .z_up = true,
+        .as_mesh = OTHER_ENDING("GIfTI", ".gii"),
+        .as_volume = "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)"},
+    [FILE_FORMAT_FBX] = {.name = "FBX", .ending = {".fbx"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_COLLADA] = {.name = "COLLADA", .ending = {".dae"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_X3D] = {.name = "X3D", .ending = {".x3d"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_NPZ] = {.name = "NumPy archive", .ending = {".npz"}, .kind = FILE_FORMAT_POINTS,
+        .reading = FILE_FORMAT_READ, .is_written = true, .has_points = true,
+        .content_type = "application/zip"},
+    [FILE_FORMAT_GLTF] = {.name = "glTF", .ending = {".glb", ".gltf"}, .beginning = {{0, 4, "glTF"}},
+        .reading = FILE_FORMAT_READ, .is_written = true, .has_floats = true,
+        .content_type = "model/gltf-binary"},
+    /* meshes that are not read */
+    [FILE_FORMAT_USD] = {.name = "USD", .ending = {".usda", ".usd", ".usdc", ".usdz"},
+        .beginning = {{0, 5, "#usda"}, {0, 8, "PXR-USDC"}}, .is_written = true, .has_floats = true,
+        .content_type = "model/vnd.usda", .as_mesh = NOT_READ("a USD file") BLENDER},
+    [FILE_FORMAT_AMF] = {.name = "AMF", .ending = {".amf"}, .within = "<amf", .is_misread = true,
+        .as_mesh = NOT_READ("an AMF file") "PrusaSlicer (prusa-slicer --export-stl part.amf)."},
+    [FILE_FORMAT_DXF] = {.name = "DXF", .ending = {".dxf"}, .is = is_dxf, .is_misread = true,
+        .as_mesh = NOT_READ("a DXF file") "Blender: import it (add-on AutoCAD DXF), and ""export PLY or "
+            "OBJ."},
+    [FILE_FORMAT_STEP] = {.name = "STEP", .ending = {".step", ".stp"}, .is = is_step,
+        .as_mesh = NOT_READ("a STEP file") "Gmsh (gmsh part.step -2 -o part.stl) or FreeCAD."},
+    [FILE_FORMAT_IGES] = {.name = "IGES", .ending = {".igs", ".iges"}, .is = is_iges,
+        .as_mesh = NOT_READ("an IGES file") "Gmsh (gmsh part.igs -2 -o part.stl) or FreeCAD."},
+    [FILE_FORMAT_ALEMBIC] = {.name = "Alembic", .ending = {".abc"}, .beginning = {{0, 5, "Ogawa"}},
+        .as_mesh = NOT_READ("an Alembic file") BLENDER},
+    [FILE_FORMAT_HOUDINI] = {.name = "Houdini geometry", .ending = {".bgeo", ".geo", ".bgeo.sc"},
+        .beginning = {{0, 4, "Bgeo"}, {0, 5, "\x7FNSJb"}, {0, 4, "scf1"}, {0, 9, "PGEOMETRY"}},
+        .within = "\"fileversion\"",
+        .as_mesh = NOT_READ("a geometry file of Houdini") "gconvert of Houdini (gconvert a.bgeo a.obj)."},
+    [FILE_FORMAT_FREESURFER] = {.name = "FreeSurfer surface", .beginning = {{0, 3, "\xFF\xFF\xFE"}},
+        .as_mesh = NOT_READ("a surface of FreeSurfer") "mris_convert (mris_convert lh.pial lh.stl)."},
+    [FILE_FORMAT_HDF5] = {.name = "HDF5", .ending = {".h5", ".hdf5"},
+        .beginning = {{0, 8, "\x89HDF\r\n\x1a\n"}},
+        .as_mesh = "the file is an HDF5 file, as Alembic files may be, which is not read. ""Convert it "
+            "with Blender (Alembic) or ParaView: export PLY or OBJ.",
+        .as_volume = "an HDF5 file (`h5dump -d DATASET -b LE -o FILE` writes its raw ""numbers, which need "
+            "an NRRD header)"},
+    /* grids and volumes that are read */
+    [FILE_FORMAT_VDB] = {.name = "OpenVDB", .ending = {".vdb"}, .beginning = {{0, 8, " BDV\0\0\0\0"}},
+        .kind = FILE_FORMAT_GRIDS, .reading = FILE_FORMAT_READ, .is_written = true,
+        .as_mesh = "the file is a volume of OpenVDB and not a mesh. In the spec, name it as "
+            """/surface/vdb/path.",
+        .as_volume = "an OpenVDB file (use surface.vdb)"},
+    [FILE_FORMAT_NRRD] = {.name = "NRRD", .ending = {".nrrd", ".nhdr"}, .beginning = {{0, 4, "NRRD"}},
+        .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true,
+        .as_mesh = "the file is an NRRD volume and not a mesh. In the spec, name it as "
+            """/surface/volume/path."},
+    [FILE_FORMAT_NIFTI] = {.name = "NIfTI", .ending = {".nii", ".nii.gz", ".hdr", ".img", ".img.gz"},
+        .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true},
+    [FILE_FORMAT_META_IMAGE] = {.name = "MetaImage", .ending = {".mha", ".mhd"}, .kind = FILE_FORMAT_VOLUMES,
+        .reading = FILE_FORMAT_READ, .z_up = true},
+    [FILE_FORMAT_TIFF] = {.name = "TIFF", .ending = {".tif", ".tiff", ".btf"},
+        .beginning = {{0, 4, "II*\0"}, {0, 4, "MM\0*"}, {0, 4, "II+\0"}, {0, 4, "MM\0+"}},
+        .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true,
+        .as_image = "the file is a TIFF image: name the stack as /surface/volume/path with slices"},
+    [FILE_FORMAT_OME_ZARR] = {.name = "OME-Zarr", .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ,
+        .z_up = true},
+    /* volumes that are not read */
+    [FILE_FORMAT_ZARR_PART] = {.name = "part of a Zarr volume", .within = "zarr_format",
+        .kind = FILE_FORMAT_VOLUMES, .as_volume = "a part of a Zarr volume (name its directory as the path)"},
+    [FILE_FORMAT_VTI] = {.name = "VTK image data", .ending = {".vti"}, .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "a VTK image data file (ParaView saves it as MetaImage, .mhd)"},
+    [FILE_FORMAT_SLC] = {.name = "VolVis SLC", .ending = {".slc"}, .beginning = {{0, 6, "11111\n"}},
+        .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)"},
+    [FILE_FORMAT_VOL] = {.name = "Mitsuba VOL", .ending = {".vol"}, .beginning = {{0, 4, "VOL\003"}},
+        .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD ""header with `byte "
+            "skip: 48`)"},
+    [FILE_FORMAT_DICOM] = {.name = "DICOM", .ending = {".dcm"}, .beginning = {{128, 4, "DICM"}},
+        .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "a DICOM file (`dcm2niix FOLDER` converts a series to NIfTI)"},
+    [FILE_FORMAT_MGH] = {.name = "FreeSurfer volume", .ending = {".mgz", ".mgh"},
+        .beginning = {{0, 4, "\0\0\0\1"}}, .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "a volume of FreeSurfer (`mri_convert FILE.mgz FILE.nii` converts it)"},
+    [FILE_FORMAT_NETCDF] = {.name = "netCDF or MINC", .ending = {".nc", ".mnc"}, .beginning = {{0, 3, "CDF"}},
+        .kind = FILE_FORMAT_VOLUMES, .as_volume = "a netCDF or MINC file (`mnc2nii` converts MINC to NIfTI)"},
+    [FILE_FORMAT_MRC] = {.name = "MRC or CCP4", .ending = {".mrc", ".ccp4"}, .beginning = {{208, 4, "MAP "}},
+        .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "an MRC or CCP4 map (1024 bytes and raw numbers: write an NRRD header with `byte "
+            "skip: 1024`)"},
+    [FILE_FORMAT_ANALYZE] = {.name = "ANALYZE 7.5", .beginning = {{0, 4, "\x5c\1\0\0"}, {0, 4, "\0\0\1\x5c"}},
+        .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)"},
+    [FILE_FORMAT_RAW] = {.name = "raw numbers", .ending = {".raw"}, .kind = FILE_FORMAT_VOLUMES,
+        .as_volume = "not a volume in a known format (raw numbers need an NRRD header: `unu ""make -h -t "
+            "TYPE -s X Y Z -i FILE`)"},
+    [FILE_FORMAT_ZIP] = {.name = "ZIP", .ending = {".zip"}, .beginning = {{0, 4, "PK\3\4"}},
+        .kind = FILE_FORMAT_DOCUMENTS,
+        .as_volume = "a ZIP archive (unpack it; name the directory of an OME-Zarr image as the path)"},
+    /* images and documents */
+    [FILE_FORMAT_EXR] = {.name = "OpenEXR", .ending = {".exr"}, .beginning = {{0, 4, "v/1\1"}},
+        .kind = FILE_FORMAT_IMAGES, .reading = FILE_FORMAT_READ, .is_written = true, .z_up = true,
+        .content_type = "image/x-exr", .as_volume = "an EXR image (use surface.exr)"},
+    [FILE_FORMAT_PNG] = {.name = "PNG", .ending = {".png"}, .beginning = {{0, 4, "\x89PNG"}},
+        .kind = FILE_FORMAT_IMAGES, .is_written = true, .content_type = "image/png",
+        .as_image = OTHER_IMAGE("PNG")},
+    [FILE_FORMAT_JPEG] = {.name = "JPEG", .ending = {".jpg", ".jpeg"}, .beginning = {{0, 3, "\xff\xd8\xff"}},
+        .kind = FILE_FORMAT_IMAGES, .as_image = OTHER_IMAGE("JPEG")},
+    [FILE_FORMAT_DPX] = {.name = "DPX", .ending = {".dpx"}, .beginning = {{0, 4, "SDPX"}, {0, 4, "XPDS"}},
+        .kind = FILE_FORMAT_IMAGES, .as_image = OTHER_IMAGE("DPX")},
+    [FILE_FORMAT_JSON] = {.name = "JSON", .ending = {".json"}, .kind = FILE_FORMAT_DOCUMENTS,
+        .is_written = true, .content_type = "application/json"},
+};
+// clang-format on
+
+/* ---- recognising */
+
+/* Whether the name ends so, or is the ending without its dot. */
+static bool ends_with(const char *name, const char *ending)
+{
+    const size_t length = strlen(name), n = strlen(ending + 1);
+    return length >= n && strcasecmp(name + length - n, ending + 1) == 0 &&
+           (length == n || name[length - n - 1] == '.');
+}
+
+file_format file_format_of_name(const char *name)
+{
+    for (int place = 0; place < FILE_FORMAT_ENDINGS; place++)
+        for (int k = 0; k < FILE_FORMATS; k++) {
+            const char *ending = file_formats[k].ending[place];
+            if (ending && ends_with(name, ending)) return (file_format)k;
+        }
+    return FILE_FORMAT_UNKNOWN;
+}
+
+bool file_format_has_ending(file_format format, const char *name)
+{
+    for (int place = 0; place < FILE_FORMAT_ENDINGS; place++) {
+        const char *ending = file_formats[format].ending[place];
+        if (ending && ends_with(name, ending)) return true;
+    }
+    return false;
+}
+
+static bool begins_as(const file_format_row *row, const char *data, size_t size)
+{
+    for (const file_format_bytes *b = row->beginning; b < row->beginning + FILE_FORMAT_BEGINNINGS; b++)
+        if (b->length > 0 && size >= b->at + b->length && memcmp(data + b->at, b->bytes, b->length) == 0)
+            return true;
+    return false;
+}
+
+file_format file_format_of_bytes(const char *data, size_t size)
+{
+    char head[FILE_FORMAT_HEAD + 1];
+    const size_t length = size < FILE_FORMAT_HEAD ? size : FILE_FORMAT_HEAD;
+    memcpy(head, data, length);
+    head[length] = 0;
+    for (int k = 0; k < FILE_FORMATS; k++) {
+        const file_format_row *row = &file_formats[k];
+        if (begins_as(row, data, size) || (row->within && strstr(head, row->within)) ||
+            (row->is && row->is(data, size)))
+            return (file_format)k;
+    }
+    return FILE_FORMAT_UNKNOWN;
+}
+
+file_format file_format_of_file(int fd, const char *name)
+{
+    char head[FILE_FORMAT_HEAD + 1];
+    const ssize_t got = pread(fd, head, FILE_FORMAT_HEAD, 0);
+    const size_t length = got > 0 ? (size_t)got : 0;
+    head[length] = 0;
+    const file_format found = file_format_of_bytes(head, length), named = file_format_of_name(name);
+    const file_format_row *row = &file_formats[found];
+    const bool is_sure = row->kind != FILE_FORMAT_MESHES && row->reading != FILE_FORMAT_NOT_READ;
+    return is_sure || named == FILE_FORMAT_UNKNOWN ? found : named;
+}

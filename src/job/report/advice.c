@@ -1,0 +1,115 @@
+#include "job/report/advice.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "geometry/space/packing.h"
+#include "job/source/plan.h"
+
+/* Factor of the spacing that is tried if the required factor is unknown. */
+static const double BLIND_FACTOR = 0.5;
+
+/* The value rounded up to two digits. */
+static double rounded_up(double value)
+{
+    double unit = pow(10, floor(log10(value)) - 1);
+    return ceil(value / unit * (1 - 1e-12)) * unit;
+}
+
+advice_resolution advice_resolve(double area, size_t count, double factor)
+{
+    const double by = factor < 1 ? factor : BLIND_FACTOR, points = rounded_up((double)count / (by * by));
+    return (advice_resolution){packing_spacing(area, points), points};
+}
+
+/* The format of the end of messages about a resolution that no permitted count has. */
+#define BEYOND_THE_MAXIMUM "more than the maximum of %.0f points: %s"
+
+/* What to do if no permitted count has the resolution. */
+static const char *other_remedy(const spec *s)
+{
+    return s->surface.kind == SPEC_SURFACE_LABELS
+               ? "smooth the labels with surface.labels.majority, or merge thin labels with surface.labels.groups"
+               : "smooth the input, or sample a region of it";
+}
+
+char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to)
+{
+    char *how =
+        to.count > PLAN_COUNT_MAX
+            ? mem_printf(
+                  "The two sides of these walls are distinguished at a spacing of %.3g, which takes " BEYOND_THE_MAXIMUM,
+                  to.spacing, PLAN_COUNT_MAX, other_remedy(s))
+            : mem_printf("To distinguish the two sides of these walls, ask for %.0f points (spacing %.3g)",
+                         to.count, to.spacing);
+    char *text =
+        mem_printf(of_surface ? "About %.3g %% of the surface are walls thinner than 1.2 spacings. %s."
+                              : "%.3g %% of the points are on walls thinner than 1.2 spacings. %s.",
+                   100 * share, how);
+    free(how);
+    return text;
+}
+
+json *advice_append(json *list, const char *code, const char *message)
+{
+    json *item = json_append_object(list);
+    json_put_string(item, "code", code);
+    json_put_string(item, "message", message);
+    return json_put_object(item, "set");
+}
+
+/* The value rounded down to three digits. */
+static double rounded_down(double value)
+{
+    double unit = pow(10, floor(log10(value)) - 2);
+    return floor(value / unit * (1 + 1e-12)) * unit;
+}
+
+/* The member of the spec that determines the number of points, and its value at this resolution. NULL: the target is a
+ * time. */
+static const char *choose_target(const spec *s, double area, advice_resolution to, double *value)
+{
+    *value = s->spacing > 0   ? rounded_down(to.spacing)
+             : s->density > 0 ? rounded_up(to.count / area)
+             : s->has_control ? rounded_down(packing_support(to.spacing))
+                              : to.count;
+    return s->spacing > 0   ? "/sampling/spacing"
+           : s->density > 0 ? "/sampling/density"
+           : s->has_control ? "/sampling/control/max_sigma"
+           : s->time_s > 0  ? NULL
+                            : "/sampling/count";
+}
+
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
+                              double limit_mb)
+{
+    static const char code[] = "unresolved";
+    double value, memory = rounded_up(memory_mb);
+    const char *target = choose_target(s, area, to, &value);
+    char *message,
+        *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
+    if (to.count > PLAN_COUNT_MAX) {
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of "
+            "%.3g and " BEYOND_THE_MAXIMUM,
+            to.spacing, PLAN_COUNT_MAX, other_remedy(s));
+        advice_append(list, code, message);
+    } else if (!target) {
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of %.3g "
+            "(%.2g points): raise /sampling/time_s",
+            to.spacing, to.count);
+        advice_append(list, code, message);
+    } else {
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls: set %s to %.10g%s, "
+            "which gives %.0f points (spacing %.3g)",
+            target, value, more, to.count, to.spacing);
+        json *set = advice_append(list, code, message);
+        json_put_number(set, target, value);
+        if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);
+    }
+    free(message);
+    free(more);
+}
