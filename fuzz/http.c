@@ -36,6 +36,7 @@ typedef struct service {
     listen_socket socket;
     access_control *access;
     queue *q;
+    ledger *counts;
     runner *tasks;
     executor *x;
     wait_list *waiting;
@@ -129,6 +130,7 @@ static void take_the_slot(service *s)
     expect(chmod(worker, 0700) == 0);
     put_job(s, id);
     executor_settings settings = {.engine = &engine_local,
+                                  .counts = s->counts,
                                   .state_dir = s->base,
                                   .work_dir = s->base,
                                   .worker = worker,
@@ -158,6 +160,7 @@ static void stop(void)
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);
     queue_close(s->q);
+    ledger_free(s->counts);
     access_close(s->access);
     listen_close(&s->socket);
     pages_free(s->pages);
@@ -172,6 +175,7 @@ static void start(service *s)
     const char *under = getenv("TMPDIR");
     snprintf(s->base, sizeof s->base, "%.40s/hexad-fuzz-XXXXXX", under ? under : "/tmp");
     expect(mkdtemp(s->base));
+    s->counts = ledger_new();
     snprintf(s->socket_path, sizeof s->socket_path, "%s/socket", s->base);
     put_file(s->base, "tokens", tokens);
     char *where = mem_printf("unix:%s", s->socket_path), *file = mem_printf("%s/tokens", s->base);
@@ -180,13 +184,14 @@ static void start(service *s)
     expect(listen_open(where, false, &s->socket, &e));
     expect((s->access = access_open(&(access_settings){.token_file = file}, &e)));
     expect((s->q = queue_open(s->base, &e)));
-    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
+    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, s->counts, &e)));
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);
     s->openapi = openapi_new();
     pthread_mutex_init(&s->frame_checks, NULL);
     s->context = (http_context){.access = s->access,
+                                .counts = s->counts,
                                 .frame_checks = &s->frame_checks,
                                 .q = s->q,
                                 .x = s->x,
@@ -204,16 +209,16 @@ static void start(service *s)
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(&origin, 1, &e)));
     pages_add(s->pages, where, s->socket.address);
-    server_settings limits = {
-        .routes = &api_routes,
-        .context = &s->context,
-        .counters = &s->counters,
-        .waiting = s->waiting,
-        .connections = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
-        .body_limit_bytes = 4096,
-        .header_limit_bytes = 8192,
-        .proxies = &s->proxies,
-        .pages = s->pages};
+    server_settings limits = {.routes = &api_routes,
+                              .context = &s->context,
+                              .counters = &s->counters,
+                              .waiting = s->waiting,
+                              .counts = s->counts,
+                              .connections = {.connection_limit = 100, .timeout_s = 60},
+                              .body_limit_bytes = 4096,
+                              .header_limit_bytes = 8192,
+                              .proxies = &s->proxies,
+                              .pages = s->pages};
     expect((s->http = server_start(&limits, &s->socket, 1, s->access, &e)));
     free(where);
     free(file);

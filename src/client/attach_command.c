@@ -8,7 +8,7 @@
 #include "client/print.h"
 #include "spec/attach_spec.h"
 #include "files/file.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 
 static const char points_name[] = "points.ply";
 

@@ -14,7 +14,7 @@
 #include "client/command.h"
 #include "client/print.h"
 #include "files/file.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
 

@@ -3,7 +3,7 @@
  * The map is a table of pairs of prefixes, `from` and `to`. A path is translated if its first components equal a
  * `from`. The longest matching `from` is used, and it is applied once. A Windows path begins with a drive (`Z:`) or
  * a share (`\\` or `//`). In Windows paths `/` equals `\`, and the case of ASCII letters is ignored. Relative paths
- * and names of uploaded files (files/inputs.h) are not translated. Only the text is compared and no file is opened.
+ * and names of uploaded files (files/sent_file.h) are not translated. Only the text is compared and no file is opened.
  * The code that opens the path checks for `..`. A map does not change after it was read; any thread may use it.
  */
 #ifndef HEXAD_FILES_PATH_MAP_H

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <stdatomic.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,7 +22,7 @@
 #include "base/core/denial.h"
 #include "base/core/frames.h"
 #include "base/core/memory.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */
 #define OPEN_FLAGS (O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK)
@@ -387,7 +388,7 @@ static void set_outside(const store_roots *roots, const char *path, error *e)
 static int open_in_roots(const store_roots *roots, const char *path, int flags, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
-    bool sent = store_inputs_is_sent(path, name);
+    bool sent = sent_file_match(path, name);
     bool found_root = sent; /* a removed upload lies below no root */
     int why = ENOENT;
     if (has_parent_step(path)) {

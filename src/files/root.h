@@ -8,7 +8,7 @@
  * therefore give no access.
  *
  * A root that is a file admits this file only, by its last component. In the directory of uploaded files
- * (files/inputs.h) only uploaded files can be opened, and only by the name `sha256:HEX`. An extension after the
+ * (files/sent_file.h) only uploaded files can be opened, and only by the name `sha256:HEX`. An extension after the
  * hash, `sha256:HEX.obj`, is ignored.
  *
  * Roots do not change after they were opened. Any thread may use them.

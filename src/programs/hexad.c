@@ -45,11 +45,12 @@
 #include "programs/farm.h"
 #include "programs/maintenance.h"
 #include "programs/open_directory.h"
+#include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
 #include "service/results/instance.h"
 #include "service/results/output_place.h"
 #include "files/file.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 #include "files/output.h"
 #include "files/path_map.h"
 #include "files/root.h"
@@ -77,6 +78,7 @@ typedef struct service {
     int signals;                /* signalfd */
     char *state_dir, *work_dir; /* absolute */
     char *allow_command;        /* permits the user whose name follows; NULL: no settings file */
+    ledger *counts;
     runner *tasks;
     queue *q;
     checker *checker;
@@ -177,6 +179,45 @@ static void fini_state(service *s)
     free(s->work_dir);
 }
 
+/* Default limits of memory for bodies, as numbers of bodies of the maximum length. */
+enum { BODIES_IN_ALL = 16, BODIES_OF_USER = 4 };
+
+/* A limit of the memory for bodies, in bytes; at least the maximum length of one body. */
+static int64_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
+{
+    int64_t longest = c->body_limit_bytes + 1, bytes = given ? given : otherwise * longest;
+    return bytes > longest ? bytes : longest;
+}
+
+static bool init_ledger(service *s, error *e)
+{
+    (void)e;
+    const config *c = &s->settings;
+    const struct {
+        ledger_resource what;
+        int64_t holder, all;
+    } limits[] = {
+        {LEDGER_CLIENT_CONNECTIONS, c->client_connection_limit, 0},
+        {LEDGER_BODIES, bytes_of_bodies(c, c->user_body_bytes, BODIES_OF_USER),
+         bytes_of_bodies(c, c->body_total_bytes, BODIES_IN_ALL)},
+        {LEDGER_ANSWERS, c->user_answer_bytes, c->answer_total_bytes},
+        {LEDGER_UPLOADS, c->user_uploads, 0},
+        {LEDGER_UPLOAD_BYTES, c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4, 0},
+        {LEDGER_SUBMISSIONS, c->user_submissions, 0},
+        {LEDGER_JOBS, c->user_queued, 0},
+        {LEDGER_ATTEMPTS, c->user_running, 0},
+    };
+    s->counts = ledger_new();
+    for (size_t k = 0; k < sizeof limits / sizeof *limits; k++)
+        ledger_limit(s->counts, limits[k].what, (ledger_limits){limits[k].holder, limits[k].all});
+    return true;
+}
+
+static void fini_ledger(service *s)
+{
+    ledger_free(s->counts);
+}
+
 static int64_t bound_of(int64_t setting, int64_t unit)
 {
     return setting ? setting * unit : INT64_MAX;
@@ -225,17 +266,10 @@ static void fini_checker(service *s)
 static bool init_inputs(service *s, error *e)
 {
     s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
-    s->inputs =
-        store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
-    if (!s->inputs) {
-        free(s->inputs_dir);
-        return false;
-    }
-    const config *c = &s->settings;
-    store_inputs_bound_users(s->inputs,
-                             c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4,
-                             (int)c->user_uploads);
-    return true;
+    s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes,
+                                  s->settings.upload_total_bytes, s->counts, e);
+    if (!s->inputs) free(s->inputs_dir);
+    return s->inputs != NULL;
 }
 
 static void fini_inputs(service *s)
@@ -520,7 +554,7 @@ static executor_settings executor_settings_of(const service *s)
         .file_mb = c->file_mb,
         .sandbox = c->sandbox,
         .groups = s->groups,
-        .most_of_owner = (int)c->user_running,
+        .counts = s->counts,
         .weights = s->weights,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
@@ -711,17 +745,6 @@ static void fini_openapi(service *s)
 static void free_context(service *s)
 {
     document_cache_free(s->context.documents);
-    submission_rate_free(s->context.rate);
-}
-
-/* Default limits of memory for bodies, as numbers of bodies of the maximum length. */
-enum { BODIES_IN_ALL = 16, BODIES_OF_USER = 4 };
-
-/* A limit of the memory for bodies, in bytes; at least the maximum length of one body. */
-static size_t bytes_of_bodies(const config *c, int64_t given, int otherwise)
-{
-    size_t longest = (size_t)c->body_limit_bytes + 1, bytes = given ? (size_t)given : otherwise * longest;
-    return bytes > longest ? bytes : longest;
 }
 
 /* The command that permits a user, without the name; NULL: there is no settings file to change. */
@@ -781,17 +804,12 @@ static bool init_http(service *s, error *e)
         .context = &s->context,
         .counters = &s->counters,
         .waiting = s->waiting,
+        .counts = s->counts,
         .connections = {.connection_limit = (unsigned)c->connection_limit,
-                        .client_limit = (unsigned)c->client_connection_limit,
-                        .user_limit = (unsigned)c->user_connection_limit,
                         .admin_reserve = (unsigned)c->admin_connections,
                         .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
-        .body_total_bytes = bytes_of_bodies(c, c->body_total_bytes, BODIES_IN_ALL),
-        .user_body_bytes = bytes_of_bodies(c, c->user_body_bytes, BODIES_OF_USER),
         .header_limit_bytes = (size_t)c->header_limit_bytes,
-        .answer_total_bytes = (size_t)c->answer_total_bytes,
-        .user_answer_bytes = (size_t)c->user_answer_bytes,
         .estimates = (unsigned)c->estimates,
         .thread_wait_s = c->thread_wait_s,
         .proxies = &s->proxies,
@@ -799,6 +817,8 @@ static bool init_http(service *s, error *e)
         .allow_command = s->allow_command,
     };
     limit_connections(c, &settings.connections);
+    ledger_limit(s->counts, LEDGER_CONNECTIONS,
+                 (ledger_limits){c->user_connection_limit, settings.connections.connection_limit});
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
     if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
@@ -807,6 +827,7 @@ static bool init_http(service *s, error *e)
     }
     s->context = (http_context){
         .access = s->access,
+        .counts = s->counts,
         .q = s->q,
         .x = s->x,
         .estimator = m,
@@ -822,9 +843,7 @@ static bool init_http(service *s, error *e)
         .worker = c->worker,
         .waiting = s->waiting,
         .max_attempts = (int)c->max_attempts,
-        .most_waiting = c->user_queued,
         .priorities = s->priorities,
-        .rate = c->user_submissions ? submission_rate_new(c->user_submissions) : NULL,
         .retention_s = (int64_t)c->retention_s,
         .wait_s = c->wait_limit_s,
         .thumbnail_timeout_s = c->thumbnail_timeout_s,
@@ -883,6 +902,7 @@ static const struct step {
 } steps[] = {
     {"signals", init_signals, fini_signals},
     {"state", init_state, fini_state},
+    {"ledger", init_ledger, fini_ledger},
     {"tasks", init_tasks, fini_tasks},
     {"queue", init_queue, fini_queue},
     {"inputs", init_inputs, fini_inputs},

@@ -45,6 +45,7 @@ typedef struct place {
     char base[64];
     char *worker;
     queue *q;
+    ledger *counts;
     runner *tasks;
     executor *x;
 } place;
@@ -58,6 +59,7 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
+    p->counts = ledger_new();
     *state = p;
     return 0;
 }
@@ -77,6 +79,7 @@ static int tear_down(void **state)
     place *p = *state;
     stop(p);
     queue_close(p->q);
+    ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));
     free(p->worker);
     free(p);
@@ -97,6 +100,7 @@ static void start_with(place *p, const char *script, executor_settings settings)
     assert_int_equal(chmod(p->worker, 0700), 0);
     settings.state_dir = settings.work_dir = p->base;
     settings.worker = p->worker;
+    settings.counts = p->counts;
     error e = {0};
     p->tasks = runner_new();
     p->x = executor_open(&settings, p->q, p->tasks, &e);

@@ -33,6 +33,7 @@ typedef struct place {
     queue *q;
     runner *tasks;
     executor *x;
+    ledger *counts;
     pthread_mutex_t frame_checks;
     http_context context;
 } place;
@@ -45,7 +46,9 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
+    p->counts = ledger_new();
     executor_settings settings = {.engine = &engine_local,
+                                  .counts = p->counts,
                                   .state_dir = p->base,
                                   .work_dir = p->base,
                                   .worker = "/nonexistent",
@@ -54,8 +57,12 @@ static int set_up(void **state)
     p->tasks = runner_new();
     p->x = executor_open(&settings, p->q, p->tasks, &e);
     if (!p->x || !executor_start(p->x, &e)) fail_msg("%s", e.message);
-    p->context = (http_context){
-        .q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3, .frame_checks = &p->frame_checks};
+    p->context = (http_context){.counts = p->counts,
+                                .q = p->q,
+                                .x = p->x,
+                                .work_dir = p->base,
+                                .max_attempts = 3,
+                                .frame_checks = &p->frame_checks};
     pthread_mutex_init(&p->frame_checks, NULL);
     get_fails = false;
     *state = p;
@@ -69,6 +76,7 @@ static int tear_down(void **state)
     executor_free(p->x);
     runner_free(p->tasks);
     queue_close(p->q);
+    ledger_free(p->counts);
     assert_true(store_remove(p->base, NULL));
     free(p);
     return 0;

@@ -122,7 +122,7 @@ static void *copy_often(void *argument)
     c->ok = true;
     for (int i = 0; i < c->rounds; i++) {
         pthread_barrier_wait(c->round);
-        c->ok &= output_place_copy(c->place, "ann", c->from, c->to, NULL, temporary, NULL);
+        c->ok &= output_place_copy(c->place, "ann", c->from, c->to, QUEUE_NO_FRAME, temporary, NULL);
         pthread_barrier_wait(c->round);
         pthread_barrier_wait(c->round); /* the test has checked the directory */
     }
@@ -175,7 +175,7 @@ static void expect_copied(const outputs *o, const char *user, const char *from, 
                           error_code code)
 {
     error e = {0};
-    bool ok = output_place_copy(o->place, user, from, to, NULL, ".x.hexad-tmp", &e);
+    bool ok = output_place_copy(o->place, user, from, to, QUEUE_NO_FRAME, ".x.hexad-tmp", &e);
     if (ok != (code == ERROR_NONE) || e.code != code) fail_msg("%s", e.message);
 }
 

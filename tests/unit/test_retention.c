@@ -32,6 +32,7 @@ typedef struct place {
     queue *q;
     runner *tasks;
     retention *r;
+    ledger *counts;
     store_inputs *inputs;
 } place;
 
@@ -42,6 +43,7 @@ static int set_up(void **state)
     strcpy(p->base, "/tmp/hexad-retention-XXXXXX");
     assert_non_null(mkdtemp(p->base));
     error e = {0};
+    p->counts = ledger_new();
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
     static const char *const parts[] = {"results", "attempts"};
@@ -68,6 +70,7 @@ static int tear_down(void **state)
     place *p = *state;
     end(p);
     store_inputs_close(p->inputs);
+    ledger_free(p->counts);
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p);
@@ -209,7 +212,7 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
     char id[ULID_SIZE], mark[ULID_SIZE], name[STORE_INPUT_NAME_SIZE];
     char *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
-    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     char *sent = put_input(p, 'a', 1000, name);
     put(p, false, 36000, id);
     run(p, id, QUEUE_NO_FRAME);
@@ -348,7 +351,7 @@ static void test_unused_uploads_are_removed(void **state)
     assert_true(store_directory_create(directory, NULL));
     char *unused = put_input(p, 'a', 1000, name), *fresh = put_input(p, 'b', -100000, name),
          *wanted = put_input(p, 'c', 1000, name);
-    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     const char *inputs[] = {name};
     queue_submission s = {
@@ -391,7 +394,7 @@ static void test_uploads_are_kept_without_a_retention_time(void **state)
     char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
     char *unused = put_input(p, 'a', 1000, name);
-    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     begin_keeping(p, 0);
     end(p);
@@ -433,7 +436,7 @@ static void test_an_upload_during_a_collection_is_counted_once(void **state)
     char hex[STORE_HASH_SIZE];
     store_hash(SENT, strlen(SENT), hex);
     char *directory = mem_printf("%s/inputs", p->base), *path = mem_printf("%s/sha256:%s", directory, hex);
-    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     send_it(p, hex);
     for (int i = 0; i < 50; i++) {

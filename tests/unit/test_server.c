@@ -123,6 +123,7 @@ typedef struct place {
     char base[64];
     listen_socket socket;
     access_control *access;
+    ledger *counts;
     wait_list *waiting;
     pages *pages;
     address_ranges proxies;
@@ -147,20 +148,17 @@ static int set_up(void **state)
     p->waiting = wait_list_new(p->tasks);
     assert_true(runner_start(p->tasks, &e));
     assert_non_null(p->pages = pages_new(NULL, 0, &e));
-    const server_settings settings = {
-        .routes = &p->routes,
-        .counters = &p->counters,
-        .waiting = p->waiting,
-        .connections = {.connection_limit = 10, .client_limit = 10, .user_limit = 10, .timeout_s = 60},
-        .body_limit_bytes = 4096,
-        .body_total_bytes = 8192,
-        .user_body_bytes = 8192,
-        .answer_total_bytes = 1 << 20,
-        .user_answer_bytes = 1 << 20,
-        .header_limit_bytes = 8192,
-        .thread_wait_s = 60,
-        .proxies = &p->proxies,
-        .pages = p->pages};
+    p->counts = ledger_new();
+    const server_settings settings = {.routes = &p->routes,
+                                      .counters = &p->counters,
+                                      .waiting = p->waiting,
+                                      .counts = p->counts,
+                                      .connections = {.connection_limit = 10, .timeout_s = 60},
+                                      .body_limit_bytes = 4096,
+                                      .header_limit_bytes = 8192,
+                                      .thread_wait_s = 60,
+                                      .proxies = &p->proxies,
+                                      .pages = p->pages};
     p->s = server_start(&settings, &p->socket, 1, p->access, &e);
     if (!p->s) fail_msg("%s", e.message);
     free(where);
@@ -177,6 +175,7 @@ static int tear_down(void **state)
     wait_list_free(p->waiting);
     runner_free(p->tasks);
     access_close(p->access);
+    ledger_free(p->counts);
     listen_close(&p->socket);
     pages_free(p->pages);
     assert_true(store_remove(p->base, NULL));

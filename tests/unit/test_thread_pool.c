@@ -12,6 +12,7 @@
 
 #include "base/core/clock.h"
 #include "service/http/thread_pool.h"
+#include "service/ledger/ledger.h"
 
 /* Longer than any test takes. */
 #define PATIENT_MS 1000000
@@ -59,12 +60,17 @@ static piece piece_of(const char *user, char name, bool blocks)
     return (piece){.work = {.run = run, .refuse = refuse, .user = user}, .name = name, .blocks = blocks};
 }
 
+static ledger *counts;
+
 static thread_pool *start(unsigned threads, unsigned most_of_user, int64_t patience_ms)
 {
-    thread_pool *p = thread_pool_start(
-        &(thread_pool_settings){
-            .threads = threads, .most_of_user = most_of_user, .most_weight = 10, .patience_ms = patience_ms},
-        NULL);
+    ledger_limit(counts, LEDGER_THREADS, (ledger_limits){.holder = most_of_user});
+    thread_pool *p = thread_pool_start(&(thread_pool_settings){.threads = threads,
+                                                               .counts = counts,
+                                                               .kind = LEDGER_THREADS,
+                                                               .most_weight = 10,
+                                                               .patience_ms = patience_ms},
+                                       NULL);
     assert_non_null(p);
     return p;
 }
@@ -73,8 +79,16 @@ static int set_up(void **state)
 {
     (void)state;
     memset(seen.order, 0, sizeof seen.order);
+    counts = ledger_new();
     sem_init(&seen.began, 0, 0);
     sem_init(&seen.ended, 0, 0);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    ledger_free(counts);
     return 0;
 }
 
@@ -168,7 +182,9 @@ static void test_the_threads_have_a_lower_priority(void **state)
     (void)state;
     one.work.run = note_priority;
     thread_pool *p = thread_pool_start(
-        &(thread_pool_settings){.threads = 1, .most_of_user = 1, .nice = 3, .patience_ms = PATIENT_MS}, NULL);
+        &(thread_pool_settings){
+            .threads = 1, .counts = counts, .kind = LEDGER_THREADS, .nice = 3, .patience_ms = PATIENT_MS},
+        NULL);
     thread_pool_add(p, &one.work);
     wait_for(&seen.ended, 1);
     thread_pool_stop(p);
@@ -241,14 +257,17 @@ static void test_work_that_has_waited_too_long_for_the_only_thread_does_not_begi
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup(test_users_are_served_in_turn, set_up),
-        cmocka_unit_test_setup(test_the_user_with_fewer_running_pieces_is_next, set_up),
-        cmocka_unit_test_setup(test_a_thread_remains_for_other_users, set_up),
-        cmocka_unit_test_setup(test_work_runs_together_up_to_a_sum_of_weights, set_up),
-        cmocka_unit_test_setup(test_the_threads_have_a_lower_priority, set_up),
-        cmocka_unit_test_setup(test_work_that_has_not_begun_is_refused_at_the_stop, set_up),
-        cmocka_unit_test_setup(test_work_that_waits_too_long_is_refused_while_other_work_runs, set_up),
-        cmocka_unit_test_setup(test_work_that_has_waited_too_long_for_the_only_thread_does_not_begin, set_up),
+        cmocka_unit_test_setup_teardown(test_users_are_served_in_turn, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_user_with_fewer_running_pieces_is_next, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_thread_remains_for_other_users, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_work_runs_together_up_to_a_sum_of_weights, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_threads_have_a_lower_priority, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_work_that_has_not_begun_is_refused_at_the_stop, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(test_work_that_waits_too_long_is_refused_while_other_work_runs,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_work_that_has_waited_too_long_for_the_only_thread_does_not_begin,
+                                        set_up, tear_down),
     };
     return cmocka_run_group_tests_name("thread_pool", tests, NULL, NULL);
 }

@@ -88,8 +88,7 @@ static void *run(void *argument)
 bool runner_start(runner *r, error *e)
 {
     runner_task *t;
-    TAILQ_FOREACH(t, &r->tasks, link)
-    {
+    TAILQ_FOREACH (t, &r->tasks, link) {
         t->started = background_start(&t->thread, run, t, t->name, e);
         if (!t->started) return false;
     }
@@ -108,8 +107,7 @@ static void notify(runner_task *t, bool stop)
 void runner_stop(runner *r)
 {
     runner_task *t;
-    TAILQ_FOREACH(t, &r->tasks, link)
-    notify(t, true);
+    TAILQ_FOREACH (t, &r->tasks, link) notify(t, true);
     TAILQ_FOREACH_REVERSE(t, &r->tasks, tasks, link)
     {
         if (t->started) pthread_join(t->thread, NULL);

@@ -9,7 +9,7 @@
 #include "job/inspect/suggestion.h"
 #include "job/inspect/values.h"
 #include "surface/labels/label_listing.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 #include "files/root.h"
 
 int dense_open_beside(void *context, const char *path, error *e)
@@ -166,7 +166,7 @@ bool contents_read_dense(const contents_input *in, json *inspection, error *e)
     const slices_files files = {dense_open_beside, (void *)in};
     slices *s = dense_open(in, &files, e);
     if (!s) {
-        store_inputs_explain_header(in->path, e);
+        sent_file_explain_header(in->path, e);
         return error_prefix(e, "%s", in->path);
     }
     json *file = json_new_object();

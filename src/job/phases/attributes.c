@@ -13,7 +13,7 @@
 #include "io/points/property.h"
 #include "geometry/space/affine.h"
 #include "job/phases/instances.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 
 struct attributes_entry {
     const spec_attribute *spec; /* NULL: a property of points on patches, or given */
@@ -186,7 +186,7 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     if (r->has_kind) r->kind = kinds[a->type];
     r->stencil = r->has_kind && r->kind == POINT_ATTRIBUTE_INT ? STENCIL_NEAREST : stencils[a->interpolation];
     if (!attribute_find(r, &out->kind, &out->components, e)) {
-        if (r->path) store_inputs_explain_header(r->path, e);
+        if (r->path) sent_file_explain_header(r->path, e);
         return false;
     }
     r->kind = out->kind;

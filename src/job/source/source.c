@@ -15,7 +15,7 @@
 #include "job/source/label_source.h"
 #include "job/source/mesh_source.h"
 #include "job/source/plan.h"
-#include "files/inputs.h"
+#include "files/sent_file.h"
 
 /* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal rounding.
  */
@@ -323,7 +323,7 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
                           const opening *o, error *e)
 {
     if (!from) {
-        store_inputs_explain_header(path, e);
+        sent_file_explain_header(path, e);
         error_prefix(e, "%s", path);
         return NULL;
     }
@@ -434,7 +434,7 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
     if (fd >= 0) close(fd);
     if (!out->labels) {
         const char *path = l->path ? l->path : s->exr.path;
-        store_inputs_explain_header(path, e);
+        sent_file_explain_header(path, e);
         return error_prefix(e, "%s", path);
     }
     out->field = label_surface_field(out->labels);

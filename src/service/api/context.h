@@ -8,14 +8,14 @@
 #include <stdint.h>
 
 #include "service/api/document_cache.h"
-#include "service/api/submission_rate.h"
 #include "service/executor/estimator.h"
 #include "service/executor/executor.h"
 #include "service/http/handler.h"
 #include "service/http/wait_list.h"
+#include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
 #include "service/results/output_place.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 #include "files/path_map.h"
 #include "files/root.h"
 #include "service/webhook/delivery.h"
@@ -23,6 +23,7 @@
 
 struct http_context {
     access_control *access;
+    ledger *counts; /* what users hold, and their limits */
     queue *q;
     executor *x;
     estimator *estimator;     /* NULL: no estimates */
@@ -38,9 +39,7 @@ struct http_context {
     const char *work_dir;           /* the directory of results/ and attempts/ */
     const char *worker;             /* path of hexad-worker */
     int max_attempts;               /* default for specs without limits.max_attempts */
-    int64_t most_waiting;           /* limit of unfinished jobs of one user; 0: no limit */
     const user_numbers *priorities; /* highest allowed priority of each user; NULL: no limit */
-    submission_rate *rate;          /* NULL: no limit */
     int64_t retention_s;            /* default for specs without retention, in seconds */
     double wait_s;                  /* longest wait that `Prefer: wait` can request, in seconds */
     double thumbnail_timeout_s;     /* time limit of a process that makes a thumbnail, in seconds */

@@ -15,7 +15,8 @@ typedef struct upload {
     error why;
 } upload;
 
-static void refuse(const http_context *c, store_upload_outcome outcome, const error *why, reply *r)
+static void refuse(const http_context *c, const char *user, store_upload_outcome outcome, const error *why,
+                   reply *r)
 {
     store_inputs_space uploads;
     executor_space disk;
@@ -45,15 +46,10 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
             (long long)disk.free_bytes >> 20, disk.directory);
         break;
     case STORE_UPLOAD_USER_FULL:
-        reply_set_problem(r, "storage_full", NULL,
-                          "the file does not fit: the uploads of this user would exceed user_upload_bytes. "
-                          "Delete uploads that are not needed; unused ones expire after inputs_keep_s.");
+        reply_set_refusal(r, ledger_explain(c->counts, LEDGER_UPLOAD_BYTES, LEDGER_HOLDER_FULL, user));
         break;
     case STORE_UPLOAD_TOO_MANY:
-        reply_set_problem(r, "too_many_requests", NULL,
-                          "this user has reached the number of simultaneous uploads (setting user_uploads): "
-                          "wait for one to end");
-        reply_ask_again(r);
+        reply_set_refusal(r, ledger_explain(c->counts, LEDGER_UPLOADS, LEDGER_HOLDER_FULL, user));
         break;
     case STORE_UPLOAD_MISMATCH:
         reply_set_problem(
@@ -71,7 +67,7 @@ static void refuse(const http_context *c, store_upload_outcome outcome, const er
 static const char *read_hash(const http_request *request, reply *r)
 {
     const char *hex = request->parameter[0];
-    if (store_inputs_is_hash(hex)) return hex;
+    if (sent_file_is_hash(hex)) return hex;
     reply_set_problem(r, "request_invalid", NULL,
                       "%.100s is not a SHA-256: use 64 hexadecimal digits in lower case", hex);
     return NULL;
@@ -123,7 +119,7 @@ bool inputs_may_use(const http_context *c, const access_caller *caller, const ch
 bool inputs_check(const http_context *c, const access_caller *caller, const char *path, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
-    bool sent = store_inputs_is_sent(path, name);
+    bool sent = sent_file_match(path, name);
     const char *hex = name + strlen(STORE_INPUT_PREFIX);
     /* first count a use, so that the file is not removed before it is opened */
     if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
@@ -156,7 +152,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
         store_upload_outcome outcome =
             store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file);
         if (outcome != STORE_UPLOAD_GOOD) {
-            refuse(c, outcome, NULL, r);
+            refuse(c, request->caller->user, outcome, NULL, r);
             return NULL;
         }
     }
@@ -178,7 +174,7 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
         u->outcome = STORE_UPLOAD_FAILED;
     end(u); /* before the answer, after which the client may begin the next upload */
     if (u->outcome != STORE_UPLOAD_GOOD) {
-        refuse(c, u->outcome, &u->why, r);
+        refuse(c, request->caller->user, u->outcome, &u->why, r);
         return;
     }
     show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
@@ -225,7 +221,7 @@ static void inspect(const http_context *c, const char *path, reply *r)
     int64_t memory_mb = 0;
     char name[STORE_INPUT_NAME_SIZE], *found = NULL;
     const char *sent = name;
-    size_t sent_count = store_inputs_is_sent(path, name);
+    size_t sent_count = sent_file_match(path, name);
     if (!executor_size(c->x, &threads, &memory_mb, &e)) {
         reply_set_error(r, &e, NULL);
         return;

@@ -1,4 +1,4 @@
-/* inputs: the handlers of /v1/inputs, the files that clients upload for their jobs (files/inputs.h). */
+/* inputs: the handlers of /v1/inputs, the files that clients upload for their jobs (service/uploads/upload_store.h). */
 #ifndef HEXAD_SERVICE_API_INPUTS_H
 #define HEXAD_SERVICE_API_INPUTS_H
 

@@ -244,7 +244,7 @@ static bool check_output(const http_context *c, const access_caller *caller, con
     error e = {0};
     const spec *s = o->s;
     if (!s->directory) return true;
-    char *path = s->frames ? frames_path(s->directory, s->frame[0]) : mem_strdup(s->directory);
+    char *path = output_place_directory(s->directory, s->frames ? s->frame[0] : QUEUE_NO_FRAME);
     bool good = output_place_check(c->outputs, caller->user, path, &e);
     free(path);
     if (!good) refuse_member(o, "/output/directory", &e, r);
@@ -436,19 +436,6 @@ static void refuse_dependency(const queue_submission *put, const queue_receipt *
                       errors, "%s: %s", pointer, detail);
 }
 
-/* Sets the problem results_full: results have reached a bound, and no job may be deleted automatically. */
-static void refuse_results(const char *owner, bool of_user, reply *r)
-{
-    reply_set_problem(
-        r, "results_full", NULL,
-        "the job is not accepted, because the results of %s have reached their bound (setting %s), and "
-        "none that was fetched is left to delete: fetch results with hexadctl fetch, so that hexad may "
-        "delete them",
-        of_user ? owner : "all users",
-        of_user ? "user_results_mb or user_results_count" : "results_mb or results_count");
-    reply_add_header(r, "Retry-After", "30");
-}
-
 static void refuse_full_disk(const http_context *c, reply *r)
 {
     char detail[1024];
@@ -460,6 +447,12 @@ static void refuse_full_disk(const http_context *c, reply *r)
         "later.",
         (long long)space.free_bytes >> 20, space.directory);
     reply_set_storage_full(r, detail);
+}
+
+static void refuse(const http_context *c, ledger_resource what, ledger_decision why, const char *user,
+                   reply *r)
+{
+    reply_set_refusal(r, ledger_explain(c->counts, what, why, user));
 }
 
 /* Sets the reply to a submission. */
@@ -488,15 +481,13 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                           receipt->id);
         break;
     case QUEUE_TOO_MANY:
-        reply_set_problem(r, "too_many_jobs", NULL,
-                          "%s has %lld unfinished jobs, the limit of a user (setting user_queued): wait for "
-                          "some to end, or cancel some",
-                          put->owner, (long long)put->most_waiting);
-        reply_add_header(r, "Retry-After", "5");
+        refuse(c, LEDGER_JOBS, LEDGER_HOLDER_FULL, put->owner, r);
         break;
     case QUEUE_RESULTS_FULL:
+        refuse(c, LEDGER_RESULTS, LEDGER_ALL_FULL, put->owner, r);
+        break;
     case QUEUE_USER_RESULTS_FULL:
-        refuse_results(put->owner, receipt->admission == QUEUE_USER_RESULTS_FULL, r);
+        refuse(c, LEDGER_RESULTS, LEDGER_HOLDER_FULL, put->owner, r);
         break;
     case QUEUE_NO_SPACE:
         refuse_full_disk(c, r);
@@ -515,18 +506,14 @@ static void answer_receipt(const http_context *c, const http_request *request, c
  * Idempotency-Key) submits no job, so it does not count. */
 static bool check_rate(const http_context *c, const http_request *request, const char *key, reply *r)
 {
-    int64_t wait_s = 0;
     bool repeated = false;
-    char after[24];
     const char *user = request->caller->user;
-    if (c->rate && key && queue_has_key(c->q, user, key, &repeated, NULL) && repeated) return true;
-    if (!c->rate || submission_rate_take(c->rate, user, clock_monotonic_ms(), &wait_s)) return true;
-    snprintf(after, sizeof after, "%lld", (long long)wait_s);
-    reply_set_problem(r, "too_many_submissions", NULL,
-                      "%s has reached the number of submissions in an hour (setting user_submissions): try "
-                      "again in %s s",
-                      user, after);
-    reply_add_header(r, "Retry-After", after);
+    if (key && ledger_get_limits(c->counts, LEDGER_SUBMISSIONS).holder &&
+        queue_has_key(c->q, user, key, &repeated, NULL) && repeated)
+        return true;
+    ledger_decision decision = ledger_take(c->counts, LEDGER_SUBMISSIONS, user, 1);
+    if (decision == LEDGER_FITS) return true;
+    refuse(c, LEDGER_SUBMISSIONS, decision, user, r);
     return false;
 }
 
@@ -602,7 +589,7 @@ static char **list_sent(const spec *s, size_t *count)
     char name[STORE_INPUT_NAME_SIZE], **names = NULL;
     *count = 0;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
-        if (!store_inputs_is_sent(input.path, name)) continue;
+        if (!sent_file_match(input.path, name)) continue;
         names = mem_resize(names, (*count + 1) * sizeof *names);
         names[(*count)++] = mem_strdup(name);
     }
@@ -678,7 +665,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .stall_ms = ms_of(s->stall_s),
         .directory = s->directory,
         .cache_key = cache_key(s->normalised, result_key) ? result_key : NULL,
-        .most_waiting = c->most_waiting,
+        .most_waiting = ledger_get_limits(c->counts, LEDGER_JOBS).holder,
         .webhook = webhook,
         .key = key,
         .body_hash = key ? hash : NULL,

@@ -51,6 +51,8 @@
  * that a full disk does not block it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
 #define OWN_VFS "unix-excl"
 
+typedef STAILQ_HEAD(change_list, change) change_list;
+
 struct database {
     sqlite3 *connection;
     struct {
@@ -59,7 +61,7 @@ struct database {
     } statement[STATEMENTS];
     health *health;   /* in a reader: the health of its origin */
     database *origin; /* in a reader, which has only the members up to here: its database; otherwise NULL */
-    database *next;   /* next idle reader */
+    SLIST_ENTRY(database) link; /* of idle readers */
 
     int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
     /* for flushes; -1: a copy. Closed after all connections, because closing it ends the locks of the process on the
@@ -72,7 +74,7 @@ struct database {
 
     pthread_mutex_t reading; /* guards `idle` */
     pthread_cond_t returned;
-    database *idle; /* readers */
+    SLIST_HEAD(, database) idle; /* readers */
 
     pthread_mutex_t mutex; /* of the connection that writes, and of `trouble` */
     char *trouble;         /* why the last change could not be stored; NULL: it could */
@@ -90,7 +92,7 @@ struct database {
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
     pthread_cond_t turn;
-    change *first, **last;
+    change_list waiting;
     bool leading;
     int nice; /* of the thread that opened the database */
     pthread_t commit_thread;
@@ -291,26 +293,27 @@ static bool apply_one(database *d, change *c)
            plain(d, "RELEASE one", NULL);
 }
 
-static void refuse_all(change *first, const error *why)
+static void refuse_all(const change_list *all, const error *why)
 {
-    for (change *c = first; c; c = c->next) {
+    change *c;
+    STAILQ_FOREACH (c, all, link) {
         if (c->ok || c->fault.code == ERROR_NONE) c->fault = *why;
         c->ok = false;
     }
 }
 
 /* Applies all changes of the list in one transaction. Returns whether anything was stored. */
-static bool apply_all(database *d, change *first)
+static bool apply_all(database *d, const change_list *all)
 {
     error e = {0};
     if (!database_has_place(d, &e)) {
-        refuse_all(first, &e);
+        refuse_all(all, &e);
         return false;
     }
     bool any = false;
     int before = sqlite3_total_changes(d->connection);
     bool ok = plain(d, "BEGIN IMMEDIATE", &e);
-    for (change *c = first; ok && c; c = c->next) {
+    for (change *c = STAILQ_FIRST(all); ok && c; c = STAILQ_NEXT(c, link)) {
         ok = apply_one(d, c);
         if (!ok) e = c->fault;
         any |= c->ok;
@@ -324,7 +327,7 @@ static bool apply_all(database *d, change *first)
     }
     note_trouble(d, e.message);
     if (!sqlite3_get_autocommit(d->connection)) plain(d, "ROLLBACK", NULL);
-    refuse_all(first, &e);
+    refuse_all(all, &e);
     return false;
 }
 
@@ -332,22 +335,21 @@ static bool apply_all(database *d, change *first)
 static void lead(database *d)
 {
     d->leading = true;
-    change *all = d->first;
-    d->first = NULL;
-    d->last = &d->first;
+    change_list all = STAILQ_HEAD_INITIALIZER(all);
+    STAILQ_CONCAT(&all, &d->waiting);
     pthread_mutex_unlock(&d->gate);
     pthread_mutex_lock(&d->mutex);
-    bool different = apply_all(d, all);
+    bool different = apply_all(d, &all);
     pthread_mutex_unlock(&d->mutex);
     if (different) database_signal(d);
     pthread_mutex_lock(&d->gate);
-    for (change *c = all, *next; c; c = next) {
-        next = c->next;
+    for (change *c = STAILQ_FIRST(&all), *next; c; c = next) {
+        next = STAILQ_NEXT(c, link);
         c->done = true; /* from here its thread may have returned, and the change may be gone */
     }
     d->leading = false;
     pthread_cond_broadcast(&d->turn);
-    if (d->first && d->slow) pthread_cond_signal(&d->entrusted);
+    if (!STAILQ_EMPTY(&d->waiting) && d->slow) pthread_cond_signal(&d->entrusted);
 }
 
 /* Commits for threads of a lower priority than the process: such a thread may wait long for a CPU, and all changes
@@ -357,7 +359,7 @@ static void *commit_entrusted(void *argument)
     database *d = argument;
     pthread_mutex_lock(&d->gate);
     while (!d->ending) {
-        if (d->first && !d->leading)
+        if (!STAILQ_EMPTY(&d->waiting) && !d->leading)
             lead(d);
         else
             pthread_cond_wait(&d->entrusted, &d->gate);
@@ -385,14 +387,12 @@ static void stop_commit_thread(database *d)
 
 bool database_change(database *d, change *c, error *e)
 {
-    c->next = NULL;
     c->done = c->ok = false;
     c->fault = (error){0};
     if (!health_allows_changes(d->health, e)) return false;
     const bool slow = d->commits && getpriority(PRIO_PROCESS, 0) > d->nice;
     pthread_mutex_lock(&d->gate);
-    *d->last = c;
-    d->last = &c->next;
+    STAILQ_INSERT_TAIL(&d->waiting, c, link);
     d->slow += slow;
     if (slow) pthread_cond_signal(&d->entrusted);
     while (!c->done && (slow || d->leading)) pthread_cond_wait(&d->turn, &d->gate);
@@ -448,8 +448,7 @@ static bool open_readers(database *d, error *e)
     for (int k = 0; k < READERS_AT_START; k++) {
         database *r = open_reader(d, e);
         if (!r) return false;
-        r->next = d->idle;
-        d->idle = r;
+        SLIST_INSERT_HEAD(&d->idle, r, link);
     }
     return true;
 }
@@ -458,9 +457,9 @@ database *database_begin_read(database *d)
 {
     database *r = NULL;
     pthread_mutex_lock(&d->reading);
-    while (!(r = d->idle) && !(r = open_reader(d, NULL)))
+    while (!(r = SLIST_FIRST(&d->idle)) && !(r = open_reader(d, NULL)))
         background_wait_until(&d->returned, &d->reading, clock_monotonic_ms() + READER_RETRY_MS);
-    if (r == d->idle) d->idle = r->next;
+    if (r == SLIST_FIRST(&d->idle)) SLIST_REMOVE_HEAD(&d->idle, link);
     pthread_mutex_unlock(&d->reading);
     plain(r, "BEGIN", NULL);
     return r;
@@ -477,10 +476,7 @@ void database_end_read(database *r)
         free(r);
     }
     pthread_mutex_lock(&d->reading);
-    if (ended) {
-        r->next = d->idle;
-        d->idle = r;
-    }
+    if (ended) SLIST_INSERT_HEAD(&d->idle, r, link);
     pthread_cond_signal(&d->returned);
     pthread_mutex_unlock(&d->reading);
 }
@@ -625,7 +621,7 @@ static void make_locks(database *d)
     pthread_cond_init(&d->turn, NULL);
     pthread_cond_init(&d->entrusted, NULL);
     pthread_condattr_destroy(&monotonic);
-    d->last = &d->first;
+    STAILQ_INIT(&d->waiting);
 }
 
 static bool open_for_flushes(database *d, error *e)
@@ -708,8 +704,8 @@ void database_close(database *d)
     if (!d) return;
     stop_commit_thread(d);
     stop_log_thread(d);
-    for (database *r = d->idle, *next; r; r = next) {
-        next = r->next;
+    for (database *r; (r = SLIST_FIRST(&d->idle));) {
+        SLIST_REMOVE_HEAD(&d->idle, link);
         close_connection(r);
         free(r);
     }

@@ -15,6 +15,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/queue.h>
 
 #include <sqlite3.h>
 
@@ -48,7 +49,7 @@ struct change {
     bool (*apply)(database *d, change *c);
     error fault;
     bool done, ok;
-    change *next;
+    STAILQ_ENTRY(change) link;
 };
 
 /* Returns when the change is on disk, or has failed (false, *e). */

@@ -11,7 +11,7 @@
 #include "base/json/json.h"
 #include "service/results/own_report.h"
 #include "service/results/result.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 /* Files changed within this time before the attempt are not trusted: time stamps are coarse, and file servers have
  * their own clocks. */
@@ -76,7 +76,7 @@ static bool look_at(const store_roots *roots, const char *path, const char *sha2
     if (!ok) return false;
     now->device = info.st_dev;
     now->named_by_hash =
-        store_inputs_is_sent(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0;
+        sent_file_match(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0;
     return true;
 }
 

@@ -164,7 +164,7 @@ static queue_resources find_free(const executor *x)
         .all_threads = x->threads,
         .memory_mb = x->memory_mb * x->times,
         .all_memory_mb = x->memory_mb,
-        .most_of_owner = x->settings.most_of_owner,
+        .most_of_owner = (int)ledger_get_limits(x->settings.counts, LEDGER_ATTEMPTS).holder,
         .weights = x->settings.weights,
     };
     for (size_t i = 0; i < x->slot_count; i++) {
@@ -543,7 +543,8 @@ executor *executor_open(const executor_settings *settings, queue *q, runner *to,
         executor_free(x);
         return NULL;
     }
-    if (settings->outputs) x->redelivery = redelivery_add(to, q, settings->outputs, x->work_dir);
+    if (settings->outputs)
+        x->redelivery = redelivery_add(to, q, settings->counts, settings->outputs, x->work_dir);
     x->retention = retention_add(to, q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd);
     return x;
 }
@@ -694,7 +695,8 @@ executor_load executor_get_load(executor *x)
     executor_load load = {.workers = (int)x->workers,
                           .all_threads = (int)(x->threads * x->times),
                           .all_memory_mb = x->memory_mb * x->times,
-                          .most_of_owner = x->settings.most_of_owner};
+                          .most_of_owner =
+                              (int)ledger_get_limits(x->settings.counts, LEDGER_ATTEMPTS).holder};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
         load.attempts += usage.attempts;

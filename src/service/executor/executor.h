@@ -20,10 +20,11 @@
 #include "service/executor/engine.h"
 #include "service/executor/meter.h"
 #include "service/executor/progress_ring.h"
+#include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
 #include "service/results/fetches.h"
 #include "service/results/output_place.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 typedef struct executor executor;
 
@@ -45,7 +46,7 @@ typedef struct executor_settings {
     int64_t file_mb;             /* maximum size of a file that a worker writes; 0: no limit */
     sandbox_mode sandbox;        /* sandbox that workers enter */
     control_groups *groups;      /* of attempts; must outlive the executor; NULL: none */
-    int most_of_owner;           /* maximum number of simultaneous attempts of one owner; 0: no limit */
+    ledger *counts;              /* limits of users; must outlive the executor */
     const user_numbers *weights; /* see queue_resources; must outlive the executor */
     double timeout_s, stall_s;   /* of a job without limits; 0: none */
     /* permitted destinations of result copies; must outlive the executor; NULL: none */

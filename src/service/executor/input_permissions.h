@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 /* Lists the paths: first the uploaded files with these names ("sha256:...") that exist, then the roots in `given`.
  * Listing an uploaded file counts as a use of it. `inputs` may be NULL: nothing was uploaded. The caller frees the list

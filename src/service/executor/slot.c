@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/core/clock.h"
-#include "base/core/frames.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "base/core/runner.h"
@@ -168,26 +167,15 @@ static limits read_limits(const slot_context *x, const queue_claimed *c)
     };
 }
 
-/* The path to which the results of the task are copied, to be freed; NULL: none. */
-static char *copy_path(const queue_claimed *c)
-{
-    if (!c->directory) return NULL;
-    return c->task.frame == QUEUE_NO_FRAME ? mem_strdup(c->directory)
-                                           : frames_path(c->directory, c->task.frame);
-}
-
 /* Handles a result in the attempt's directory: copies it to output.directory first, if the job names one. */
 static void publish_or_settle(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
-    char *path = w->settlement.decision == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
-    char *above = path && w->claimed.task.frame != QUEUE_NO_FRAME ? frames_above(w->claimed.directory) : NULL;
-    if (path)
-        w->publication =
-            publication_start(x->outputs, w->claimed.job.owner, w->directory, path, above, x->wake_fd);
-    free(path);
-    free(above);
+    const queue_claimed *c = &w->claimed;
+    if (w->settlement.decision == SETTLEMENT_SUCCEED && c->directory)
+        w->publication = publication_start(x->outputs, c->job.owner, w->directory, c->directory,
+                                           c->task.frame, x->wake_fd);
     enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
 }
 

@@ -25,7 +25,7 @@
 #include "service/executor/settlement.h"
 #include "service/queue/queue.h"
 #include "service/results/output_place.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 #include "files/root.h"
 
 typedef enum slot_phase {

@@ -1,8 +1,10 @@
 #include "service/http/connections.h"
 
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/queue.h>
 #include <sys/socket.h>
 
 #include "files/scope.h"
@@ -16,27 +18,9 @@
 #define REFUSED_MS 2000
 #define NEVER INT64_MAX
 
-/* Size of the hash table of owners: the default of connection_limit. */
-#define CHAINS 2048
-
-typedef enum owner_kind { OWNER_USER, OWNER_UID, OWNER_NETWORK } owner_kind;
-
-typedef struct owner_key {
-    owner_kind kind;
-    char bytes[ACCESS_USER_SIZE]; /* padded with zeros */
-} owner_key;
-
-/* A user, or a client whose user is unknown. It exists as long as a connection refers to it. */
-typedef struct owner {
-    owner_key key;
-    unsigned count; /* number of its connections that have a place */
-    unsigned names; /* number of connections that refer to it */
-    struct owner *next;
-} owner;
-
-/* A list of connections that may be closed in favour of others, oldest first. */
+/* Connections that may be closed in favour of others, oldest first. */
 typedef struct connection_queue {
-    client_connection *first, *last;
+    TAILQ_HEAD(, client_connection) list;
     unsigned count;
 } connection_queue;
 
@@ -44,28 +28,29 @@ struct client_connection {
     int fd;
     access_peer access;
     address from;
-    owner *client, *user; /* user NULL: unknown */
+    ledger_resource kind;           /* LEDGER_CONNECTIONS: it belongs to a user */
+    char owner[LEDGER_HOLDER_SIZE]; /* the user or the client to which it belongs */
     bool admin;
-    connection_decision decision;
+    ledger_decision decision;
     bool placed; /* it is counted for its owner and in total */
     /* the client is to send something, and the watcher has not yet checked whether it has closed its side */
     bool must_check;
     bool leaving;     /* its descriptor was shut down; the serving thread notices the end and cleans up */
     int64_t since_ms; /* start of the client's time; NEVER: it does not run */
-    client_connection *previous, *next;
-    connection_queue *waits_in;         /* NULL: must not be closed */
-    client_connection *older, *younger; /* neighbours in that queue */
+    LIST_ENTRY(client_connection) link;
+    connection_queue *waits_in;           /* NULL: must not be closed */
+    TAILQ_ENTRY(client_connection) place; /* in that queue */
 };
 
 struct connections {
     connections_settings settings;
     unsigned reserve;
+    ledger *counts;
     access_control *access;
     runner *tasks; /* the watcher only */
     runner_task *watcher;
     pthread_mutex_t mutex;
-    client_connection *first;
-    owner *chain[CHAINS];
+    LIST_HEAD(, client_connection) all;
     unsigned admins, others;   /* numbers of connections that have a place */
     connection_queue idle;     /* with a place, without a user, without a complete request */
     connection_queue unplaced; /* without a place, before their first request */
@@ -89,59 +74,33 @@ size_t connections_descriptors(const connections_settings *settings)
 
 /* ---- owners */
 
-static owner **chain_of(connections *p, const owner_key *key)
+static bool has_user(const client_connection *which)
 {
-    uint32_t hash = 2166136261U + (uint32_t)key->kind; /* FNV-1a */
-    for (size_t i = 0; i < sizeof key->bytes; i++) hash = (hash ^ (uint8_t)key->bytes[i]) * 16777619U;
-    return &p->chain[hash % CHAINS];
+    return which->kind == LEDGER_CONNECTIONS;
 }
 
-static bool is_key(const owner *o, const owner_key *key)
+void connections_name_client(const client_connection *which, const address *client,
+                             char holder[LEDGER_HOLDER_SIZE])
 {
-    return o->key.kind == key->kind && memcmp(o->key.bytes, key->bytes, sizeof key->bytes) == 0;
+    char text[ADDRESS_TEXT_SIZE];
+    address network = *client;
+    if (client->version == 6) memset(network.bytes + 8, 0, 8);
+    if (client->version)
+        snprintf(holder, LEDGER_HOLDER_SIZE, "client %s%s", address_print(&network, text),
+                 client->version == 6 ? "/64" : "");
+    else
+        snprintf(holder, LEDGER_HOLDER_SIZE, "client %u", (unsigned)which->access.uid);
 }
 
-static owner *name_owner(connections *p, const owner_key *key)
+/* Sets the owner: the user (NULL: unknown), or the client. */
+static void set_owner(client_connection *which, const address *client, const char *user, unsigned scopes)
 {
-    owner **chain = chain_of(p, key), *o = *chain;
-    while (o && !is_key(o, key)) o = o->next;
-    if (!o) {
-        o = mem_alloc(sizeof *o);
-        o->key = *key;
-        o->next = *chain;
-        *chain = o;
-    }
-    o->names++;
-    return o;
-}
-
-static void forget_owner(connections *p, owner *o)
-{
-    if (!o || --o->names) return;
-    owner **at = chain_of(p, &o->key);
-    while (*at != o) at = &(*at)->next;
-    *at = o->next;
-    free(o);
-}
-
-static owner_key key_of_client(const client_connection *which, const address *client)
-{
-    owner_key key = {.kind = OWNER_UID};
-    if (!client->version) {
-        memcpy(key.bytes, &which->access.uid, sizeof which->access.uid);
-        return key;
-    }
-    key.kind = OWNER_NETWORK;
-    key.bytes[0] = (char)client->version;
-    memcpy(key.bytes + 1, client->bytes, client->version == 4 ? 4 : 8);
-    return key;
-}
-
-static owner_key key_of_user(const char *user)
-{
-    owner_key key = {.kind = OWNER_USER};
-    memcpy(key.bytes, user, strlen(user));
-    return key;
+    which->kind = user ? LEDGER_CONNECTIONS : LEDGER_CLIENT_CONNECTIONS;
+    which->admin = user && scopes & SCOPE_ADMIN;
+    if (user)
+        snprintf(which->owner, sizeof which->owner, "%s", user);
+    else
+        connections_name_client(which, client, which->owner);
 }
 
 /* ---- queues of connections that may be closed */
@@ -150,9 +109,7 @@ static void leave_queue(client_connection *which)
 {
     connection_queue *q = which->waits_in;
     if (!q) return;
-    *(which->older ? &which->older->younger : &q->first) = which->younger;
-    *(which->younger ? &which->younger->older : &q->last) = which->older;
-    which->older = which->younger = NULL;
+    TAILQ_REMOVE(&q->list, which, place);
     which->waits_in = NULL;
     q->count--;
 }
@@ -160,26 +117,17 @@ static void leave_queue(client_connection *which)
 static void join_queue(connection_queue *q, client_connection *which)
 {
     leave_queue(which);
-    which->older = q->last;
-    *(q->last ? &q->last->younger : &q->first) = which;
-    q->last = which;
+    TAILQ_INSERT_TAIL(&q->list, which, place);
     which->waits_in = q;
     q->count++;
 }
 
 /* ---- places */
 
-static void take_place(connections *p, client_connection *which)
-{
-    (which->user ? which->user : which->client)->count++;
-    *(which->admin ? &p->admins : &p->others) += 1;
-    which->placed = true;
-}
-
 static void give_place_back(connections *p, client_connection *which)
 {
     if (!which->placed) return;
-    (which->user ? which->user : which->client)->count--;
+    ledger_give_back(p->counts, which->kind, which->owner, 1);
     *(which->admin ? &p->admins : &p->others) -= 1;
     which->placed = false;
 }
@@ -194,10 +142,10 @@ static void end(connections *p, client_connection *which)
 }
 
 /* Closes the connection of the client (NULL: of any client) that has been idle longest. False: there is none. */
-static bool end_idle(connections *p, const owner *client)
+static bool end_idle(connections *p, const char *client)
 {
-    client_connection *one = p->idle.first;
-    while (one && client && one->client != client) one = one->younger;
+    client_connection *one = TAILQ_FIRST(&p->idle.list);
+    while (one && client && strcmp(one->owner, client) != 0) one = TAILQ_NEXT(one, place);
     if (one) end(p, one);
     return one != NULL;
 }
@@ -209,14 +157,15 @@ static bool has_place(const connections *p, bool admin)
 }
 
 /* Gives a connection a place if the limits permit it. */
-static connection_decision place(connections *p, client_connection *which)
+static ledger_decision place(connections *p, client_connection *which)
 {
-    if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;
-    if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
-        return CONNECTION_TOO_MANY_OF_CLIENT;
-    if (!has_place(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
-    take_place(p, which);
-    return CONNECTION_ADMITTED;
+    ledger_decision decision = ledger_check(p->counts, which->kind, which->owner, 1);
+    if (decision == LEDGER_HOLDER_FULL && (has_user(which) || !end_idle(p, which->owner))) return decision;
+    if (!has_place(p, which->admin) && !end_idle(p, NULL)) return LEDGER_ALL_FULL;
+    ledger_take(p->counts, which->kind, which->owner, 1);
+    *(which->admin ? &p->admins : &p->others) += 1;
+    which->placed = true;
+    return LEDGER_FITS;
 }
 
 /* Marks the connection as waiting for a request. */
@@ -228,7 +177,7 @@ static void await_request(connections *p, client_connection *which)
         which->since_ms = NEVER;
     else if (!which->placed)
         join_queue(&p->unplaced, which);
-    else if (!which->user)
+    else if (!has_user(which))
         join_queue(&p->idle, which);
 }
 
@@ -238,18 +187,14 @@ client_connection *connections_add(connections *p, int fd)
     new->fd = fd;
     access_look(p->access, fd, &new->access);
     if (!new->access.local) new->from = address_of_peer(fd);
-    owner_key client = key_of_client(new, &new->from), user = key_of_user(new->access.user);
+    bool is_known = new->access.local &&new->access.scopes;
+    set_owner(new, &new->from, is_known ? new->access.user : NULL, new->access.scopes);
     pthread_mutex_lock(&p->mutex);
-    new->client = name_owner(p, &client);
-    if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
-    new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
     new->decision = place(p, new);
     await_request(p, new);
-    if (p->unplaced.count > most_unplaced(&p->settings)) end(p, p->unplaced.first);
-    new->next = p->first;
-    if (new->next) new->next->previous = new;
-    p->first = new;
-    if (!new->next) runner_wake(p->watcher); /* otherwise it wakes in time */
+    if (p->unplaced.count > most_unplaced(&p->settings)) end(p, TAILQ_FIRST(&p->unplaced.list));
+    LIST_INSERT_HEAD(&p->all, new, link);
+    if (!LIST_NEXT(new, link)) runner_wake(p->watcher); /* otherwise it wakes in time */
     pthread_mutex_unlock(&p->mutex);
     return new;
 }
@@ -257,48 +202,33 @@ client_connection *connections_add(connections *p, int fd)
 void connections_remove(connections *p, client_connection *which)
 {
     pthread_mutex_lock(&p->mutex);
-    if (which->previous)
-        which->previous->next = which->next;
-    else
-        p->first = which->next;
-    if (which->next) which->next->previous = which->previous;
+    LIST_REMOVE(which, link);
     leave_queue(which);
     give_place_back(p, which);
-    forget_owner(p, which->client);
-    forget_owner(p, which->user);
     pthread_mutex_unlock(&p->mutex);
     free(which);
 }
 
-/* Whether the connection still belongs to the same client and user. */
-static bool is_owned_by(const client_connection *which, const owner_key *client, const owner_key *user,
-                        bool admin)
+bool connections_begin_request(connections *p, client_connection *which, const address *client,
+                               const access_caller *caller, ledger_refusal *why)
 {
-    bool same_user = user ? which->user && is_key(which->user, user) : !which->user;
-    return same_user && which->admin == admin && is_key(which->client, client);
-}
-
-connection_decision connections_begin_request(connections *p, client_connection *which, const address *client,
-                                              const access_caller *caller)
-{
-    owner_key of_client = key_of_client(which, client), of_user = key_of_user(caller ? caller->user : "");
-    bool admin = caller && caller->scopes & SCOPE_ADMIN;
+    client_connection now = {.access = which->access};
+    set_owner(&now, client, caller ? caller->user : NULL, caller ? caller->scopes : 0);
     pthread_mutex_lock(&p->mutex);
     leave_queue(which);
-    bool same = is_owned_by(which, &of_client, caller ? &of_user : NULL, admin);
-    if (!same) {
-        owner *old_client = which->client, *old_user = which->user;
+    if (now.kind != which->kind || now.admin != which->admin || strcmp(now.owner, which->owner) != 0) {
         give_place_back(p, which);
-        which->client = name_owner(p, &of_client);
-        which->user = caller ? name_owner(p, &of_user) : NULL;
-        which->admin = admin;
-        forget_owner(p, old_client);
-        forget_owner(p, old_user);
+        which->kind = now.kind;
+        which->admin = now.admin;
+        memcpy(which->owner, now.owner, sizeof which->owner);
     }
     if (!which->placed && !which->leaving) which->decision = place(p, which);
-    connection_decision decision = which->decision;
+    ledger_decision decision = which->decision;
     pthread_mutex_unlock(&p->mutex);
-    return decision;
+    if (decision != LEDGER_FITS)
+        *why = ledger_explain(p->counts, decision == LEDGER_ALL_FULL ? LEDGER_CONNECTIONS : now.kind,
+                              decision, now.owner);
+    return decision == LEDGER_FITS;
 }
 
 void connections_end_request(connections *p, client_connection *which)
@@ -311,7 +241,7 @@ void connections_end_request(connections *p, client_connection *which)
 void connections_await_body(connections *p, client_connection *which)
 {
     pthread_mutex_lock(&p->mutex);
-    if (which->placed && !which->user) join_queue(&p->idle, which);
+    if (which->placed && !has_user(which)) join_queue(&p->idle, which);
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -361,20 +291,25 @@ static int64_t close_overdue(void *context)
     int64_t refused_ms = limit_ms < REFUSED_MS ? limit_ms : REFUSED_MS;
     pthread_mutex_lock(&p->mutex);
     int64_t now = clock_monotonic_ms();
-    for (client_connection *one = p->first; one; one = one->next) {
+    client_connection *one;
+    LIST_FOREACH (one, &p->all, link) {
         int64_t passed_ms = one->since_ms == NEVER ? -1 : now - one->since_ms;
         if (passed_ms >= (one->placed ? limit_ms : refused_ms) || (passed_ms >= WATCH_MS && has_ended(one)))
             end(p, one);
     }
-    const bool any = p->first;
+    const bool any = !LIST_EMPTY(&p->all);
     pthread_mutex_unlock(&p->mutex);
     if (!any) return RUNNER_WHEN_WOKEN;
     return now + (limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
 }
 
-connections *connections_start(const connections_settings *settings, access_control *access, error *e)
+connections *connections_start(const connections_settings *settings, ledger *counts, access_control *access,
+                               error *e)
 {
     connections *p = mem_alloc(sizeof *p);
+    TAILQ_INIT(&p->idle.list);
+    TAILQ_INIT(&p->unplaced.list);
+    p->counts = counts;
     p->settings = *settings;
     unsigned half = settings->connection_limit / 2;
     p->reserve = settings->admin_reserve < half ? settings->admin_reserve : half;

@@ -209,6 +209,14 @@ void reply_ask_again(reply *r)
     reply_add_header(r, "Retry-After", "1");
 }
 
+void reply_set_refusal(reply *r, ledger_refusal why)
+{
+    char after[24];
+    reply_set_problem(r, why.code, NULL, "%s", why.message);
+    snprintf(after, sizeof after, "%lld", (long long)why.retry_s);
+    if (why.retry_s) reply_add_header(r, "Retry-After", after);
+}
+
 void reply_set_unavailable(reply *r, const char *why)
 {
     reply_set_problem(r, "unavailable", NULL, "%s", why);

@@ -40,6 +40,7 @@
 
 #include "base/core/error.h"
 #include "base/json/json.h"
+#include "service/ledger/ledger.h"
 
 #define REPLY_MAX_HEADERS 8
 
@@ -134,6 +135,8 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
 void reply_add_member(reply *r, const char *name, json *value);
 /* Adds Retry-After of a second, for a shortage that ends soon. */
 void reply_ask_again(reply *r);
+/* Sets the problem of a limit that is reached, with Retry-After if a repetition may succeed. */
+void reply_set_refusal(reply *r, ledger_refusal why);
 /* Sets the problem `unavailable`, with Retry-After. */
 void reply_set_unavailable(reply *r, const char *why);
 /* Sets the problem `storage_full`, with Retry-After. */

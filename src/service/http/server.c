@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/queue.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -19,7 +20,6 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "service/http/body_bytes.h"
 #include "service/http/fields.h"
 #include "service/http/forwarded.h"
 #include "service/http/head.h"
@@ -39,10 +39,6 @@
 /* Minimum length, in bytes, of answers that count for the memory of answers. A shorter answer takes little more than
  * its connection. */
 #define LONG_ANSWER_BYTES 16384
-/* Bytes of bodies, and of answers, that each user may have although the total is reached: enough for a short body,
- * and for most answers. */
-#define BODY_BYTES_OF_EACH 16384
-#define ANSWER_BYTES_OF_EACH (1 << 20)
 /* Maximum number of threads of one user: this many submissions share a flush of the queue. The threads sleep most of
  * the time. Further threads wait for estimates. */
 #define USER_THREADS 32
@@ -72,11 +68,10 @@ struct server {
     loop *loop;
     connections *connections;
     thread_pool *pool, *heavy_pool, *picture_pool, *stream_pool;
-    body_bytes *bodies, *answers;
     pthread_mutex_t mutex;
-    pthread_cond_t changed;  /* monotonic clock */
-    size_t busy;             /* requests between their headers and their end */
-    struct exchange *unread; /* requests between their first line and the end of their headers */
+    pthread_cond_t changed;       /* monotonic clock */
+    size_t busy;                  /* requests between their headers and their end */
+    LIST_HEAD(, exchange) unread; /* requests between their first line and the end of their headers */
 };
 
 /* A request, from its first line to its end. */
@@ -84,7 +79,7 @@ typedef struct exchange {
     thread_pool_work work; /* first member: the pool refers to it */
     server *s;
     struct MHD_Connection *connection;
-    struct exchange *previous, *next; /* neighbours in the list of unread requests */
+    LIST_ENTRY(exchange) link; /* in the list of unread requests */
     head_target target;
     bool begun;   /* its headers have arrived */
     bool refused; /* by refuse_unread; the library closes the connection */
@@ -95,16 +90,16 @@ typedef struct exchange {
     const char *page_origin; /* origin of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
-    size_t capacity;         /* of `body`, counted in the server's bodies */
-    body_decision body_fits; /* otherwise the rest of the body is ignored */
-    size_t step;             /* bytes of a long body since the client's time was restarted */
-    bool too_large;          /* the rest of the body is ignored */
-    bool answered;           /* the rest of the body is discarded */
-    bool opening;            /* the pool opens the sink, and the library's next call has no body */
-    bool awaits;             /* there is a provisional answer */
+    size_t capacity;           /* of `body`, taken from the ledger */
+    ledger_decision body_fits; /* otherwise the rest of the body is ignored */
+    size_t step;               /* bytes of a long body since the client's time was restarted */
+    bool too_large;            /* the rest of the body is ignored */
+    bool answered;             /* the rest of the body is discarded */
+    bool opening;              /* the pool opens the sink, and the library's next call has no body */
+    bool awaits;               /* there is a provisional answer */
     bool chunked;
     reply answer;
-    size_t answer_bytes;       /* counted in the server's answers */
+    int64_t answer_bytes;      /* taken from the ledger */
     reply_receipt *receipt;    /* of the answer that is being sent */
     struct MHD_Response *file; /* the answer that is being sent, if it is a file */
     bool sent;                 /* the whole answer, with its body */
@@ -136,16 +131,13 @@ static void *note_request(void *context, const char *uri, struct MHD_Connection 
     x->connection = connection;
     x->answer.fd = -1;
     x->target = head_look(uri);
-    x->next = s->unread;
-    if (x->next) x->next->previous = x;
-    s->unread = x;
+    LIST_INSERT_HEAD(&s->unread, x, link);
     return x;
 }
 
 static void leave_unread(exchange *x)
 {
-    *(x->previous ? &x->previous->next : &x->s->unread) = x->next;
-    if (x->next) x->next->previous = x->previous;
+    LIST_REMOVE(x, link);
 }
 
 static void note_connection(void *context, struct MHD_Connection *connection, void **socket_context,
@@ -269,10 +261,12 @@ static void add_page_headers(const char *origin, struct MHD_Response *response)
                             " WWW-Authenticate");
 }
 
-/* The owner of the memory of a long answer: the user, or the address of a client whose user is unknown. */
-static const char *reader_of(const exchange *x, char text[ADDRESS_TEXT_SIZE])
+/* The holder of the memory of a long answer: the user, or the client if its user is unknown. */
+static const char *reader_of(const exchange *x, char text[LEDGER_HOLDER_SIZE])
 {
-    return *x->caller.user ? x->caller.user : address_print(&x->client, text);
+    if (*x->caller.user) return x->caller.user;
+    connections_name_client(connection_of(x->connection), &x->client, text);
+    return text;
 }
 
 /* Whether the request may be repeated after its answer was refused. */
@@ -286,25 +280,18 @@ static bool changes_nothing(const exchange *x, const char *method)
  * An answer that is longer than the limit counts as the limit. */
 static void count_answer(exchange *x, reply *r)
 {
-    const server_settings *c = &x->s->settings;
-    const size_t most =
-        c->user_answer_bytes < c->answer_total_bytes ? c->user_answer_bytes : c->answer_total_bytes;
-    const size_t bytes = r->length < most ? r->length : most;
-    char text[ADDRESS_TEXT_SIZE];
+    ledger *counts = x->s->settings.counts;
+    char text[LEDGER_HOLDER_SIZE];
     if (!r->body || r->length < LONG_ANSWER_BYTES) return;
-    body_decision fits = body_bytes_take(x->s->answers, reader_of(x, text), bytes);
-    if (fits == BODY_FITS) {
+    const ledger_limits most = ledger_get_limits(counts, LEDGER_ANSWERS);
+    int64_t bytes = (int64_t)r->length;
+    if (most.holder && bytes > most.holder) bytes = most.holder;
+    if (most.all && bytes > most.all) bytes = most.all;
+    ledger_decision fits = ledger_take(counts, LEDGER_ANSWERS, reader_of(x, text), bytes);
+    if (fits == LEDGER_FITS)
         x->answer_bytes = bytes;
-    } else if (fits == BODY_TOO_MUCH_OF_USER) {
-        reply_set_problem(r, "too_many_requests", NULL,
-                          "the answers being sent to this user have reached the memory for answers (setting"
-                          " user_answer_bytes): read them, or send fewer requests at once");
-        reply_ask_again(r);
-    } else {
-        reply_set_unavailable(
-            r,
-            "all answers being sent have reached the memory for answers (setting answer_total_bytes): try again later");
-    }
+    else
+        reply_set_refusal(r, ledger_explain(counts, LEDGER_ANSWERS, fits, reader_of(x, text)));
 }
 
 static enum MHD_Result queue_reply(exchange *x, reply *r)
@@ -363,26 +350,13 @@ static void identify(exchange *x, const fields *f)
 /* Refuses a connection over a limit, at its first request. */
 static bool refuse_connection(exchange *x, reply *r)
 {
-    static const char *const why[] = {
-        [CONNECTION_TOO_MANY_OF_CLIENT] =
-            "this client has reached the number of connections without a token (setting "
-            "client_connection_limit): close some, or send a token",
-        [CONNECTION_TOO_MANY_OF_USER] =
-            "this user has reached the number of connections (setting user_connection_limit): "
-            "close some",
-        [CONNECTION_TOO_MANY] =
-            "the service has reached the number of connections (setting connection_limit): try "
-            "again later",
-    };
     client_connection *p = connection_of(x->connection);
     bool is_user = x->known && (x->caller.generation || connections_access(p)->local);
-    connection_decision decision =
-        connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL);
-    if (decision == CONNECTION_ADMITTED) return false;
+    ledger_refusal why;
+    if (connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL, &why))
+        return false;
     x->s->settings.counters->refused++;
-    reply_set_problem(r, decision == CONNECTION_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
-                      why[decision]);
-    reply_add_header(r, MHD_HTTP_HEADER_RETRY_AFTER, "1");
+    reply_set_refusal(r, why);
     return true;
 }
 
@@ -699,7 +673,7 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
 
 static void drop_body(exchange *x)
 {
-    body_bytes_give_back(x->s->bodies, x->caller.user, x->capacity);
+    ledger_give_back(x->s->settings.counts, LEDGER_BODIES, x->caller.user, (int64_t)x->capacity);
     free(x->body);
     x->body = NULL;
     x->request.length = x->capacity = 0;
@@ -711,8 +685,9 @@ static bool reserve_body(exchange *x, size_t bytes)
 {
     size_t limit = x->s->settings.body_limit_bytes + 1, capacity = 2 * bytes < limit ? 2 * bytes : limit;
     if (bytes <= x->capacity) return true;
-    x->body_fits = body_bytes_take(x->s->bodies, x->caller.user, capacity - x->capacity);
-    if (x->body_fits != BODY_FITS) {
+    x->body_fits =
+        ledger_take(x->s->settings.counts, LEDGER_BODIES, x->caller.user, (int64_t)(capacity - x->capacity));
+    if (x->body_fits != LEDGER_FITS) {
         drop_body(x);
         return false;
     }
@@ -739,8 +714,8 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
         *size = 0;
         return MHD_YES;
     }
-    if (x->too_large || x->body_fits != BODY_FITS || *size > x->s->settings.body_limit_bytes - *length) {
-        x->too_large = x->body_fits == BODY_FITS;
+    if (x->too_large || x->body_fits != LEDGER_FITS || *size > x->s->settings.body_limit_bytes - *length) {
+        x->too_large = x->body_fits == LEDGER_FITS;
         drop_body(x);
     } else if (reserve_body(x, *length + *size + 1)) {
         memcpy(x->body + *length, data, *size);
@@ -762,16 +737,9 @@ static bool read_body(exchange *x, reply *r)
         reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
         return false;
     }
-    if (x->body_fits == BODY_TOO_MUCH_OF_USER) {
-        reply_set_problem(r, "too_many_requests", NULL,
-                          "the requests of this user have reached the memory for bodies (setting "
-                          "user_body_bytes): try again later");
-        reply_ask_again(r);
-        return false;
-    }
-    if (x->body_fits == BODY_TOO_MUCH) {
-        reply_set_unavailable(r, "all requests together have reached the memory for bodies (setting "
-                                 "body_total_bytes): try again later");
+    if (x->body_fits != LEDGER_FITS) {
+        reply_set_refusal(r,
+                          ledger_explain(x->s->settings.counts, LEDGER_BODIES, x->body_fits, x->caller.user));
         return false;
     }
     if (x->body) x->body[x->request.length] = '\0';
@@ -937,8 +905,8 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     reply_clear(&x->answer);
     x->sent = why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head;
     drop_body(x);
-    char text[ADDRESS_TEXT_SIZE];
-    if (x->answer_bytes) body_bytes_give_back(s->answers, reader_of(x, text), x->answer_bytes);
+    char text[LEDGER_HOLDER_SIZE];
+    ledger_give_back(s->settings.counts, LEDGER_ANSWERS, reader_of(x, text), x->answer_bytes);
     finish_exchange(x);
     *slot = NULL;
     if (!begun) return;
@@ -967,7 +935,8 @@ static void answer_at_once(exchange *x, const reply *r)
  * received. */
 static void refuse_unread(server *s)
 {
-    for (exchange *x = s->unread; x; x = x->next) {
+    exchange *x;
+    LIST_FOREACH (x, &s->unread, link) {
         reply r = {.fd = -1};
         if (x->refused || !head_refuse_unread(x->connection, &r)) continue;
         x->refused = true;
@@ -1021,29 +990,33 @@ unsigned server_threads(unsigned estimates)
     return USER_THREADS + estimates + SPARE_THREADS + HEAVY_THREADS + estimates + PICTURE_THREADS;
 }
 
+/* Starts a pool, in which each user has at most `of_user` threads. */
+static bool start_pool(const server *s, thread_pool_settings *pool, unsigned of_user, thread_pool **started,
+                       error *e)
+{
+    pool->counts = s->settings.counts;
+    pool->patience_ms = (int64_t)(s->settings.thread_wait_s * 1000);
+    ledger_limit(pool->counts, pool->kind, (ledger_limits){.holder = of_user});
+    return (*started = thread_pool_start(pool, e)) != NULL;
+}
+
 static bool start_pools(server *s, error *e)
 {
     const server_settings *c = &s->settings;
-    const int64_t patience_ms = (int64_t)(c->thread_wait_s * 1000);
-    const unsigned of_user = USER_THREADS + c->estimates;
-    const thread_pool_settings usual = {
-        .threads = of_user + SPARE_THREADS, .most_of_user = of_user, .patience_ms = patience_ms};
-    const thread_pool_settings heavy = {.threads = HEAVY_THREADS + c->estimates,
-                                        .most_of_user = HEAVY_USER_THREADS + c->estimates,
-                                        .most_weight = c->body_limit_bytes + HEAVY_AT_ONCE,
-                                        .nice = HEAVY_NICE,
-                                        .patience_ms = patience_ms};
-    const thread_pool_settings pictures = {.threads = PICTURE_THREADS,
-                                           .most_of_user = PICTURE_USER_THREADS,
-                                           .nice = HEAVY_NICE,
-                                           .patience_ms = patience_ms};
-    const thread_pool_settings streams = {.threads = STREAM_THREADS,
-                                          .most_of_user = STREAM_USER_THREADS,
-                                          .nice = HEAVY_NICE,
-                                          .patience_ms = patience_ms};
-    return (s->pool = thread_pool_start(&usual, e)) && (s->heavy_pool = thread_pool_start(&heavy, e)) &&
-           (s->picture_pool = thread_pool_start(&pictures, e)) &&
-           (s->stream_pool = thread_pool_start(&streams, e));
+    const unsigned of_user = USER_THREADS + c->estimates, heavy_of_user = HEAVY_USER_THREADS + c->estimates;
+    thread_pool_settings usual = {.kind = LEDGER_THREADS, .threads = of_user + SPARE_THREADS};
+    thread_pool_settings heavy = {.kind = LEDGER_HEAVY_THREADS,
+                                  .threads = HEAVY_THREADS + c->estimates,
+                                  .most_weight = c->body_limit_bytes + HEAVY_AT_ONCE,
+                                  .nice = HEAVY_NICE};
+    thread_pool_settings pictures = {
+        .kind = LEDGER_PICTURE_THREADS, .threads = PICTURE_THREADS, .nice = HEAVY_NICE};
+    thread_pool_settings streams = {
+        .kind = LEDGER_STREAM_THREADS, .threads = STREAM_THREADS, .nice = HEAVY_NICE};
+    return start_pool(s, &usual, of_user, &s->pool, e) &&
+           start_pool(s, &heavy, heavy_of_user, &s->heavy_pool, e) &&
+           start_pool(s, &pictures, PICTURE_USER_THREADS, &s->picture_pool, e) &&
+           start_pool(s, &streams, STREAM_USER_THREADS, &s->stream_pool, e);
 }
 
 /* Serves copies of the descriptors, since the loop closes its own. */
@@ -1077,10 +1050,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     s->access = access;
     background_init_condition(&s->changed);
     pthread_mutex_init(&s->mutex, NULL);
-    s->connections = connections_start(&settings->connections, access, e);
-    s->bodies = body_bytes_new(settings->body_total_bytes, settings->user_body_bytes, BODY_BYTES_OF_EACH);
-    s->answers =
-        body_bytes_new(settings->answer_total_bytes, settings->user_answer_bytes, ANSWER_BYTES_OF_EACH);
+    s->connections = connections_start(&settings->connections, settings->counts, access, e);
     if (s->connections && start_pools(s, e) && serve_sockets(s, sockets, count, e)) return s;
     server_stop(s);
     return NULL;
@@ -1123,8 +1093,6 @@ void server_stop(server *s)
     thread_pool_stop(s->stream_pool);
     loop_stop(s->loop);
     connections_stop(s->connections);
-    body_bytes_free(s->bodies);
-    body_bytes_free(s->answers);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);
     free(s);

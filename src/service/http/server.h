@@ -17,6 +17,7 @@
 #include "service/http/pages.h"
 #include "service/http/route.h"
 #include "service/http/wait_list.h"
+#include "service/ledger/ledger.h"
 
 typedef struct server server;
 
@@ -25,11 +26,12 @@ typedef struct server_settings {
     const http_context *context; /* for the handlers */
     http_counters *counters;     /* the server increments them */
     wait_list *waiting;
+    /* with the limits of connections, clients, bodies (at least body_limit_bytes + 1) and answers; must outlive the
+     * server, which sets the limits of its threads */
+    ledger *counts;
     connections_settings connections;
     size_t body_limit_bytes, header_limit_bytes;
-    size_t body_total_bytes, user_body_bytes;     /* of bodies in memory, at least body_limit_bytes + 1 */
-    size_t answer_total_bytes, user_answer_bytes; /* of long answers in memory */
-    unsigned estimates;                           /* maximum number of requests that wait for an estimate */
+    unsigned estimates; /* maximum number of requests that wait for an estimate */
     /* maximum time, in s, that a request waits for a thread of a pool */
     double thread_wait_s;
     const address_ranges *proxies; /* proxies whose header Forwarded is trusted */

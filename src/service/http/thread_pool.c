@@ -12,18 +12,19 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 
-/* The work of one user. Freed when it is empty. */
+typedef STAILQ_HEAD(work_list, thread_pool_work) work_list;
+
+/* The work of one user. Freed when none waits or runs. */
 typedef struct line {
     char *user;
-    unsigned running;
-    thread_pool_work *first, *last; /* work that has not begun */
-    struct line *next;
+    work_list waiting;
+    TAILQ_ENTRY(line) link;
 } line;
 
 struct thread_pool {
     pthread_mutex_t mutex;
-    pthread_cond_t changed; /* monotonic clock */
-    line *lines;            /* ordered by the last service, least recent first */
+    pthread_cond_t changed;   /* monotonic clock */
+    TAILQ_HEAD(, line) lines; /* ordered by the last service, least recent first */
     bool refusing, stopping;
     thread_pool_settings settings;
     size_t weight; /* sum of the weights of running work */
@@ -31,81 +32,83 @@ struct thread_pool {
     pthread_t thread[];
 };
 
-static void append_line(thread_pool *p, line *added)
+static int64_t running_of(const thread_pool *p, const line *l)
 {
-    line **at = &p->lines;
-    while (*at) at = &(*at)->next;
-    added->next = NULL;
-    *at = added;
-}
-
-static void remove_line(thread_pool *p, const line *gone)
-{
-    line **at = &p->lines;
-    while (*at != gone) at = &(*at)->next;
-    *at = gone->next;
+    return ledger_held(p->settings.counts, p->settings.kind, l->user);
 }
 
 static line *line_of(thread_pool *p, const char *user)
 {
-    line *found = p->lines;
-    while (found && strcmp(found->user, user) != 0) found = found->next;
-    if (found) return found;
+    line *found;
+    TAILQ_FOREACH (found, &p->lines, link)
+        if (strcmp(found->user, user) == 0) return found;
     found = mem_alloc(sizeof *found);
     found->user = mem_strdup(user);
-    append_line(p, found);
+    STAILQ_INIT(&found->waiting);
+    TAILQ_INSERT_TAIL(&p->lines, found, link);
     return found;
 }
 
 /* The line whose turn it is, if its work may begin now; otherwise NULL. */
 static line *choose(const thread_pool *p)
 {
-    line *found = NULL;
-    for (line *l = p->lines; l; l = l->next)
-        if (l->first && l->running < p->settings.most_of_user && (!found || l->running < found->running))
-            found = l;
-    bool fits = found && (!p->weight || p->weight + found->first->weight <= p->settings.most_weight);
+    line *l, *found = NULL;
+    int64_t fewest = INT64_MAX;
+    TAILQ_FOREACH (l, &p->lines, link) {
+        if (STAILQ_EMPTY(&l->waiting) ||
+            ledger_check(p->settings.counts, p->settings.kind, l->user, 1) != LEDGER_FITS ||
+            running_of(p, l) >= fewest)
+            continue;
+        found = l;
+        fewest = running_of(p, l);
+    }
+    bool fits =
+        found && (!p->weight || p->weight + STAILQ_FIRST(&found->waiting)->weight <= p->settings.most_weight);
     return fits ? found : NULL;
+}
+
+static int64_t waits_since_ms(const line *l)
+{
+    return STAILQ_EMPTY(&l->waiting) ? INT64_MAX : STAILQ_FIRST(&l->waiting)->since_ms;
 }
 
 /* The line whose first work has waited longest; NULL: no work waits. */
 static line *find_oldest(const thread_pool *p)
 {
-    line *found = NULL;
-    for (line *l = p->lines; l; l = l->next)
-        if (l->first && (!found || l->first->since_ms < found->first->since_ms)) found = l;
+    line *l, *found = NULL;
+    TAILQ_FOREACH (l, &p->lines, link)
+        if (waits_since_ms(l) < (found ? waits_since_ms(found) : INT64_MAX)) found = l;
     return found;
 }
 
 static thread_pool_work *take_first(line *l)
 {
-    thread_pool_work *work = l->first;
-    l->first = work->next;
-    if (!l->first) l->last = NULL;
+    thread_pool_work *work = STAILQ_FIRST(&l->waiting);
+    STAILQ_REMOVE_HEAD(&l->waiting, link);
     return work;
 }
 
 static thread_pool_work *take(thread_pool *p, line *l)
 {
     thread_pool_work *work = take_first(l);
-    l->running++;
+    ledger_take(p->settings.counts, p->settings.kind, l->user, 1);
     p->weight += work->weight;
-    remove_line(p, l);
-    append_line(p, l);
+    TAILQ_REMOVE(&p->lines, l, link);
+    TAILQ_INSERT_TAIL(&p->lines, l, link);
     return work;
 }
 
 static void free_empty_line(thread_pool *p, line *l)
 {
-    if (l->running || l->first) return;
-    remove_line(p, l);
+    if (!STAILQ_EMPTY(&l->waiting) || running_of(p, l)) return;
+    TAILQ_REMOVE(&p->lines, l, link);
     free(l->user);
     free(l);
 }
 
 static void end_work(thread_pool *p, line *l)
 {
-    l->running--;
+    ledger_give_back(p->settings.counts, p->settings.kind, l->user, 1);
     free_empty_line(p, l);
 }
 
@@ -114,7 +117,7 @@ static void end_work(thread_pool *p, line *l)
 static bool refuse_late(thread_pool *p)
 {
     line *l = find_oldest(p);
-    if (!l || clock_monotonic_ms() - l->first->since_ms < p->settings.patience_ms) return false;
+    if (!l || clock_monotonic_ms() - waits_since_ms(l) < p->settings.patience_ms) return false;
     thread_pool_work *work = take_first(l);
     free_empty_line(p, l);
     pthread_mutex_unlock(&p->mutex);
@@ -128,7 +131,7 @@ static void wait_for_work(thread_pool *p)
 {
     const line *l = find_oldest(p);
     if (l)
-        background_wait_until(&p->changed, &p->mutex, l->first->since_ms + p->settings.patience_ms);
+        background_wait_until(&p->changed, &p->mutex, waits_since_ms(l) + p->settings.patience_ms);
     else
         pthread_cond_wait(&p->changed, &p->mutex);
 }
@@ -167,6 +170,7 @@ thread_pool *thread_pool_start(const thread_pool_settings *settings, error *e)
     thread_pool *p = mem_alloc(sizeof *p + settings->threads * sizeof *p->thread);
     pthread_mutex_init(&p->mutex, NULL);
     background_init_condition(&p->changed);
+    TAILQ_INIT(&p->lines);
     p->settings = *settings;
     for (; p->count < settings->threads; p->count++) {
         if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
@@ -176,30 +180,27 @@ thread_pool *thread_pool_start(const thread_pool_settings *settings, error *e)
     return p;
 }
 
-/* Removes all work that has not begun. */
-static thread_pool_work *take_all(thread_pool *p)
+/* Moves all work that has not begun to `all`. */
+static void take_all(thread_pool *p, work_list *all)
 {
-    thread_pool_work *all = NULL, **end = &all;
-    for (line *l = p->lines, *next; l; l = next) {
-        next = l->next;
-        *end = l->first;
-        if (l->last) end = &l->last->next;
-        l->first = l->last = NULL;
-        l->running++; /* end_work frees the line unless more of its work runs */
-        end_work(p, l);
+    for (line *l = TAILQ_FIRST(&p->lines), *next; l; l = next) {
+        next = TAILQ_NEXT(l, link);
+        STAILQ_CONCAT(all, &l->waiting);
+        free_empty_line(p, l);
     }
-    return all;
 }
 
 void thread_pool_refuse(thread_pool *p)
 {
     if (!p) return;
+    work_list all = STAILQ_HEAD_INITIALIZER(all);
     pthread_mutex_lock(&p->mutex);
     p->refusing = true;
-    thread_pool_work *all = take_all(p);
+    take_all(p, &all);
     pthread_mutex_unlock(&p->mutex);
-    for (thread_pool_work *work = all, *next; work; work = next) {
-        next = work->next;
+    while (!STAILQ_EMPTY(&all)) {
+        thread_pool_work *work = STAILQ_FIRST(&all);
+        STAILQ_REMOVE_HEAD(&all, link);
         work->refuse(work, THREAD_POOL_STOPS);
     }
 }
@@ -220,18 +221,10 @@ void thread_pool_stop(thread_pool *p)
 
 void thread_pool_add(thread_pool *p, thread_pool_work *work)
 {
-    work->next = NULL;
     work->since_ms = clock_monotonic_ms();
     pthread_mutex_lock(&p->mutex);
     bool refused = p->refusing;
-    if (!refused) {
-        line *l = line_of(p, work->user);
-        if (l->last)
-            l->last->next = work;
-        else
-            l->first = work;
-        l->last = work;
-    }
+    if (!refused) STAILQ_INSERT_TAIL(&line_of(p, work->user)->waiting, work, link);
     pthread_mutex_unlock(&p->mutex);
     if (refused)
         work->refuse(work, THREAD_POOL_STOPS);

@@ -2,7 +2,7 @@
  *
  * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served
  * in turn: the next work is that of the user with the fewest running pieces of work; among equals, of the user that
- * was served least recently. A user has at most `most_of_user` threads, so that threads remain for other users. The
+ * was served least recently. The ledger limits the threads of a user, so that threads remain for other users. The
  * work of one user starts in the order in which it was added. Pieces of work run together only up to a sum of
  * weights. No work overtakes the work whose turn it is. Work that has waited for `patience_ms` is refused as soon as
  * a thread of the pool is free. Any thread may add work.
@@ -12,8 +12,10 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/queue.h>
 
 #include "base/core/error.h"
+#include "service/ledger/ledger.h"
 
 typedef struct thread_pool thread_pool;
 
@@ -28,13 +30,14 @@ typedef struct thread_pool_work {
     const char *user;
     size_t weight;
     int64_t since_ms; /* time at which it was added */
-    struct thread_pool_work *next;
+    STAILQ_ENTRY(thread_pool_work) link;
 } thread_pool_work;
 
 typedef struct thread_pool_settings {
     unsigned threads;
-    unsigned most_of_user;
-    size_t most_weight; /* limit of the sum; heavier work runs while no other work with a weight runs */
+    ledger *counts;       /* must outlive the pool */
+    ledger_resource kind; /* its threads in the ledger; of no other pool */
+    size_t most_weight;   /* limit of the sum; heavier work runs while no other work with a weight runs */
     int nice; /* added to the nice value of the threads, so that other threads of the process have priority */
     int64_t patience_ms;
 } thread_pool_settings;

@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/queue.h>
 
 #include <microhttpd.h>
 
@@ -18,13 +19,13 @@ typedef struct waiter {
     struct MHD_Connection *connection;
     char topic[TOPIC_SIZE];
     int64_t until_ms;
-    struct waiter *next;
+    LIST_ENTRY(waiter) link;
 } waiter;
 
 struct wait_list {
     runner_task *task;
     pthread_mutex_t mutex;
-    waiter *first;
+    LIST_HEAD(, waiter) waiters;
     uint64_t happened;
     bool dismissed;
 };
@@ -42,13 +43,10 @@ static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
 static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
 {
     int64_t now = clock_monotonic_ms();
-    for (waiter **at = &l->first; *at;) {
-        waiter *w = *at;
-        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) {
-            at = &w->next;
-            continue;
-        }
-        *at = w->next;
+    for (waiter *w = LIST_FIRST(&l->waiters), *next; w; w = next) {
+        next = LIST_NEXT(w, link);
+        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) continue;
+        LIST_REMOVE(w, link);
         loop_resume(w->served_by, w->connection);
         free(w);
     }
@@ -59,7 +57,7 @@ static int64_t resume_overdue(void *context)
     wait_list *l = context;
     pthread_mutex_lock(&l->mutex);
     resume_waiters(l, NULL, 0);
-    const bool any = l->first;
+    const bool any = !LIST_EMPTY(&l->waiters);
     pthread_mutex_unlock(&l->mutex);
     return any ? clock_monotonic_ms() + TICK_MS : RUNNER_WHEN_WOKEN;
 }
@@ -114,9 +112,8 @@ bool wait_list_add(wait_list *l, loop *served_by, struct MHD_Connection *connect
         w->connection = connection;
         w->until_ms = until_ms;
         strncpy(w->topic, topic, sizeof w->topic - 1);
-        w->next = l->first;
-        l->first = w;
-        if (!w->next) runner_wake(l->task);
+        LIST_INSERT_HEAD(&l->waiters, w, link);
+        if (!LIST_NEXT(w, link)) runner_wake(l->task);
     }
     pthread_mutex_unlock(&l->mutex);
     return stays;

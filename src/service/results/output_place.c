@@ -175,8 +175,19 @@ static bool copy_in_turn(output_place *p, const char *user, const result *r, con
     return ok;
 }
 
-bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
-                       const char *above, const char *temporary, error *e)
+char *output_place_directory(const char *directory, int frame)
+{
+    return frame == QUEUE_NO_FRAME ? mem_strdup(directory) : frames_path(directory, frame);
+}
+
+char *output_place_temporary(const char *unique)
+{
+    return mem_printf(".%s.hexad-tmp", unique);
+}
+
+/* As output_place_copy, with the directories of the task. */
+static bool copy_to(output_place *p, const char *user, const char *from, const char *directory,
+                    const char *above, const char *temporary, error *e)
 {
     result r = {0};
     store_turn turn;
@@ -188,6 +199,17 @@ bool output_place_copy(output_place *p, const char *user, const char *from, cons
     if (to >= 0) close(to);
     ok = ok && copy_stages(p, user, &r, from, above, temporary, e);
     result_clear(&r);
+    return ok;
+}
+
+bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory, int frame,
+                       const char *temporary, error *e)
+{
+    char *to = output_place_directory(directory, frame),
+         *above = frame == QUEUE_NO_FRAME ? NULL : frames_above(directory);
+    bool ok = copy_to(p, user, from, to, above, temporary, e) || error_prefix(e, "output.directory");
+    free(to);
+    free(above);
     return ok;
 }
 

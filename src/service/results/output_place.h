@@ -34,13 +34,20 @@ bool output_place_check(output_place *p, const char *user, const char *directory
  * output_place_check for paths outside of the roots mention it. */
 void output_place_note_change(output_place *p, bool changed);
 
-/* Copies the result in the directory `from` to `directory`, after other copies to `directory` have ended. Files that
- * belong to all frames of a sequence (WORKER_STAGE_ENDING) are copied to `above` instead. They are not copied if
- * `above` is NULL or not below an output root. `temporary` is the name of the temporary file in `directory`; a crash
- * may leave it there. Errors: those of result_read, store_output_open, store_output_copy and the queue;
- * output_taken. */
-bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory,
-                       const char *above, const char *temporary, error *e);
+/* The directory of a task's copy, to be freed: `directory` is output.directory of its job, with the place of the frame
+ * number unless the frame is QUEUE_NO_FRAME. */
+char *output_place_directory(const char *directory, int frame);
+
+/* The name of the temporary file of a copy, to be freed. No other copy may have this text. */
+char *output_place_temporary(const char *unique);
+
+/* Copies the result of a task in the directory `from` to output_place_directory(directory, frame), after other copies to
+ * it have ended. Files that belong to all frames of a sequence (WORKER_STAGE_ENDING) are copied to the directory above
+ * the directories of all frames instead; they are not copied if there is none, or if it is not below an output root.
+ * `temporary` is the name of the temporary file; a crash may leave it there. Errors, which name output.directory: those
+ * of result_read, store_output_open, store_output_copy and the queue; output_taken. */
+bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory, int frame,
+                       const char *temporary, error *e);
 
 /* Checks whether files can be written below each root, and logs a warning for each root where they cannot. Takes up
  * to 2 s per root. */

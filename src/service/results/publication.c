@@ -13,41 +13,40 @@ struct publication {
     pthread_t thread;
     bool started;
     output_place *outputs;
-    char *user, *directory, *path, *above, *temporary;
+    char *user, *from, *directory, *temporary;
+    int frame;
     int end_fd;
     atomic_bool ended;
     bool ok;
     error fault;
 };
 
-char *publication_temporary(const char *directory)
+char *publication_temporary(const char *from)
 {
-    const char *slash =
-        strrchr(directory, '/'); /* the last part of the path is unique: job, frame and attempt */
-    return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
+    const char *slash = strrchr(from, '/'); /* the last part of the path is unique: job, frame and attempt */
+    return output_place_temporary(slash ? slash + 1 : from);
 }
 
 static void *run(void *argument)
 {
     publication *p = argument;
-    p->ok = output_place_copy(p->outputs, p->user, p->directory, p->path, p->above, p->temporary, &p->fault);
-    if (!p->ok) error_prefix(&p->fault, "output.directory");
+    p->ok = output_place_copy(p->outputs, p->user, p->from, p->directory, p->frame, p->temporary, &p->fault);
     atomic_store(&p->ended, true);
     ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
     (void)written; /* fails only if the counter is full, and then the eventfd is readable anyway */
     return NULL;
 }
 
-publication *publication_start(output_place *outputs, const char *user, const char *directory,
-                               const char *path, const char *above, int end_fd)
+publication *publication_start(output_place *outputs, const char *user, const char *from,
+                               const char *directory, int frame, int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
     p->outputs = outputs;
     p->user = mem_strdup(user);
-    p->temporary = publication_temporary(directory);
+    p->temporary = publication_temporary(from);
+    p->from = mem_strdup(from);
     p->directory = mem_strdup(directory);
-    p->path = mem_strdup(path);
-    p->above = above ? mem_strdup(above) : NULL;
+    p->frame = frame;
     p->end_fd = end_fd;
     p->started = pthread_create(&p->thread, NULL, run, p) == 0;
     if (!p->started) run(p); /* without a thread, this one copies, which delays other jobs */
@@ -65,9 +64,8 @@ bool publication_end(publication *p, error *e)
     bool ok = p->ok;
     if (!ok && e) *e = p->fault;
     free(p->user);
+    free(p->from);
     free(p->directory);
-    free(p->path);
-    free(p->above);
     free(p->temporary);
     free(p);
     return ok;

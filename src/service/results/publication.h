@@ -14,13 +14,13 @@ typedef struct publication publication;
 
 /* The name (without directory) of the temporary file for a copy of the result in this attempt's directory, to be
  * freed. */
-char *publication_temporary(const char *directory);
+char *publication_temporary(const char *from);
 
-/* Begins to copy the result in `directory` to `path`, and its files of all frames to `above` (NULL: none), for this
- * user. At the end of the copy, 1 is written to the eventfd `end_fd`. The place must outlive the publication; texts
- * are copied. Never NULL. If no thread can be started, the copy is made before the call returns. */
-publication *publication_start(output_place *outputs, const char *user, const char *directory,
-                               const char *path, const char *above, int end_fd);
+/* Begins output_place_copy of the result in the attempt's directory `from`. At the end of the copy, 1 is written to the
+ * eventfd `end_fd`. The place must outlive the publication; texts are copied. Never NULL. If no thread can be started,
+ * the copy is made before the call returns. */
+publication *publication_start(output_place *outputs, const char *user, const char *from,
+                               const char *directory, int frame, int end_fd);
 
 /* Whether the copy has ended. Does not wait. */
 bool publication_has_ended(publication *p);

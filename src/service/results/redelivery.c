@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "base/core/clock.h"
-#include "base/core/frames.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/results/result.h"
@@ -15,11 +14,11 @@ enum { TASKS = 4 };
 
 struct redelivery {
     queue *q;
+    ledger *counts;
     output_place *outputs;
     char *work_dir;
     runner_task *task[TASKS];
     pthread_mutex_t mutex;
-    char *user[TASKS]; /* the users whose results are copied now; NULL: an unused place */
 };
 
 static bool is_stopping(const redelivery *r)
@@ -34,49 +33,31 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     error fault = {0};
     /* unused before: output_cleanup may be removing files of earlier copies */
     ulid_make(clock_wall_ms(), unique);
-    char *from = result_directory(r->work_dir, job->id, task->frame),
-         *name = mem_printf(".%s.hexad-tmp", unique);
-    char *to =
-        task->frame == QUEUE_NO_FRAME ? mem_strdup(job->directory) : frames_path(job->directory, task->frame);
-    char *above = task->frame == QUEUE_NO_FRAME ? NULL : frames_above(job->directory);
-    bool copied = output_place_copy(r->outputs, job->owner, from, to, above, name, &fault) ||
-                  error_prefix(&fault, "output.directory");
+    char *from = result_directory(r->work_dir, job->id, task->frame), *name = output_place_temporary(unique),
+         *to = output_place_directory(job->directory, task->frame);
+    bool copied = output_place_copy(r->outputs, job->owner, from, job->directory, task->frame, name, &fault);
     bool ok = queue_note_copied(r->q, job->id, task, copied ? NULL : &fault, name, e);
     log_write(copied ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "result %s job=%s directory=%s%s%s",
               copied ? "delivered" : "not delivered", job->id, to, copied ? "" : ": ", fault.message);
     free(from);
     free(name);
     free(to);
-    free(above);
     return ok;
 }
 
-/* Requires the mutex. An unused element of `user`; NULL: a task copies results of this user already. */
-static char **find_place(redelivery *r, const char *user)
-{
-    char **place = NULL;
-    for (size_t i = 0; i < TASKS; i++) {
-        if (r->user[i] && strcmp(r->user[i], user) == 0) return NULL;
-        if (!r->user[i]) place = &r->user[i];
-    }
-    return place;
-}
-
-/* Takes the first marked job of a user whose results no other task copies. *place is the element of `user` that
- * now holds the user's name; NULL: there is no such job. False: a database error. */
-static bool take(redelivery *r, queue_uncopied *job, char ***place)
+/* Takes the first marked job of a user whose results no other task copies. *taken: there is such a job, and its
+ * user holds a delivery. False: a database error. */
+static bool take(redelivery *r, queue_uncopied *job, bool *taken)
 {
     bool ok = true, found = true;
-    *place = NULL;
+    *taken = false;
     pthread_mutex_lock(&r->mutex);
-    for (int64_t after = 0; ok && found && !*place && !is_stopping(r);) {
+    for (int64_t after = 0; ok && found && !*taken && !is_stopping(r);) {
         ok = queue_next_uncopied(r->q, after, job, &found, NULL);
         if (!ok || !found) break;
         after = job->seq;
-        if ((*place = find_place(r, job->owner)))
-            **place = mem_strdup(job->owner);
-        else
-            queue_uncopied_clear(job);
+        *taken = ledger_take(r->counts, LEDGER_DELIVERIES, job->owner, 1) == LEDGER_FITS;
+        if (!*taken) queue_uncopied_clear(job);
     }
     pthread_mutex_unlock(&r->mutex);
     return ok;
@@ -96,16 +77,13 @@ static int64_t work(void *context)
 {
     redelivery *r = context;
     queue_uncopied job = {0};
-    char **place;
-    bool ok = take(r, &job, &place);
+    bool taken;
+    bool ok = take(r, &job, &taken);
     if (!ok) return runner_retry_time();
-    if (!place) return RUNNER_WHEN_WOKEN;
+    if (!taken) return RUNNER_WHEN_WOKEN;
     ok = copy_job(r, &job);
+    ledger_give_back(r->counts, LEDGER_DELIVERIES, job.owner, 1);
     queue_uncopied_clear(&job);
-    pthread_mutex_lock(&r->mutex);
-    free(*place);
-    *place = NULL;
-    pthread_mutex_unlock(&r->mutex);
     return ok ? 0 : runner_retry_time();
 }
 
@@ -122,10 +100,12 @@ void redelivery_free(redelivery *r)
     free(r);
 }
 
-redelivery *redelivery_add(runner *to, queue *q, output_place *outputs, const char *work_dir)
+redelivery *redelivery_add(runner *to, queue *q, ledger *counts, output_place *outputs, const char *work_dir)
 {
     redelivery *r = mem_alloc(sizeof *r);
     r->q = q;
+    r->counts = counts;
+    ledger_limit(counts, LEDGER_DELIVERIES, (ledger_limits){.holder = 1});
     r->outputs = outputs;
     r->work_dir = mem_strdup(work_dir);
     pthread_mutex_init(&r->mutex, NULL);

@@ -8,12 +8,13 @@
 #define HEXAD_SERVICE_RESULTS_REDELIVERY_H
 
 #include "base/core/runner.h"
+#include "service/ledger/ledger.h"
 #include "service/results/output_place.h"
 
 typedef struct redelivery redelivery;
 
-/* Adds the tasks to the runner. The queue and the place must outlive it; the path is copied. */
-redelivery *redelivery_add(runner *to, queue *q, output_place *outputs, const char *work_dir);
+/* Adds the tasks to the runner. The queue, the ledger and the place must outlive it; the path is copied. */
+redelivery *redelivery_add(runner *to, queue *q, ledger *counts, output_place *outputs, const char *work_dir);
 /* After runner_stop, which waits for the copies in progress. Accepts NULL. */
 void redelivery_free(redelivery *r);
 

@@ -17,7 +17,7 @@
 #include "base/core/runner.h"
 #include "service/queue/queue.h"
 #include "service/results/fetches.h"
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 typedef struct retention retention;
 

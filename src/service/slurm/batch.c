@@ -8,9 +8,10 @@
 
 slurm_batch *slurm_batch_find(slurm *s, const char *name)
 {
-    slurm_batch *b = s->batches;
-    while (b && strcmp(b->name, name) != 0) b = b->next;
-    return b;
+    slurm_batch *b;
+    LIST_FOREACH (b, &s->batches, link)
+        if (strcmp(b->name, name) == 0) return b;
+    return NULL;
 }
 
 slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
@@ -18,8 +19,7 @@ slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
     slurm_batch *b = mem_alloc(sizeof *b);
     b->name = mem_strdup(name);
     b->shared = shared;
-    b->next = s->batches;
-    s->batches = b;
+    LIST_INSERT_HEAD(&s->batches, b, link);
     return b;
 }
 
@@ -31,12 +31,10 @@ slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number)
     return &b->tasks[number];
 }
 
-void slurm_batch_release(slurm *s, slurm_batch *b)
+void slurm_batch_release(slurm_batch *b)
 {
     if (--b->users) return;
-    slurm_batch **link = &s->batches;
-    while (*link != b) link = &(*link)->next;
-    *link = b->next;
+    LIST_REMOVE(b, link);
     free(b->name);
     free(b->list);
     free(b->tasks);
@@ -77,7 +75,7 @@ void slurm_take(engine_attempt *a, const attempt_files_batch *by)
     a->late = by->number > 0;
     count(a, 1);
     if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
-    slurm_batch_release(s, own);
+    slurm_batch_release(own);
 }
 
 void slurm_forsake(engine_attempt *a)
@@ -90,7 +88,7 @@ void slurm_leave(engine_attempt *a)
 {
     if (!a->batch) return;
     count(a, (size_t)-1);
-    slurm_batch_release(a->place, a->batch);
+    slurm_batch_release(a->batch);
     a->batch = NULL;
 }
 

@@ -338,8 +338,10 @@ void slurm_inspect(slurm *s)
     size_t count = 0;
     view *views = mem_alloc((s->attempt_count + 1) * sizeof *views);
     s->sharing = false;
-    for (slurm_batch *b = s->batches; b; b = b->next) survey(s, b);
-    for (engine_attempt *a = s->first; a; a = a->next)
+    slurm_batch *b;
+    LIST_FOREACH (b, &s->batches, link) survey(s, b);
+    engine_attempt *a;
+    TAILQ_FOREACH (a, &s->attempts, link)
         if (!a->ended) views[count++] = take_view(s, a);
     pthread_mutex_unlock(&s->mutex);
     for (size_t i = 0; i < count; i++) inspect(&views[i]);

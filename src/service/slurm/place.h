@@ -10,6 +10,7 @@
 #define HEXAD_SERVICE_SLURM_PLACE_H
 
 #include <pthread.h>
+#include <sys/queue.h>
 
 #include "service/slurm/attempt_files.h"
 #include "service/slurm/slurm.h"
@@ -42,7 +43,7 @@ typedef struct slurm_batch {
     size_t users;  /* number of references: attempts, and a submission in progress */
     bool runs;     /* at the last inspection a task seemed to run */
     size_t waiter; /* index of a task that waited at the last inspection; task_count: none */
-    struct slurm_batch *next;
+    LIST_ENTRY(slurm_batch) link;
 } slurm_batch;
 
 struct engine_attempt {
@@ -74,7 +75,7 @@ struct engine_attempt {
     bool ended;
     bool left; /* the executor has left it and may have been freed */
     engine_ending ending;
-    struct engine_attempt *next;
+    TAILQ_ENTRY(engine_attempt) link;
 };
 
 /* Nodes that failed before a worker started. They are excluded for some time, since such a node would fail all
@@ -90,8 +91,8 @@ struct slurm {
     char *farm;   /* work_dir/farm */
     char *prefix; /* of the names of jobs; NULL until the first attempt, which supplies the instance */
     int wake_fd;  /* of the executor; -1: not known yet */
-    engine_attempt *first, **last;
-    slurm_batch *batches;
+    TAILQ_HEAD(, engine_attempt) attempts; /* by arrival */
+    LIST_HEAD(, slurm_batch) batches;
     size_t attempt_count;
     uint64_t listing;           /* number of the last listing */
     size_t open;                /* sum over all batches */
@@ -121,7 +122,7 @@ void slurm_take(engine_attempt *a, const attempt_files_batch *by);
 void slurm_forsake(engine_attempt *a);
 /* Removes the attempt from its batch. The batch is freed with its last reference. */
 void slurm_leave(engine_attempt *a);
-void slurm_batch_release(slurm *s, slurm_batch *b);
+void slurm_batch_release(slurm_batch *b);
 slurm_batch *slurm_batch_find(slurm *s, const char *name);
 slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared);
 /* Makes the next listing due at once, since there may be tasks to cancel. */

@@ -103,8 +103,7 @@ static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const 
         if (!b) b = slurm_batch_new(s, batch->name, batch->number);
         slurm_enter(a, b, (size_t)batch->task);
     }
-    *s->last = a;
-    s->last = &a->next;
+    TAILQ_INSERT_TAIL(&s->attempts, a, link);
     s->attempt_count++;
     a->since_ms = s->newest_ms = clock_monotonic_ms();
     s->more = r->more;
@@ -165,9 +164,10 @@ static void put_trash(slurm *s, char *directory)
 /* The caller holds the mutex. */
 static bool has_attempt(const slurm *s, const char *name)
 {
-    const engine_attempt *a = s->first;
-    while (a && strcmp(a->name, name) != 0) a = a->next;
-    return a;
+    const engine_attempt *a;
+    TAILQ_FOREACH (a, &s->attempts, link)
+        if (strcmp(a->name, name) == 0) return true;
+    return false;
 }
 
 static void sweep(void *place)
@@ -241,10 +241,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
         snprintf(ending->why, sizeof ending->why, "%.250s", e.message);
     }
     pthread_mutex_lock(&s->mutex);
-    engine_attempt **link = &s->first;
-    while (*link != a) link = &(*link)->next;
-    *link = a->next;
-    if (s->last == &a->next) s->last = link;
+    TAILQ_REMOVE(&s->attempts, a, link);
     s->attempt_count--;
     s->quiet = 0;
     put_trash(s, mem_strdup(a->directory));
@@ -326,8 +323,8 @@ static bool check_accounts(const slurm_settings *settings, error *e)
 static void place_free(slurm *s)
 {
     pthread_mutex_destroy(&s->mutex);
-    for (engine_attempt *a = s->first, *next; a; a = next) { /* attempts that were left */
-        next = a->next;
+    for (engine_attempt *a; (a = TAILQ_FIRST(&s->attempts));) { /* attempts that were left */
+        TAILQ_REMOVE(&s->attempts, a, link);
         slurm_leave(a);
         attempt_free(a);
     }
@@ -343,7 +340,7 @@ slurm *slurm_open(const slurm_settings *settings, runner *to, error *e)
     slurm *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->farm = mem_printf("%s/" ATTEMPT_FILES_FARM, settings->work_dir);
-    s->last = &s->first;
+    TAILQ_INIT(&s->attempts);
     s->wake_fd = -1;
     s->serial = (uint64_t)clock_wall_ms();
     pthread_mutex_init(&s->mutex, NULL);

@@ -97,7 +97,7 @@ static void add_members(load *l, engine_attempt *head, size_t waiting, int64_t n
     size_t in_task = 0;
     l->names = mem_alloc(waiting * sizeof *l->names);
     l->tasks = mem_alloc(waiting * sizeof *l->tasks);
-    for (engine_attempt *a = head; a; a = a->next) {
+    for (engine_attempt *a = head; a; a = TAILQ_NEXT(a, link)) {
         if (!waits(a, now) || !goes_with(head, a)) continue;
         bool next = !last || (l->chunks ? !is_same_chunk(a, last) : in_task == l->together);
         if (next && (l->task_count == SLURM_TASKS_MOST || l->count >= MOST_MEMBERS)) break;
@@ -132,7 +132,8 @@ static void share(slurm *s, load *l)
     free(alike);
     l->batch->list = mem_printf(ATTEMPT_FILES_LIST "%.16s", hex);
     l->more_s = s->settings.more_s;
-    for (const engine_attempt *a = s->first; a; a = a->next)
+    const engine_attempt *a;
+    TAILQ_FOREACH (a, &s->attempts, link)
         if (a->batch && a->batch->list && !a->taken && !a->ended && !a->cancelled &&
             strcmp(a->batch->list, l->batch->list) == 0)
             attempt_files_add_name(&l->open, a->name, strlen(a->name));
@@ -146,7 +147,8 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
     engine_attempt *head = NULL;
     size_t waiting = 0;
     bool idle = true;
-    for (engine_attempt *a = s->first; a; a = a->next) {
+    engine_attempt *a;
+    TAILQ_FOREACH (a, &s->attempts, link) {
         idle &= !a->batch || a->ended;
         if (!a->batch && !a->ended && a->not_before_ms > now && a->not_before_ms < *due_ms)
             *due_ms = a->not_before_ms;
@@ -274,7 +276,8 @@ static void find_reason(const char *complaint, char *why, size_t size)
  * submitted separately. The caller holds the mutex. */
 static void take_back(slurm *s, const load *l, answer a, const char *why)
 {
-    for (engine_attempt *m = s->first; m; m = m->next) {
+    engine_attempt *m;
+    TAILQ_FOREACH (m, &s->attempts, link) {
         if (m->batch != l->batch) continue;
         slurm_leave(m);
         m->not_before_ms = a == AWAY ? clock_monotonic_ms() + AWAY_MS : 0;
@@ -328,7 +331,7 @@ int64_t slurm_submit(slurm *s)
             l.batch->tasks[i].listing = s->listing;
             l.batch->tasks[i].seen_ms = clock_monotonic_ms();
         }
-        slurm_batch_release(s, l.batch);
+        slurm_batch_release(l.batch);
         pthread_mutex_unlock(&s->mutex);
         command_clear(&said);
         load_clear(&l);

@@ -1,40 +1,32 @@
-/* inputs: files that clients uploaded, each named by the SHA-256 of its content.
+/* upload_store: files that clients uploaded, each named by the SHA-256 of its content.
  *
- * The directory holds files named `sha256:HEX`. It can be an input root of jobs (files/root.h). A spec names a file
- * as "sha256:HEX", optionally with an extension: "sha256:HEX.obj". A stored file was verified and never changes. A
+ * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never changes. A
  * file that is uploaded again is stored once. Its modification time is the time of its last use. For each user that
  * sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's name. It is removed
  * together with the file. Opening the directory removes unfinished uploads that a crash left. One process owns the
  * directory. Any thread may call; an upload belongs to one thread at a time.
  */
-#ifndef HEXAD_FILES_INPUTS_H
-#define HEXAD_FILES_INPUTS_H
+#ifndef HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
+#define HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "base/core/error.h"
-
-#define STORE_INPUT_PREFIX "sha256:"
-#define STORE_INPUT_HEX 64
-#define STORE_INPUT_NAME_SIZE (sizeof STORE_INPUT_PREFIX + STORE_INPUT_HEX)
+#include "files/sent_file.h"
+#include "service/ledger/ledger.h"
 
 typedef struct store_inputs store_inputs;
 
-/* Makes the directory if it is missing. One file may have at most `most_bytes`, all files together `total_bytes`. */
-store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, error *e);
+/* Makes the directory if it is missing. One file may have at most `most_bytes`, all files together `total_bytes`. The
+ * ledger, which must outlive the store and in which no other store counts, limits each user: LEDGER_UPLOAD_BYTES are the
+ * files that the user sent and the arrived bytes of unfinished uploads, LEDGER_UPLOADS the simultaneous uploads. A file
+ * that several users sent counts for each of them. */
+store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes,
+                                ledger *counts, error *e);
 void store_inputs_close(store_inputs *s); /* accepts NULL */
 const char *store_inputs_directory(const store_inputs *s);
-
-/* Whether the text is 64 hexadecimal digits in lower case. */
-bool store_inputs_is_hash(const char *hex);
-/* Whether the path of a spec names an uploaded file. If so, `name` is the name without its extension. */
-bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE]);
-
-/* Replaces the error of a file that a header names but that cannot be opened, if the header at `path` was uploaded: other
- * files do not lie beside it. */
-void store_inputs_explain_header(const char *path, error *e);
 
 typedef struct store_inputs_space {
     int64_t used_bytes, limit_bytes; /* of all files */
@@ -57,11 +49,6 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
 bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e);
 /* Whether the user has sent the file and the file exists. */
 bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user);
-
-/* Limits each user: `bytes` is the limit of the files that the user sent and of the arrived bytes of unfinished
- * uploads, `uploads` the limit of simultaneous uploads. 0: no limit. A file that several users sent counts for each
- * of them. */
-void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads);
 
 typedef enum store_upload_outcome {
     STORE_UPLOAD_GOOD,

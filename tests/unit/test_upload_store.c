@@ -1,4 +1,4 @@
-/* files/inputs: the space that uploads reserve, in total and of each user. */
+/* upload_store: the space that uploads reserve, in total and of each user. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -10,20 +10,30 @@
 
 #include "base/core/memory.h"
 #include "files/file.h"
-#include "files/inputs.h"
+#include "service/ledger/ledger.h"
+#include "service/uploads/upload_store.h"
 
 enum { LONGEST = 100, TOTAL = 20, OF_USER = 10, AT_ONCE = 2 };
 
 typedef struct place {
     char *directory;
+    ledger *counts;
     store_inputs *inputs;
 } place;
 
 static void open_inputs(place *p)
 {
-    p->inputs = store_inputs_open(p->directory, LONGEST, TOTAL, NULL);
+    p->counts = ledger_new();
+    ledger_limit(p->counts, LEDGER_UPLOAD_BYTES, (ledger_limits){.holder = OF_USER});
+    ledger_limit(p->counts, LEDGER_UPLOADS, (ledger_limits){.holder = AT_ONCE});
+    p->inputs = store_inputs_open(p->directory, LONGEST, TOTAL, p->counts, NULL);
     assert_non_null(p->inputs);
-    store_inputs_bound_users(p->inputs, OF_USER, AT_ONCE);
+}
+
+static void close_inputs(place *p)
+{
+    store_inputs_close(p->inputs);
+    ledger_free(p->counts);
 }
 
 static int set_up(void **state)
@@ -39,7 +49,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     place *p = *state;
-    store_inputs_close(p->inputs);
+    close_inputs(p);
     assert_true(store_remove(p->directory, NULL));
     free(p->directory);
     free(p);
@@ -104,7 +114,7 @@ static void test_a_user_has_a_limit_of_bytes(void **state)
     send_text(p, "bob", "12345678", hex); /* counts for both */
     assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 8);
     assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);
-    store_inputs_close(p->inputs);
+    close_inputs(p);
     open_inputs(p);
     assert_int_equal(try_upload(p, "ann", 3), STORE_UPLOAD_USER_FULL);
     assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);

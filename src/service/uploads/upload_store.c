@@ -1,4 +1,4 @@
-#include "files/inputs.h"
+#include "service/uploads/upload_store.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -16,26 +16,17 @@
 
 #define SENDER_PREFIX "sender:"
 
-/* A user that has sent files. Entries are never removed; there are few users. */
-typedef struct sender {
-    char name[STORE_INPUT_HEX + 1]; /* the hash of the user's name */
-    int64_t bytes;                  /* of stored files and unfinished uploads */
-    int uploads;                    /* unfinished uploads */
-    struct sender *next;
-} sender;
-
 struct store_inputs {
     char *directory;
-    int64_t most_bytes, total_bytes, user_bytes; /* user_bytes and user_uploads 0: no limit */
-    int user_uploads;
+    int64_t most_bytes, total_bytes;
+    ledger *counts; /* its holders are the hashes of the users' names: the directory has no others */
     pthread_mutex_t mutex;
     int64_t used_bytes; /* of stored files and unfinished uploads */
-    sender *senders;
 };
 
 struct store_upload {
     store_inputs *owner;
-    sender *sender;
+    char sender[STORE_INPUT_HEX + 1]; /* the hash of the user's name */
     store_file file;
     struct sha256_ctx hash;
     char wanted[STORE_INPUT_HEX + 1];
@@ -43,38 +34,6 @@ struct store_upload {
     store_upload_outcome outcome;
     bool committed;
 };
-
-bool store_inputs_is_hash(const char *hex)
-{
-    return strlen(hex) == STORE_INPUT_HEX && strspn(hex, "0123456789abcdef") == STORE_INPUT_HEX;
-}
-
-static bool is_name(const char *name)
-{
-    size_t prefix = strlen(STORE_INPUT_PREFIX);
-    return strncmp(name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(name + prefix);
-}
-
-bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
-{
-    size_t length = STORE_INPUT_NAME_SIZE - 1;
-    if (strlen(path) < length || strchr(path, '/')) return false;
-    memcpy(name, path, length);
-    name[length] = '\0';
-    return is_name(name) && (!path[length] || path[length] == '.');
-}
-
-void store_inputs_explain_header(const char *path, error *e)
-{
-    char name[STORE_INPUT_NAME_SIZE];
-    if (!e || (e->code != ERROR_INPUT_MISSING && e->code != ERROR_PATH_FORBIDDEN) ||
-        !store_inputs_is_sent(path, name))
-        return;
-    error_set(
-        e, ERROR_INPUT_UNSUPPORTED,
-        "it names other files, which an uploaded header cannot: upload one file (.mha with ElementDataFile = "
-        "LOCAL, .nrrd with the data in it), or put header and data below an input root");
-}
 
 static char *path_of(const store_inputs *s, const char *hex)
 {
@@ -104,26 +63,6 @@ static char *sender_path(const store_inputs *s, const char *hex, const char *use
     return mem_printf("%s/" SENDER_PREFIX "%s:%s", s->directory, hex, name);
 }
 
-/* The caller holds the mutex. */
-static sender *find_sender(store_inputs *s, const char *name)
-{
-    sender *found = s->senders;
-    while (found && strcmp(found->name, name) != 0) found = found->next;
-    if (found) return found;
-    found = mem_alloc(sizeof *found);
-    snprintf(found->name, sizeof found->name, "%s", name);
-    found->next = s->senders;
-    return s->senders = found;
-}
-
-/* Adds the bytes of a stored file to its sender; negative `bytes` subtract them. */
-static void count_for_sender(store_inputs *s, const char *name, int64_t bytes)
-{
-    pthread_mutex_lock(&s->mutex);
-    find_sender(s, name)->bytes += bytes;
-    pthread_mutex_unlock(&s->mutex);
-}
-
 /* The sender's name in "sender:HEX:NAME". */
 static const char *name_in(const char *entry)
 {
@@ -139,7 +78,7 @@ static bool is_sender(int directory, const char *name, int64_t *bytes)
     if (strncmp(name, SENDER_PREFIX, prefix) != 0 || strlen(name) != prefix + 2 * STORE_INPUT_HEX + 1)
         return false;
     snprintf(input, sizeof input, STORE_INPUT_PREFIX "%.*s", STORE_INPUT_HEX, name + prefix);
-    if (!is_name(input) || fstatat(directory, input, &info, AT_SYMLINK_NOFOLLOW) != 0) return false;
+    if (!sent_file_is_name(input) || fstatat(directory, input, &info, AT_SYMLINK_NOFOLLOW) != 0) return false;
     *bytes = info.st_size;
     return true;
 }
@@ -155,10 +94,10 @@ static bool take_stock(store_inputs *s, error *e)
         int64_t bytes = 0;
         if (fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
             continue;
-        if (is_name(d->d_name))
+        if (sent_file_is_name(d->d_name))
             s->used_bytes += info.st_size;
         else if (is_sender(dirfd(directory), d->d_name, &bytes))
-            count_for_sender(s, name_in(d->d_name), bytes);
+            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(d->d_name), bytes);
         else
             unlinkat(dirfd(directory), d->d_name, 0);
     }
@@ -166,12 +105,14 @@ static bool take_stock(store_inputs *s, error *e)
     return true;
 }
 
-store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, error *e)
+store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes,
+                                ledger *counts, error *e)
 {
     store_inputs *s = mem_alloc(sizeof *s);
     s->directory = mem_strdup(directory);
     s->most_bytes = most_bytes;
     s->total_bytes = total_bytes;
+    s->counts = counts;
     pthread_mutex_init(&s->mutex, NULL);
     if (store_directory_create(directory, e) && take_stock(s, e)) return s;
     store_inputs_close(s);
@@ -181,19 +122,9 @@ store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64
 void store_inputs_close(store_inputs *s)
 {
     if (!s) return;
-    for (sender *one = s->senders, *next; one; one = next) {
-        next = one->next;
-        free(one);
-    }
     pthread_mutex_destroy(&s->mutex);
     free(s->directory);
     free(s);
-}
-
-void store_inputs_bound_users(store_inputs *s, int64_t bytes, int uploads)
-{
-    s->user_bytes = bytes;
-    s->user_uploads = uploads;
 }
 
 int64_t store_inputs_find(store_inputs *s, const char *hex)
@@ -224,7 +155,7 @@ bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user
     bool ok = fd >= 0 || errno == EEXIST || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (fd >= 0) {
         close(fd);
-        count_for_sender(s, name_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
+        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
     }
     free(path);
     return ok && store_directory_sync(s->directory, e);
@@ -264,7 +195,7 @@ static void forget_senders(store_inputs *s, gone_file *files, size_t count)
         snprintf(key.hex, sizeof key.hex, "%.*s", STORE_INPUT_HEX, d->d_name + strlen(SENDER_PREFIX));
         const gone_file *file = bsearch(&key, files, count, sizeof *files, compare_gone);
         if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && file)
-            count_for_sender(s, name_in(d->d_name), -file->bytes);
+            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(d->d_name), -file->bytes);
     }
     closedir(directory);
 }
@@ -280,7 +211,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
     for (struct dirent *d; (d = readdir(directory));) {
         struct stat info;
-        if (!is_name(d->d_name)) continue;
+        if (!sent_file_is_name(d->d_name)) continue;
         pthread_mutex_lock(&s->mutex);
         bool there =
             fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
@@ -315,10 +246,12 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
 
 /* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. The caller holds the
  * mutex. */
-static store_upload_outcome find_space(const store_inputs *s, const sender *from, int64_t bytes)
+static store_upload_outcome find_space(const store_inputs *s, const char *sender, int64_t bytes)
 {
     if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_ALL_FULL;
-    return s->user_bytes && bytes > s->user_bytes - from->bytes ? STORE_UPLOAD_USER_FULL : STORE_UPLOAD_GOOD;
+    return ledger_check(s->counts, LEDGER_UPLOAD_BYTES, sender, bytes) == LEDGER_FITS
+               ? STORE_UPLOAD_GOOD
+               : STORE_UPLOAD_USER_FULL;
 }
 
 /* Reserves space for arrived bytes. */
@@ -329,7 +262,7 @@ static store_upload_outcome reserve(store_upload *u, int64_t bytes)
     store_upload_outcome outcome = find_space(s, u->sender, bytes);
     if (outcome == STORE_UPLOAD_GOOD) {
         s->used_bytes += bytes;
-        u->sender->bytes += bytes;
+        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, u->sender, bytes);
         u->bytes += bytes;
     }
     pthread_mutex_unlock(&s->mutex);
@@ -362,39 +295,36 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
 }
 
 /* Begins an upload if the user may have one more and there is space for the announced bytes. */
-static store_upload_outcome enter(store_inputs *s, const char *user, int64_t announced, sender **from)
+static store_upload_outcome enter(store_inputs *s, const char *sender, int64_t announced)
 {
-    char name[STORE_INPUT_HEX + 1];
-    hash_name(user, name);
+    if (ledger_take(s->counts, LEDGER_UPLOADS, sender, 1) != LEDGER_FITS) return STORE_UPLOAD_TOO_MANY;
     pthread_mutex_lock(&s->mutex);
-    *from = find_sender(s, name);
-    store_upload_outcome outcome = find_space(s, *from, announced > 0 ? announced : 0);
-    if (s->user_uploads && (*from)->uploads >= s->user_uploads) outcome = STORE_UPLOAD_TOO_MANY;
-    if (outcome == STORE_UPLOAD_GOOD) (*from)->uploads++;
+    store_upload_outcome outcome = find_space(s, sender, announced > 0 ? announced : 0);
     pthread_mutex_unlock(&s->mutex);
+    if (outcome != STORE_UPLOAD_GOOD) ledger_give_back(s->counts, LEDGER_UPLOADS, sender, 1);
     return outcome;
 }
 
 /* Releases the space of an upload except `kept` bytes, which stay in place. */
-static void leave(store_inputs *s, sender *from, int64_t bytes, int64_t kept)
+static void leave(store_inputs *s, const char *sender, int64_t bytes, int64_t kept)
 {
-    pthread_mutex_lock(&s->mutex);
-    s->used_bytes -= bytes - kept;
-    from->bytes -= bytes; /* store_inputs_note_sender counts a file that stays */
-    from->uploads--;
-    pthread_mutex_unlock(&s->mutex);
+    release(s, bytes - kept);
+    /* store_inputs_note_sender counts a file that stays */
+    ledger_give_back(s->counts, LEDGER_UPLOAD_BYTES, sender, bytes);
+    ledger_give_back(s->counts, LEDGER_UPLOADS, sender, 1);
 }
 
 store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload)
 {
     if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
-    sender *from;
-    store_upload_outcome outcome = enter(s, user, announced, &from);
+    char sender[STORE_INPUT_HEX + 1];
+    hash_name(user, sender);
+    store_upload_outcome outcome = enter(s, sender, announced);
     if (outcome != STORE_UPLOAD_GOOD) return outcome;
     store_upload *u = mem_alloc(sizeof *u);
     u->owner = s;
-    u->sender = from;
+    strcpy(u->sender, sender);
     sha256_init(&u->hash);
     strcpy(u->wanted, hex);
     *upload = u;
