@@ -26,7 +26,7 @@ static char *answered; /* what the stream reads */
 
 bool reader_start(const reader_params *p, reader *out, error *e)
 {
-    static char text[HEADER_TEXT_MAX];
+    static char text[VOLUME_HEADER_TEXT_MAX];
     answer a = {.head = {.slope = 1}, .text = text};
     (void)e;
     expect(dup2(p->fd, STDIN_FILENO) == STDIN_FILENO);

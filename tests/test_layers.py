@@ -153,8 +153,16 @@ def circles_of_calls(root):
             for group in complexity.circles(complexity.sources(root / "src", ".c"))]
 
 
+def repeated_base_names(root):
+    """Names of files without suffix that are there twice: a name says the subject, and its folder is no part of it."""
+    folders = {}
+    for path in map(pathlib.PurePosixPath, files_of(root)):
+        folders.setdefault(path.stem, set()).add(f"src/{path.parent}")
+    return [f"{name}: {' '.join(sorted(where))} have files of this name" for name, where in sorted(folders.items()) if len(where) > 1]
+
+
 CHECKS = [layers_out_of_order, folders_without_a_layer, includes_against_layers, code_that_the_daemon_shares, modules_without_a_row,
-          rows_without_a_folder, circles_of_rows, forbidden_includes, circles_of_calls]
+          rows_without_a_folder, circles_of_rows, forbidden_includes, circles_of_calls, repeated_base_names]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
@@ -197,6 +205,7 @@ FAULTS = [
      "src/service/api/new.c:1: the daemon may not contain io/points/ply.h"),
     (code_that_the_daemon_shares, "src/io/pictures/chart.c", '#include "surface/new.h"\n',
      "src/io/pictures/chart.c:1: the daemon may not contain surface/new.h"),
+    (repeated_base_names, "src/io/points/memory.c", "int new;\n", "memory: src/base/core src/io/points have files of this name"),
     (modules_without_a_row, "src/more/deep/new.c", "int new;\n", "src/more/deep is in no row of ARCHITECTURE.md"),
     (rows_without_a_folder, "ARCHITECTURE.md", f"{MODULES}\n|---|---|---|\n| gone | nothing | |\n", "ARCHITECTURE.md: there is no src/gone"),
     (circles_of_rows, "ARCHITECTURE.md", f"{MODULES}\n|---|---|---|\n| base/core | memory | io |\n| io | files | base/core |\n",

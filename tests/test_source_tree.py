@@ -143,7 +143,7 @@ def private_phrases(root):
     return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
 
 
-PRINTERS = ("src/client/", "src/job/inspect/page.c", "src/job/report/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
+PRINTERS = ("src/client/", "src/job/inspect/inspection_text.c", "src/job/report/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
 PLAIN_PRINTERS = ("src/client/list_query.c",)  # writes URLs
 
 

@@ -22,7 +22,7 @@
 #include "base/core/terminal_text.h"
 #include "base/core/worker_contract.h"
 #include "io/volumes/exr_reader.h"
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 #include "io/volumes/tiff_reader.h"
 #include "io/volumes/zarr_reader.h"
 #include "io/pictures/thumbnail.h"
@@ -33,7 +33,7 @@
 #include "job/phases/run.h"
 #include "job/report/summary.h"
 #include "spec/attach_spec.h"
-#include "spec/schema.h"
+#include "spec/json_schema.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 #include "files/file.h"
@@ -604,7 +604,7 @@ static int print_energies(void)
 
 static int print_schema(void)
 {
-    json *schema = schema_new(SCHEMA_ALONE);
+    json *schema = json_schema_new(JSON_SCHEMA_ALONE);
     char *text = json_print_pretty(schema);
     bool ok = fputs(text, stdout) >= 0;
     free(text);
@@ -661,7 +661,7 @@ static const reader_program *find_reader(const char *name)
         {MESH_READER_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_VALUES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_POLYGONS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
-        {HEADER_COMMAND, NULL, HEADER_MODULE, "header_reader_main"},
+        {VOLUME_HEADER_COMMAND, NULL, VOLUME_HEADER_MODULE, "header_reader_main"},
         {TIFF_READER_COMMAND, NULL, TIFF_READER_MODULE, "tiff_reader_main"},
         {ZARR_READER_COMMAND, NULL, ZARR_READER_MODULE, "zarr_reader_main"},
         {EXR_READER_COMMAND, exr_reader_main, NULL, NULL},

@@ -18,7 +18,7 @@
 #include "service/api/context.h"
 #include "service/api/notifier.h"
 #include "service/api/openapi.h"
-#include "service/api/page.h"
+#include "service/api/web_page.h"
 #include "service/api/routes.h"
 #include "service/auth/access.h"
 #include "base/core/clock.h"
@@ -47,7 +47,7 @@
 #include "programs/open_directory.h"
 #include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
-#include "service/results/instance.h"
+#include "service/results/instance_check.h"
 #include "service/results/output_place.h"
 #include "files/file.h"
 #include "service/uploads/upload_store.h"
@@ -239,7 +239,7 @@ static void bound_results(service *s)
 
 static bool init_queue(service *s, error *e)
 {
-    s->q = instance_open_queue(s->state_dir, s->work_dir, s->adopt, e);
+    s->q = instance_check_open_queue(s->state_dir, s->work_dir, s->adopt, e);
     if (!s->q) return false;
     queue_reserve(s->q, s->settings.reserve_mb << 20);
     bound_results(s);
@@ -720,14 +720,14 @@ static bool init_page(service *s, error *e)
     (void)e;
     error why = {0};
     if (!s->settings.page) return true;
-    if (!(s->page = page_open(&why)))
+    if (!(s->page = web_page_open(&why)))
         log_write(LOG_LEVEL_INFO, "the web page is not served: %s", why.message);
     return true;
 }
 
 static void fini_page(service *s)
 {
-    page_close(s->page);
+    web_page_close(s->page);
 }
 
 static bool init_openapi(service *s, error *e)

@@ -14,7 +14,7 @@
 #include "service/database/backup_directory.h"
 #include "service/database/lock.h"
 #include "service/results/audit.h"
-#include "service/results/instance.h"
+#include "service/results/instance_check.h"
 #include "files/file.h"
 
 /* The socket of the systemd service. */
@@ -132,7 +132,7 @@ static bool check_whole(const char *path, error *e)
 static bool check_instance(const config *c, const char *path, error *e)
 {
     size_t length = 0;
-    char *file = mem_printf("%s/%s", *c->work_dir ? c->work_dir : c->state_dir, INSTANCE_FILE_NAME);
+    char *file = mem_printf("%s/%s", *c->work_dir ? c->work_dir : c->state_dir, INSTANCE_CHECK_FILE_NAME);
     char *own = store_file_read(file, ADDRESS_LIMIT, &length, NULL);
     char *copied = own ? backup_read_instance(path, e) : NULL;
     bool ok = !own || copied;

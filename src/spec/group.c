@@ -5,7 +5,7 @@
 
 #include "base/core/memory.h"
 #include "spec/rules.h"
-#include "spec/values.h"
+#include "spec/member_value.h"
 
 static const char *const surface_keys[] = {SPEC_SURFACE_LIST(WORDS_TEXT, )};
 
@@ -110,7 +110,7 @@ static void read_member(reading *r, const json_at *at, const spec_row *row, json
     else if (row->type == SPEC_TYPE_GROUPS)
         read_attributes(r, at, row, normal);
     else
-        values_read(r, at, row, normal);
+        member_value_read(r, at, row, normal);
 }
 
 void group_read_default(reading *r, const spec_row *row, const char *otherwise, json *normal)

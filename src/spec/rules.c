@@ -13,7 +13,7 @@
 #include "geometry/space/affine.h"
 #include "geometry/space/vec3.h"
 #include "spec/spec_table.h"
-#include "spec/surface.h"
+#include "spec/surface_spec.h"
 #include "spec/frame_values.h"
 
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
@@ -252,23 +252,23 @@ static void check_exr(reading *r, const json_at *at)
     spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
     json_at slices = json_member(at, "slices"), path = json_member(at, "path");
     int from = 0, step = 1;
-    if (!surface_parse_slices(x, &from, &step)) {
+    if (!surface_spec_parse_slices(x, &from, &step)) {
         reading_add_fault(
             r, &slices,
             "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
             "(given \"%s\")",
-            SURFACE_MOST_SLICES, x->slices);
+            SURFACE_SPEC_MOST_SLICES, x->slices);
         return;
     }
     r->slices += x->count;
     r->name_bytes += x->count * strlen(x->path);
-    if (r->slices > SURFACE_MOST_SLICES || r->name_bytes > SURFACE_MOST_NAME_BYTES)
+    if (r->slices > SURFACE_SPEC_MOST_SLICES || r->name_bytes > SURFACE_SPEC_MOST_NAME_BYTES)
         reading_add_fault(
             r, &slices,
             "the stacks of the spec have more than %d slices or file names of more than %d MiB: "
             "use fewer slices or shorter paths",
-            SURFACE_MOST_SLICES, SURFACE_MOST_NAME_BYTES >> 20);
-    else if (!surface_name_slices(x, from, step))
+            SURFACE_SPEC_MOST_SLICES, SURFACE_SPEC_MOST_NAME_BYTES >> 20);
+    else if (!surface_spec_name_slices(x, from, step))
         reading_add_fault(r, &path, "must contain one %s in place of the slice number", FRAMES_NOTATIONS);
 }
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/core/frames.h"
-#include "spec/surface.h"
+#include "spec/surface_spec.h"
 
 /* The up axis: y for assets of films and games, z for models of CAD and printing and for medical volumes. The first part
  * of a combination decides. */
@@ -38,8 +38,8 @@ bool spec_attribute_has_file(const spec_attribute *a)
 
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
-    if (surface_input_at(&s->surface, &index, out)) return true;
-    if (s->region_inside && surface_input_at(s->region_inside, &index, out)) return true;
+    if (surface_spec_input_at(&s->surface, &index, out)) return true;
+    if (s->region_inside && surface_spec_input_at(s->region_inside, &index, out)) return true;
     if (s->grid.path && index-- == 0) {
         *out = (spec_input){"/sampling/grid/path", s->grid.path, false};
         return true;
@@ -70,8 +70,8 @@ static void set_frame(char **path, int frame)
 
 void spec_set_frame(spec *s, int frame)
 {
-    surface_set_frame(&s->surface, frame);
-    if (s->region_inside) surface_set_frame(s->region_inside, frame);
+    surface_spec_set_frame(&s->surface, frame);
+    if (s->region_inside) surface_spec_set_frame(s->region_inside, frame);
     if (s->grid.path) set_frame(&s->grid.path, frame);
     if (s->attach) set_frame(&s->attach, frame);
     if (s->points.path) set_frame(&s->points.path, frame);
@@ -82,8 +82,8 @@ void spec_free(spec *s)
 {
     if (!s) return;
     free(s->name);
-    surface_free_parts(&s->surface);
-    if (s->region_inside) surface_free_parts(s->region_inside);
+    surface_spec_free_parts(&s->surface);
+    if (s->region_inside) surface_spec_free_parts(s->region_inside);
     free(s->region_inside);
     free(s->grid.path);
     free(s->attach);

@@ -15,7 +15,7 @@
 #include "mesh_fixture.h"
 #include "surface/levelset/levelset.h"
 #include "surface/levelset/mesh_repair.h"
-#include "surface/volume/resolution.h"
+#include "surface/volume/voxel_size.h"
 #include "geometry/space/triangle.h"
 #include "surface/levelset/winding_number.h"
 #include "volume_fixture.h"
@@ -817,27 +817,27 @@ static void voxels_follow_the_points(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 1}, 0);
-    resolution_request q = {.max_resolution = 4096, .memory_limit = (size_t)1 << 32, .point_bytes = 300};
-    assert_true(fabs(resolution_begin(&m, &q).voxel_size - 2.0 / 256) < 1e-12);
+    voxel_size_request q = {.max_resolution = 4096, .memory_limit = (size_t)1 << 32, .point_bytes = 300};
+    assert_true(fabs(voxel_size_begin(&m, &q).voxel_size - 2.0 / 256) < 1e-12);
     q.count = 1e6; /* 24 / 1e6 for each: spacings of 0.00526 */
-    resolution r = resolution_begin(&m, &q);
+    resolution r = voxel_size_begin(&m, &q);
     assert_true(fabs(r.voxel_size - 0.005264) < 1e-5);
     assert_string_equal(r.chosen_by, "spacing");
     assert_null(r.limited_by);
     q.max_resolution = 300;
-    r = resolution_begin(&m, &q);
+    r = voxel_size_begin(&m, &q);
     assert_true(fabs(r.voxel_size - 2.0 / 300) < 1e-12);
     assert_string_equal(r.limited_by, "max_resolution");
     q.max_resolution = 4096;
     q.memory_limit = (size_t)800 << 20; /* the points take a third of the limit */
-    r = resolution_begin(&m, &q);
+    r = voxel_size_begin(&m, &q);
     assert_true(r.voxel_size > 0.006 && r.voxel_size < 2.0 / 256);
     assert_string_equal(r.limited_by, "memory");
     q.resolution = 100;
-    r = resolution_begin(&m, &q);
+    r = voxel_size_begin(&m, &q);
     assert_true(fabs(r.voxel_size - 0.02) < 1e-12);
     assert_string_equal(r.chosen_by, "spec");
-    assert_false(resolution_refine(&r, &q, 0.001, 0.001));
+    assert_false(voxel_size_refine(&r, &q, 0.001, 0.001));
     mesh_free(&m);
 }
 

@@ -8,7 +8,7 @@
 
 #include "service/api/job_commands.h"
 #include "service/api/jobs.h"
-#include "service/api/results.h"
+#include "service/api/result_files.h"
 #include "service/api/routes.h"
 #include "service/api/status.h"
 
@@ -17,7 +17,7 @@ static void test_parameters(void **state)
     (void)state;
     route_match m;
     route_find(&api_routes, "GET", "/v1/jobs/abc/results/points.ply", &m);
-    assert_true(m.found->handler == results_send);
+    assert_true(m.found->handler == result_files_send);
     assert_string_equal(m.parameter[0], "abc");
     assert_string_equal(m.parameter[1], "points.ply");
     route_find(&api_routes, "POST", "/v1/jobs/abc/cancel", &m);

@@ -1,5 +1,5 @@
 /* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads (header.h). */
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -30,7 +30,7 @@ static const long most_files = 65536;
 typedef struct answer {
     header head;
     error_code code;
-    char *text; /* with room for HEADER_TEXT_MAX: the message, or the names of data files */
+    char *text; /* with room for VOLUME_HEADER_TEXT_MAX: the message, or the names of data files */
     size_t text_length;
 } answer;
 
@@ -51,7 +51,8 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 
 static bool add_name(answer *a, const char *name, size_t length)
 {
-    if (length == 0 || a->text_length + length + 1 >= HEADER_TEXT_MAX || a->head.file_count == most_files)
+    if (length == 0 || a->text_length + length + 1 >= VOLUME_HEADER_TEXT_MAX ||
+        a->head.file_count == most_files)
         return refuse(a, ERROR_INPUT_UNSUPPORTED, "lists more than %ld data files, or one without a name",
                       most_files);
     memcpy(a->text + a->text_length, name, length);
@@ -171,11 +172,11 @@ static bool type_of_nrrd(answer *a, int type)
 static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
 {
     if (io->encoding == nrrdEncodingRaw)
-        a->head.encoding = HEADER_RAW;
+        a->head.encoding = VOLUME_HEADER_RAW;
     else if (io->encoding == nrrdEncodingGzip)
-        a->head.encoding = HEADER_GZIP;
+        a->head.encoding = VOLUME_HEADER_GZIP;
     else if (io->encoding == nrrdEncodingAscii)
-        a->head.encoding = HEADER_ASCII;
+        a->head.encoding = VOLUME_HEADER_ASCII;
     else
         return refuse(
             a, ERROR_INPUT_UNSUPPORTED,
@@ -545,7 +546,7 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, co
     place_of_nifti(a, n);
     scale_of_nifti(a, n);
     a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
-    a->head.encoding = h->packed ? HEADER_GZIP : HEADER_RAW;
+    a->head.encoding = h->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;
     strcpy(a->head.format, "NIfTI");
     if (n->nifti_type == NIFTI_FTYPE_NIFTI1_1 || n->nifti_type == NIFTI_FTYPE_NIFTI2_1) {
         int64_t bytes = n->nbyper;
@@ -650,7 +651,7 @@ static bool read_file(answer *a, const char *name)
 __attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
 {
     answer a = {.head = {.slope = 1}};
-    if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(HEADER_TEXT_MAX))) return 2;
+    if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(VOLUME_HEADER_TEXT_MAX))) return 2;
     read_file(&a, argv[1]);
     const bool written = a.code == ERROR_NONE ? reader_answer(&a.head, sizeof a.head, a.text, a.text_length)
                                               : reader_refuse(a.code, a.text);

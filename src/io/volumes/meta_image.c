@@ -189,7 +189,7 @@ static void warn(const fields *f, header *out)
 /* HeaderSize counts from the beginning of the file that holds the data, and before they are unpacked. */
 static void place_data(const fields *f, int64_t after_header, bool local, header *out)
 {
-    out->encoding = !f->binary ? HEADER_ASCII : f->packed ? HEADER_GZIP : HEADER_RAW;
+    out->encoding = !f->binary ? VOLUME_HEADER_ASCII : f->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;
     out->swapped = f->big_endian != (__BYTE_ORDER == __BIG_ENDIAN);
     out->packed_bytes = f->packed ? (int64_t)f->packed_bytes : 0;
     out->offset = f->header_size > 0 ? (int64_t)f->header_size : local ? after_header : 0;

@@ -6,7 +6,7 @@
 
 #include <stdbool.h>
 
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 
 enum { META_IMAGE_NAME_SIZE = 512, META_IMAGE_FAULT_SIZE = 256 };
 

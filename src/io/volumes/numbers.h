@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 
 enum { NUMBERS_INEXACT_SIZE = 24 };
 

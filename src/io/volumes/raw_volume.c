@@ -11,7 +11,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/precision.h"
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 #include "io/volumes/inflated.h"
 #include "io/volumes/numbers.h"
 
@@ -119,7 +119,7 @@ static bool skip_lines(raw_volume *s, error *e)
 
 static void start_unpacking(raw_volume *s)
 {
-    if (s->head.encoding != HEADER_GZIP) return;
+    if (s->head.encoding != VOLUME_HEADER_GZIP) return;
     s->unpacked = inflated_new(s->data, s->offset);
     s->offset = 0;
 }
@@ -158,15 +158,15 @@ static bool check_length(const raw_volume *s, int64_t values, error *e)
     struct stat st;
     if (fstat(s->data, &st) != 0) return damaged(s, e, "the file cannot be read");
     int64_t have = st.st_size - s->offset, needed = values * size_of(&s->head);
-    if (s->head.encoding == HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
-    if (s->head.encoding == HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
-    if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
+    if (s->head.encoding == VOLUME_HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
+    if (s->head.encoding == VOLUME_HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
+    if (s->head.encoding == VOLUME_HEADER_GZIP) needed /= most_packed;
     if (have >= needed) return true;
     char text[200];
     snprintf(text, sizeof text,
              "the file has %lld bytes, but its header states %s%lld (%lld values): it is damaged "
              "or truncated. Copy or save it again.",
-             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
+             (long long)(have > 0 ? have : 0), s->head.encoding == VOLUME_HEADER_RAW ? "" : "at least ",
              (long long)needed, (long long)values);
     return damaged(s, e, text);
 }
@@ -272,8 +272,8 @@ static bool raw_volume_next(slices *base, double *values, error *e)
     for (int64_t wanted = s->head.size[0] * s->head.size[1] * base->components; wanted > 0;) {
         if (s->left == 0 && !open_data(s, s->at + 1, e)) return false;
         int64_t some = wanted < s->left ? wanted : s->left;
-        bool ok = s->head.encoding == HEADER_ASCII ? read_words(s, values, some, e)
-                                                   : read_numbers(s, values, some, e);
+        bool ok = s->head.encoding == VOLUME_HEADER_ASCII ? read_words(s, values, some, e)
+                                                          : read_numbers(s, values, some, e);
         if (!ok) return false;
         values += some;
         wanted -= some;
@@ -347,7 +347,7 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
 {
     raw_volume *s = mem_alloc(sizeof *s);
     *s = (raw_volume){.base = {.ops = &raw_volume_ops}, .path = path, .files = files, .fd = fd, .data = -1};
-    bool ok = header_read(fd, path, program, &s->head, &s->text, e);
+    bool ok = volume_header_read(fd, path, program, &s->head, &s->text, e);
     s->base.components = s->head.components > 1 ? (int)s->head.components : 1;
     if (!ok || !choose_volume(s, index, e) || !place_files(s, e) || !open_data(s, 0, e)) {
         raw_volume_close(&s->base);

@@ -9,8 +9,8 @@
 #include "io/volumes/slices.h"
 
 /* Opens a volume with one value per sample. `fd`, `path` and `files` remain the caller's and must outlive the
- * slices; `program` as in header_read. Data files that a header names are opened beside `path`. Errors: those of
- * header_read and of the opener. */
+ * slices; `program` as in volume_header_read. Data files that a header names are opened beside `path`. Errors: those of
+ * volume_header_read and of the opener. */
 slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
                         const slices_files *files, error *e);
 

@@ -16,7 +16,7 @@
 #include "base/core/error.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 #include "io/volumes/numbers.h"
 
 /* Standard descriptors, the file, and one more for what the libraries open for a moment. */

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
-#include "io/volumes/header.h"
+#include "io/volumes/volume_header.h"
 #include "io/volumes/slices.h"
 
 enum { ZARR_AXES_MOST = 8, ZARR_CODECS_MOST = 6, ZARR_PATH_SIZE = 1024 };

@@ -2,7 +2,7 @@
 
 #include "base/core/file_format.h"
 #include "job/attributes/corners.h"
-#include "job/attributes/dense.h"
+#include "job/attributes/dense_attributes.h"
 #include "job/attributes/grid.h"
 
 /* What reads a kind of file. */
@@ -15,7 +15,8 @@ typedef struct reader {
 /* Files of no other kind are meshes, whose reader says what they are. */
 static const reader *reader_of(const attribute_request *request)
 {
-    static const reader grids = {grid_find, grid_read}, volumes = {dense_find, dense_read},
+    static const reader grids = {grid_find, grid_read},
+                        volumes = {dense_attributes_find, dense_attributes_read},
                         meshes = {corners_find, corners_read};
     if (request->stack) return &volumes;
     const file_format_kind kind = file_formats[file_format_of_file(request->fd, request->path)].kind;

@@ -7,7 +7,7 @@
 #include "job/inspect/contents.h"
 #include "job/inspect/frame.h"
 #include "job/inspect/suggestion.h"
-#include "job/inspect/values.h"
+#include "job/inspect/value_statistics.h"
 #include "io/vdb/vdb.h"
 #include "surface/volume/grid_selection.h"
 
@@ -28,7 +28,7 @@ static void add_active(const vdb_grid *g, values *v, int64_t low[3], int64_t hig
                 if (index > high[k]) high[k] = index;
             }
             const double value = (double)g->leaf_values[leaf * VDB_LEAF_VOXELS + (size_t)i];
-            values_add(v, &value, 1);
+            value_statistics_add(v, &value, 1);
         }
     for (size_t t = 0; t < g->tile_count; t++) {
         const vdb_tile *tile = &g->tiles[t];
@@ -39,7 +39,7 @@ static void add_active(const vdb_grid *g, values *v, int64_t low[3], int64_t hig
             if (tile->origin[k] < low[k]) low[k] = tile->origin[k];
             if (tile->origin[k] + tile->side - 1 > high[k]) high[k] = tile->origin[k] + tile->side - 1;
         }
-        for (int64_t k = 0; k < leaves && k < MOST_OF_A_TILE; k++) values_add(v, &value, 1);
+        for (int64_t k = 0; k < leaves && k < MOST_OF_A_TILE; k++) value_statistics_add(v, &value, 1);
     }
 }
 
@@ -57,13 +57,13 @@ static bool suggest(const contents_input *in, const char *name, const vdb_grid *
                     json *suggestions, error *e)
 {
     const double voxels = (double)g->leaf_count * VDB_LEAF_VOXELS;
-    double at[VALUES_CANDIDATES];
+    double at[VALUE_STATISTICS_CANDIDATES];
     if (g->grid_class == VDB_LEVEL_SET)
         return suggestion_append(suggestions, surface_of(in, name, NULL), voxels, in->options, e);
     /* where voxels end and the background begins there is a surface, too */
     const double background = (double)g->background;
-    values_add(v, &background, 1);
-    size_t count = values_candidates(v, at);
+    value_statistics_add(v, &background, 1);
+    size_t count = value_statistics_candidates(v, at);
     for (size_t k = 0; k < count; k++)
         if (!suggestion_append(suggestions, surface_of(in, name, &at[k]), voxels, in->options, e))
             return false;
@@ -81,15 +81,15 @@ static bool describe_grid(const contents_input *in, size_t index, const char *na
         json_put_string(told, "message", fault.message);
         return true;
     }
-    values v = values_begin();
+    values v = value_statistics_begin();
     int64_t low[3] = {INT64_MAX, INT64_MAX, INT64_MAX}, high[3] = {INT64_MIN, INT64_MIN, INT64_MIN};
     add_active(g, &v, low, high);
     json_put_integer(o, "active_voxels", (int64_t)g->active_voxels);
     json_put_number(o, "background", (double)g->background);
     frame_describe(g->index_to_world, low, high, o);
-    values_describe(&v, o);
+    value_statistics_describe(&v, o);
     bool ok = suggest(in, name, g, &v, suggestions, e);
-    values_free(&v);
+    value_statistics_free(&v);
     vdb_grid_free(g);
     return ok;
 }

@@ -9,7 +9,7 @@
 #include "io/volumes/exr_stack.h"
 #include "io/volumes/volume_file.h"
 #include "job/inspect/contents.h"
-#include "job/inspect/dense.h"
+#include "job/inspect/dense_inspection.h"
 #include "files/root.h"
 
 /* Slices that a spec may have; and channels of a stack whose values are read. */
@@ -78,7 +78,7 @@ static stack find_stack(const contents_input *in)
 static bool describe_channel(const contents_input *in, const stack *of, const char *part, const char *channel,
                              json *inspection, error *e)
 {
-    const slices_files files = {dense_open_beside, (void *)in};
+    const slices_files files = {dense_inspection_open_beside, (void *)in};
     const exr_stack_params params = {.count = of->count,
                                      .paths = (const char *const *)of->paths,
                                      .numbers = of->numbers,
@@ -101,7 +101,7 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
     json *volume = json_append_object(json_find(inspection, "/stacks"));
     json_put_string(volume, "part", part);
     json_put_string(volume, "channel", channel);
-    bool ok = dense_describe(in, s, "exr", exr, volume, json_find(inspection, "/suggestions"), e);
+    bool ok = dense_inspection_describe(in, s, "exr", exr, volume, json_find(inspection, "/suggestions"), e);
     json_free(exr);
     s->ops->close(s);
     return ok;
@@ -110,7 +110,7 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
 /* A TIFF image of one page, with those beside it. */
 static bool describe_pages(const contents_input *in, const stack *of, json *inspection, error *e)
 {
-    const slices_files files = {dense_open_beside, (void *)in};
+    const slices_files files = {dense_inspection_open_beside, (void *)in};
     const exr_stack_params params = {.count = of->count,
                                      .paths = (const char *const *)of->paths,
                                      .numbers = of->numbers,
@@ -125,7 +125,7 @@ static bool describe_pages(const contents_input *in, const stack *of, json *insp
     json_put_string(file, "slices", range);
     free(range);
     json_put_integer(inspection, "images", (int64_t)of->count);
-    const bool ok = dense_describe_volume(in, s, file, inspection, e);
+    const bool ok = dense_inspection_describe_volume(in, s, file, inspection, e);
     json_free(file);
     s->ops->close(s);
     return ok;
@@ -133,9 +133,9 @@ static bool describe_pages(const contents_input *in, const stack *of, json *insp
 
 bool contents_read_tiff(const contents_input *in, json *inspection, error *e)
 {
-    const slices_files files = {dense_open_beside, (void *)in};
+    const slices_files files = {dense_inspection_open_beside, (void *)in};
     error fault = {0};
-    slices *s = dense_open(in, &files, &fault);
+    slices *s = dense_inspection_open(in, &files, &fault);
     if (s) {
         s->ops->close(s);
         return contents_read_dense(in, inspection, e);
@@ -167,7 +167,7 @@ static void describe_line(char *line, json *channels, const char **part, const c
 
 bool contents_read_exr(const contents_input *in, json *inspection, error *e)
 {
-    const slices_files files = {dense_open_beside, (void *)in};
+    const slices_files files = {dense_inspection_open_beside, (void *)in};
     const exr_stack_params own = {.count = 1,
                                   .paths = &in->path,
                                   .numbers = &(int){0},

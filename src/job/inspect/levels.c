@@ -7,7 +7,7 @@
 #include "io/volumes/volume_file.h"
 #include "io/volumes/zarr_metadata.h"
 #include "job/inspect/contents.h"
-#include "job/inspect/dense.h"
+#include "job/inspect/dense_inspection.h"
 #include "files/tree.h"
 
 /* The finest level of at most this number of voxels is read; and chunks of it at most. */
@@ -76,7 +76,7 @@ bool contents_read_zarr(const contents_input *in, json *inspection, error *e)
         json *file = json_new_object();
         json_put_string(file, "path", in->path);
         if (is_ome) json_put_integer(file, "level", level);
-        ok = dense_describe_volume(in, s, file, inspection, &fault);
+        ok = dense_inspection_describe_volume(in, s, file, inspection, &fault);
         json_free(file);
         s->ops->close(s);
     }

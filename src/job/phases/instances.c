@@ -6,7 +6,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "io/points/orientation.h"
+#include "io/points/quaternion.h"
 #include "io/points/property.h"
 
 /* NULL: the spec names no attribute, or the points have no such one. */
@@ -47,7 +47,7 @@ static double twist_of(const spec *s, const points *set, const point_attribute *
 {
     if (a && a->components == 1) return a->values[i];
     if (a)
-        return orientation_twist_along(
+        return quaternion_twist_along(
             set->normal[i], vec3_make(a->values[3 * i], a->values[3 * i + 1], a->values[3 * i + 2]));
     return s->orient.has_seed ? random_angle(s->orient.seed, set->id ? set->id[i] : i) : 0;
 }
@@ -69,7 +69,7 @@ bool instances_make(const spec *s, const points *set, instances *out, error *e)
     out->orient = mem_array(set->count, 4 * sizeof *out->orient, what, e);
     if (!out->orient) return false;
     for (size_t i = 0; i < set->count; i++)
-        orientation_of_normal(set->normal[i], twist_of(s, set, twist, i), out->orient + 4 * i);
+        quaternion_of_normal(set->normal[i], twist_of(s, set, twist, i), out->orient + 4 * i);
     if (!s->has_instancer) return true;
     out->scale = mem_array(set->count, 3 * sizeof *out->scale, what, e);
     if (!out->scale) return false;

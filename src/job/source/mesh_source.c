@@ -10,7 +10,7 @@
 #include "job/source/mesh_clip.h"
 #include "surface/levelset/fidelity.h"
 #include "surface/triangles/mesh_orientation.h"
-#include "surface/volume/resolution.h"
+#include "surface/volume/voxel_size.h"
 #include "geometry/mesh/flat_triangles.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "io/meshes/mesh_file.h"
@@ -37,7 +37,7 @@ static const double most_hidden = 0.01, shown_hidden = 0.001;
 /* The spacing of the requested points; 0: unknown before features are computed. */
 static double spacing_of(const mesh_source_request *r, double area)
 {
-    const resolution_request *q = &r->as_volume.resolution;
+    const voxel_size_request *q = &r->as_volume.resolution;
     return q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(area, q->count) : 0;
 }
 
@@ -65,7 +65,7 @@ static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, m
 {
     static const double surely = 5; /* times: a share that is estimated from a thousand places */
     double thin;
-    if (!fidelity_thin(m, resolution_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
+    if (!fidelity_thin(m, voxel_size_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
     *out = thin > surely * most_missing;
     if (*out) mesh_note(notes, "the mesh is thinner than the smallest voxel: it is sampled on its triangles");
     return true;

@@ -49,7 +49,7 @@ struct http_context {
     pthread_mutex_t *frame_checks;  /* held while the values of frames are checked: one check at a time */
     atomic_bool *copying;           /* true while a backup is made; the handler of backups changes it */
     document_cache *documents;      /* NULL: documents are not cached */
-    const struct page *page;        /* service/api/page.h; NULL: no page is served */
+    const struct page *page;        /* service/api/web_page.h; NULL: no page is served */
     const struct openapi *openapi;  /* service/api/openapi.h */
     double session_s;               /* length of a session, in seconds */
 };

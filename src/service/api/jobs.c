@@ -10,7 +10,7 @@
 
 #include "service/api/document_cache.h"
 #include "service/api/files.h"
-#include "service/api/inputs.h"
+#include "service/api/uploads.h"
 #include "service/api/job_json.h"
 #include "service/api/job_lookup.h"
 #include "service/api/parameters.h"
@@ -228,7 +228,7 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
-        bool good = inputs_check(c, caller, path, &e);
+        bool good = uploads_check(c, caller, path, &e);
         free(path);
         if (good) continue;
         refuse_member(o, input.pointer, &e, r);

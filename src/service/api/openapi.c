@@ -10,7 +10,7 @@
 #include "service/api/parameters.h"
 #include "service/api/routes.h"
 #include "base/core/memory.h"
-#include "spec/schema.h"
+#include "spec/json_schema.h"
 
 #define STREAM_PROSE                                                                                          \
     "Server-Sent Events. `id` is the number of the event, `event` its type, `data` an Event. A stream of all" \
@@ -232,10 +232,10 @@ static void put_schemas(json *components, json *schemas)
         json_put(schemas, schema.key, json_copy(schema.node));
     }
     json_free(document);
-    json_put(schemas, "JobSpec", schema_new(SCHEMA_SENT));
-    json_put(schemas, "Surface", schema_new_member("/surface", SCHEMA_SENT));
-    json_put(schemas, "AnsweredSpec", schema_new(SCHEMA_ANSWERED));
-    json_put(schemas, "AnsweredSurface", schema_new_member("/surface", SCHEMA_ANSWERED));
+    json_put(schemas, "JobSpec", json_schema_new(JSON_SCHEMA_SENT));
+    json_put(schemas, "Surface", json_schema_new_member("/surface", JSON_SCHEMA_SENT));
+    json_put(schemas, "AnsweredSpec", json_schema_new(JSON_SCHEMA_ANSWERED));
+    json_put(schemas, "AnsweredSurface", json_schema_new_member("/surface", JSON_SCHEMA_ANSWERED));
     json_put(components, "examples", json_parse(answer_examples, sizeof answer_examples, NULL));
 }
 
@@ -265,7 +265,8 @@ static void put_patch(json *schemas)
     json *properties = json_put_object(patch, "properties");
     for (size_t i = 0; job_commands_patch_members[i]; i++) {
         char *pointer = mem_printf("/queue/%s", job_commands_patch_members[i]);
-        json_put(properties, job_commands_patch_members[i], schema_new_member(pointer, SCHEMA_SENT));
+        json_put(properties, job_commands_patch_members[i],
+                 json_schema_new_member(pointer, JSON_SCHEMA_SENT));
         free(pointer);
     }
 }
@@ -357,7 +358,7 @@ static constant_document print(json *document)
 openapi *openapi_new(void)
 {
     openapi *o = mem_alloc(sizeof *o);
-    *o = (openapi){print(describe()), print(schema_new(SCHEMA_ALONE))};
+    *o = (openapi){print(describe()), print(json_schema_new(JSON_SCHEMA_ALONE))};
     return o;
 }
 

@@ -1,18 +1,18 @@
 #include "service/api/routes.h"
 
-#include "service/api/backup.h"
-#include "service/api/contact_sheet.h"
+#include "service/api/backup_download.h"
+#include "service/api/job_picture.h"
 #include "service/api/events.h"
 #include "service/api/files.h"
-#include "service/api/inputs.h"
+#include "service/api/uploads.h"
 #include "service/api/job_commands.h"
 #include "service/api/jobs.h"
 #include "service/api/metrics.h"
 #include "service/api/openapi.h"
-#include "service/api/page.h"
+#include "service/api/web_page.h"
 #include "service/api/parameters.h"
-#include "service/api/results.h"
-#include "service/api/session.h"
+#include "service/api/result_files.h"
+#include "service/api/sign_in.h"
 #include "service/api/status.h"
 #include "service/api/tasks.h"
 
@@ -227,7 +227,7 @@ static const route routes[] = {
      .problems = "not_found"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/results",
-     .handler = results_list,
+     .handler = result_files_list,
      .scope = SCOPE_READ,
      .runs_in = ROUTE_POOL,
      .name = "listResults",
@@ -238,7 +238,7 @@ static const route routes[] = {
      .problems = "not_found conflict"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/results/{name}",
-     .handler = results_send,
+     .handler = result_files_send,
      .scope = SCOPE_READ,
      .runs_in = ROUTE_POOL,
      .name = "getResult",
@@ -250,7 +250,7 @@ static const route routes[] = {
      .problems = "not_found conflict range_not_satisfiable"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/thumbnail.png",
-     .handler = results_send_thumbnail,
+     .handler = result_files_send_thumbnail,
      .scope = SCOPE_READ,
      .runs_in = ROUTE_PICTURE_POOL,
      .name = "getThumbnail",
@@ -264,7 +264,7 @@ static const route routes[] = {
      .problems = "not_found conflict input_damaged not_supported"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/contact_sheet.png",
-     .handler = contact_sheet_send,
+     .handler = job_picture_send,
      .scope = SCOPE_READ,
      .runs_in = ROUTE_PICTURE_POOL,
      .name = "getContactSheet",
@@ -294,9 +294,9 @@ static const route routes[] = {
      .answers = "200:Workers"},
     {.method = "PUT",
      .pattern = "/v1/inputs/{sha256}",
-     .handler = inputs_put,
+     .handler = uploads_put,
      .scope = SCOPE_SUBMIT,
-     .opener = inputs_begin,
+     .opener = uploads_begin,
      .runs_in = ROUTE_POOL,
      .name = "putInput",
      .tag = "inputs",
@@ -306,7 +306,7 @@ static const route routes[] = {
      .problems = "body_too_large media_type_unsupported digest_mismatch storage_full"},
     {.method = "POST",
      .pattern = "/v1/inputs:inspect",
-     .handler = inputs_inspect,
+     .handler = uploads_inspect,
      .scope = SCOPE_SUBMIT,
      .runs_in = ROUTE_POOL,
      .name = "inspectInput",
@@ -320,7 +320,7 @@ static const route routes[] = {
          " input_unsupported no_surface"},
     {.method = "GET",
      .pattern = "/v1/inputs/{sha256}",
-     .handler = inputs_show,
+     .handler = uploads_show,
      .scope = SCOPE_READ,
      .runs_in = ROUTE_POOL,
      .name = "getInput",
@@ -330,7 +330,7 @@ static const route routes[] = {
      .problems = "not_found"},
     {.method = "DELETE",
      .pattern = "/v1/inputs/{sha256}",
-     .handler = inputs_delete,
+     .handler = uploads_delete,
      .scope = SCOPE_ADMIN,
      .runs_in = ROUTE_POOL,
      .name = "deleteInput",
@@ -387,7 +387,7 @@ static const route routes[] = {
      .answers = "200:Hold"},
     {.method = "GET",
      .pattern = "/v1/backup",
-     .handler = backup_send,
+     .handler = backup_download_send,
      .scope = SCOPE_ADMIN,
      .runs_in = ROUTE_POOL,
      .name = "getBackup",
@@ -397,7 +397,7 @@ static const route routes[] = {
      .problems = "database_damaged storage_full"},
     {.method = "POST",
      .pattern = "/v1/session",
-     .handler = session_sign_in,
+     .handler = sign_in_begin,
      .runs_in = ROUTE_POOL,
      .name = "signIn",
      .tag = "page",
@@ -408,7 +408,7 @@ static const route routes[] = {
      .problems = "json_invalid body_too_large media_type_unsupported unauthorized not_found"},
     {.method = "GET",
      .pattern = "/v1/session",
-     .handler = session_show,
+     .handler = sign_in_show,
      .runs_in = ROUTE_SERVING_THREAD,
      .name = "getSession",
      .tag = "page",
@@ -416,7 +416,7 @@ static const route routes[] = {
      .answers = "200:Session"},
     {.method = "DELETE",
      .pattern = "/v1/session",
-     .handler = session_sign_out,
+     .handler = sign_in_end,
      .runs_in = ROUTE_SERVING_THREAD,
      .name = "signOut",
      .tag = "page",
@@ -424,7 +424,7 @@ static const route routes[] = {
      .answers = "204:-"},
     {.method = "GET",
      .pattern = "/",
-     .handler = page_show,
+     .handler = web_page_show,
      .runs_in = ROUTE_SERVING_THREAD,
      .name = "getPage",
      .tag = "page",
@@ -434,7 +434,7 @@ static const route routes[] = {
      .problems = "not_found"},
     {.method = "GET",
      .pattern = "/page/{name}",
-     .handler = page_send_file,
+     .handler = web_page_send_file,
      .runs_in = ROUTE_SERVING_THREAD,
      .name = "getPageFile",
      .tag = "page",

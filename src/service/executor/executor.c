@@ -24,7 +24,7 @@
 #include "service/executor/settlement.h"
 #include "service/executor/slot.h"
 #include "service/executor/storage.h"
-#include "service/results/instance.h"
+#include "service/results/instance_check.h"
 #include "service/results/inventory.h"
 #include "service/results/kept_result.h"
 #include "service/results/output_cleanup.h"
@@ -509,7 +509,7 @@ static bool recover(executor *x, error *e)
     if (!settlement_recover(&x->place, restarted, x->settings.engine->resume ? keep_running : NULL, x, e) ||
         !own_report_correct_all(x->q, x->work_dir, e) ||
         !inventory_take(x->q, x->work_dir, x->settings.adopt, e) ||
-        !instance_join(x->q, x->work_dir, boot_id, e) || !queue_get_instance(x->q, &last, &found, e))
+        !instance_check_join(x->q, x->work_dir, boot_id, e) || !queue_get_instance(x->q, &last, &found, e))
         return false;
     snprintf(x->instance, sizeof x->instance, "%s", last.id);
     return true;

@@ -62,7 +62,7 @@ typedef struct executor_settings {
 } executor_settings;
 
 /* Settles tasks that a crash left, compares results/ and attempts/ with the queue (service/results/inventory), gives both the
- * same instance id (service/results/instance), and adds the tasks that look after results to the runner. Copies the
+ * same instance id (service/results/instance_check), and adds the tasks that look after results to the runner. Copies the
  * settings. The queue must outlive the executor. */
 executor *executor_open(const executor_settings *settings, queue *q, runner *to, error *e);
 /* After executor_stop, if the supervisor was started, and runner_stop. Accepts NULL. */

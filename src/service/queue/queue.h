@@ -87,7 +87,7 @@ struct database *queue_database(queue *q);
  * reserved, a warning is logged. */
 void queue_reserve(queue *q, int64_t bytes);
 
-/* The service instance that owns the database (service/results/instance.h), and the boot of the host in which the daemon last
+/* The service instance that owns the database (service/results/instance_check.h), and the boot of the host in which the daemon last
  * ran. */
 typedef struct queue_instance {
     char id[ULID_SIZE]; /* "": the database comes from a version without instance ids */

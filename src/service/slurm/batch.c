@@ -4,7 +4,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/memory.h"
-#include "service/slurm/place.h"
+#include "service/slurm/engine_data.h"
 
 slurm_batch *slurm_batch_find(slurm *s, const char *name)
 {

@@ -7,8 +7,8 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "service/slurm/command.h"
-#include "service/slurm/place.h"
+#include "service/slurm/program_call.h"
+#include "service/slurm/engine_data.h"
 
 /* The pause after a call of squeue in units of its duration: squeue then runs at most a quarter of the time. */
 #define PAUSE_TIMES 3
@@ -104,32 +104,32 @@ static size_t cancel_some(const slurm *s, char *const *doomed, size_t count)
     const char *arguments[CANCEL_MOST + 4] = {"scancel", "--quiet"};
     size_t length = strcspn(doomed[0], " ") + 1, i = 0;
     char *name = mem_printf("--name=%.*s", (int)length - 1, doomed[0]);
-    command_result said = {0};
+    program_call_result said = {0};
     error e = {0};
     arguments[2] = name;
     for (; i < count && i < CANCEL_MOST && strncmp(doomed[i], doomed[0], length) == 0; i++)
         arguments[i + 3] = doomed[i] + length;
-    bool ok = command_run(arguments, NULL, s->settings.command_s, &said, &e);
+    bool ok = program_call_run(arguments, NULL, s->settings.command_s, &said, &e);
     log_write(LOG_LEVEL_DEBUG, "slurm: scancel %s tasks=%zu%s%s", name, i, ok ? "" : ": ", e.message);
-    if (ok) command_clear(&said);
+    if (ok) program_call_clear(&said);
     free(name);
     return i;
 }
 
-static bool ask(const slurm *s, command_result *said)
+static bool ask(const slurm *s, program_call_result *said)
 {
     error e = {0};
     char *user = mem_printf("--user=%ld", (long)geteuid());
     const char *arguments[] = {
         "squeue", "--noheader", "--array", "--all", "--states=all", user, "--format=%F|%K|%j|%T|%N|%r", NULL};
-    bool ok = command_run(arguments, NULL, s->settings.command_s, said, &e);
+    bool ok = program_call_run(arguments, NULL, s->settings.command_s, said, &e);
     free(user);
     if (ok && said->status == 0) return true;
     log_write(s->away ? LOG_LEVEL_DEBUG : LOG_LEVEL_WARNING,
               "slurm: squeue does not answer; attempts keep their state until it does: %.*s",
               ok ? (int)strcspn(said->complaint, "\n") : (int)strlen(e.message),
               ok ? said->complaint : e.message);
-    if (ok) command_clear(said);
+    if (ok) program_call_clear(said);
     return false;
 }
 
@@ -146,7 +146,7 @@ static void take_listing(slurm *s, char *text, listing *l)
 
 void slurm_list(slurm *s)
 {
-    command_result said = {0};
+    program_call_result said = {0};
     listing l = {0};
     int64_t began_ms = clock_monotonic_ms();
     bool answered = ask(s, &said);
@@ -154,7 +154,7 @@ void slurm_list(slurm *s)
     if (answered) take_listing(s, said.output, &l);
     s->away = !answered;
     pthread_mutex_unlock(&s->mutex);
-    command_clear(&said);
+    program_call_clear(&said);
     for (size_t i = 0; i < l.doomed.count;) i += cancel_some(s, l.doomed.name + i, l.doomed.count - i);
     attempt_files_clear_names(&l.doomed);
     int64_t pause_ms = (int64_t)(s->settings.interval_s * 1000), took_ms = clock_monotonic_ms() - began_ms;

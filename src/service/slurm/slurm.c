@@ -10,7 +10,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "base/json/json.h"
-#include "service/slurm/place.h"
+#include "service/slurm/engine_data.h"
 #include "files/file.h"
 
 /* Interval, in ms, between two inspections of the files of the attempts. */

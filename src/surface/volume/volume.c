@@ -566,15 +566,15 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
 static volume *open_mesh(const volume_mesh_request *r, const mesh *whole, resolution *choice, fidelity *f,
                          error *e)
 {
-    *choice = resolution_begin(whole, &r->resolution);
+    *choice = voxel_size_begin(whole, &r->resolution);
     volume *v = try_mesh(r, choice, whole, f, e);
     const double enough = choice->voxel_size;
     if ((v || e->code == ERROR_NO_SURFACE) && f->area > 0 &&
-        resolution_refine(choice, &r->resolution, f->thin_voxel, f->worth_voxel)) {
+        voxel_size_refine(choice, &r->resolution, f->thin_voxel, f->worth_voxel)) {
         volume_close(v);
         while (!(v = try_mesh(r, choice, whole, f, e)) && e->code == ERROR_LIMIT_MEMORY &&
                choice->voxel_size < enough)
-            resolution_coarsen(choice, enough);
+            voxel_size_coarsen(choice, enough);
     }
     if (!v && e->code == ERROR_NO_SURFACE && f->thin_voxel > 0 && f->thin_voxel < choice->voxel_size)
         error_set(e, ERROR_NO_SURFACE,

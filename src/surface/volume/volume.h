@@ -22,7 +22,7 @@
 #include "geometry/mesh/mesh.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "surface/levelset/mesh_faces.h"
-#include "surface/volume/resolution.h"
+#include "surface/volume/voxel_size.h"
 
 typedef struct volume volume;
 
@@ -49,7 +49,7 @@ typedef struct volume_request {
 
 typedef struct volume_mesh_request {
     const char *path;              /* for messages */
-    resolution_request resolution; /* memory_limit includes the reader process */
+    voxel_size_request resolution; /* memory_limit includes the reader process */
     int band_vox;                  /* half-width of the band of distances, voxels */
     double weld;                   /* as in levelset_params */
     const mesh_edges *edges;       /* as in levelset_params, for a mesh that was read before */

@@ -1,9 +1,0 @@
-/* backup: the handler that sends a copy of the database. While a copy is being made, further requests are refused. */
-#ifndef HEXAD_SERVICE_API_BACKUP_H
-#define HEXAD_SERVICE_API_BACKUP_H
-
-#include "service/api/context.h"
-
-http_handler backup_send;
-
-#endif

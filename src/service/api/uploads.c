@@ -1,0 +1,269 @@
+#include "service/api/uploads.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/core/log.h"
+#include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+
+typedef struct upload {
+    http_sink sink;     /* first member: the server passes its address */
+    store_upload *file; /* NULL: the file exists and the caller may use it; the received bytes are ignored */
+    store_upload_outcome outcome;
+    error why;
+} upload;
+
+static void refuse(const http_context *c, const char *user, store_upload_outcome outcome, const error *why,
+                   reply *r)
+{
+    store_inputs_space uploads;
+    executor_space disk;
+    switch (outcome) {
+    case STORE_UPLOAD_GOOD:
+        break;
+    case STORE_UPLOAD_TOO_LARGE:
+        reply_set_problem(r, "body_too_large", NULL,
+                          "the file exceeds the size of an upload (setting upload_limit_bytes): "
+                          "reduce it, or put it below an input root");
+        break;
+    case STORE_UPLOAD_ALL_FULL:
+        uploads = store_inputs_get_space(c->inputs);
+        reply_set_problem(r, "storage_full", NULL,
+                          "the file does not fit: all uploads have %lld of %lld bytes (setting "
+                          "upload_total_bytes). Delete uploads that are not needed; unused ones expire after "
+                          "inputs_keep_s.",
+                          (long long)uploads.used_bytes, (long long)uploads.limit_bytes);
+        break;
+    case STORE_UPLOAD_DISK_FULL:
+        executor_note_failed_write(c->x);
+        disk = executor_get_space(c->x);
+        reply_set_problem(
+            r, "storage_full", NULL,
+            "the file does not fit: %lld MiB are free on the disk of %s. Delete uploads and jobs that "
+            "are not needed, or free space on this disk.",
+            (long long)disk.free_bytes >> 20, disk.directory);
+        break;
+    case STORE_UPLOAD_USER_FULL:
+        reply_set_refusal(r, ledger_explain(c->counts, LEDGER_UPLOAD_BYTES, LEDGER_HOLDER_FULL, user));
+        break;
+    case STORE_UPLOAD_TOO_MANY:
+        reply_set_refusal(r, ledger_explain(c->counts, LEDGER_UPLOADS, LEDGER_HOLDER_FULL, user));
+        break;
+    case STORE_UPLOAD_MISMATCH:
+        reply_set_problem(
+            r, "digest_mismatch", NULL,
+            "the SHA-256 of the received bytes differs from the one in the path: send the file again");
+        break;
+    case STORE_UPLOAD_FAILED:
+        executor_note_failed_write(c->x);
+        reply_set_error(r, why, NULL);
+        break;
+    }
+}
+
+/* Returns the hash in the path. If it is malformed, sets a problem and returns NULL. */
+static const char *read_hash(const http_request *request, reply *r)
+{
+    const char *hex = request->parameter[0];
+    if (sent_file_is_hash(hex)) return hex;
+    reply_set_problem(r, "request_invalid", NULL,
+                      "%.100s is not a SHA-256: use 64 hexadecimal digits in lower case", hex);
+    return NULL;
+}
+
+static void show(const char *hex, int64_t bytes, int status, reply *r)
+{
+    json *document = json_new_object();
+    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex);
+    json_put_string(document, "sha256", hex);
+    json_put_integer(document, "bytes", bytes);
+    json_put_string(document, "path", path);
+    free(path);
+    reply_set_json(r, status, document);
+}
+
+static void open_upload(http_sink *sink)
+{
+    upload *u = (upload *)(void *)sink;
+    if (u->file) u->outcome = store_upload_open(u->file, &u->why);
+}
+
+static void take(http_sink *sink, const char *bytes, size_t count)
+{
+    upload *u = (upload *)(void *)sink;
+    if (u->file) u->outcome = store_upload_write(u->file, bytes, count, &u->why);
+}
+
+/* Removes an unfinished upload, and counts it no longer. */
+static void end(upload *u)
+{
+    store_upload_end(u->file);
+    u->file = NULL;
+}
+
+static void drop(http_sink *sink)
+{
+    upload *u = (upload *)(void *)sink;
+    end(u);
+    free(u);
+}
+
+bool uploads_may_use(const http_context *c, const access_caller *caller, const char *hex)
+{
+    return c->share_inputs || caller->scopes & SCOPE_ADMIN ||
+           store_inputs_was_sent_by(c->inputs, hex, caller->user);
+}
+
+bool uploads_check(const http_context *c, const access_caller *caller, const char *path, error *e)
+{
+    char name[STORE_INPUT_NAME_SIZE];
+    bool sent = sent_file_match(path, name);
+    const char *hex = name + strlen(STORE_INPUT_PREFIX);
+    /* first count a use, so that the file is not removed before it is opened */
+    if (sent && (!uploads_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
+        return error_set(e, ERROR_INPUT_MISSING,
+                         "%s: the file was not uploaded by this user, or has expired: send it with hexadctl "
+                         "upload",
+                         path);
+    bool is_directory; /* of an image of many files; whatever else is named by it is refused by the worker */
+    int fd = store_open_place(c->roots, path, &is_directory, e);
+    if (fd >= 0) close(fd);
+    return fd >= 0;
+}
+
+http_sink *uploads_begin(const http_context *c, const http_request *request, reply *r)
+{
+    store_upload *file = NULL;
+    const char *hex = read_hash(request, r);
+    if (!hex) return NULL;
+    error e = {0};
+    if (!queue_has_place(c->q, &e)) {
+        reply_set_error(r, &e, NULL);
+        return NULL;
+    }
+    int64_t there = uploads_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
+    if (there >= 0 && request->waits) { /* the client has not sent the body yet: answer without it */
+        show(hex, there, 200, r);
+        return NULL;
+    }
+    if (there < 0) {
+        store_upload_outcome outcome =
+            store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file);
+        if (outcome != STORE_UPLOAD_GOOD) {
+            refuse(c, request->caller->user, outcome, NULL, r);
+            return NULL;
+        }
+    }
+    upload *u = mem_alloc(sizeof *u);
+    *u = (upload){.sink = {open_upload, take, drop}, .file = file};
+    return &u->sink;
+}
+
+void uploads_put(const http_context *c, const http_request *request, reply *r)
+{
+    upload *u = (upload *)(void *)request->sink;
+    const char *hex = request->parameter[0];
+    bool sent = u->file != NULL;
+    if (sent && u->outcome == STORE_UPLOAD_GOOD)
+        u->outcome =
+            queue_has_place(c->q, &u->why) ? store_upload_commit(u->file, &u->why) : STORE_UPLOAD_FAILED;
+    if (sent && u->outcome == STORE_UPLOAD_GOOD &&
+        !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
+        u->outcome = STORE_UPLOAD_FAILED;
+    end(u); /* before the answer, after which the client may begin the next upload */
+    if (u->outcome != STORE_UPLOAD_GOOD) {
+        refuse(c, request->caller->user, u->outcome, &u->why, r);
+        return;
+    }
+    show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
+    if (!sent) return;
+    log_write(LOG_LEVEL_INFO, "input stored sha256=%s user=%s", hex, request->caller->user);
+    char *location = mem_printf("/v1/inputs/%s", hex);
+    reply_add_header(r, "Location", location);
+    free(location);
+}
+
+void uploads_show(const http_context *c, const http_request *request, reply *r)
+{
+    const char *hex = read_hash(request, r);
+    if (!hex) return;
+    int64_t bytes = uploads_may_use(c, request->caller, hex) ? store_inputs_find(c->inputs, hex) : -1;
+    if (bytes >= 0)
+        show(hex, bytes, 200, r);
+    else
+        reply_set_problem(r, "not_found", NULL,
+                          "the input %s was not uploaded by this user, or has expired: send it with hexadctl "
+                          "upload",
+                          hex);
+}
+
+void uploads_delete(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    bool found = false;
+    const char *hex = read_hash(request, r);
+    if (!hex) return;
+    if (!queue_has_place(c->q, &e) || !store_inputs_remove(c->inputs, hex, &found, &e))
+        reply_set_error(r, &e, NULL);
+    else if (!found)
+        reply_set_problem(r, "not_found", NULL, "the input %s does not exist", hex);
+    else
+        reply_set_empty(r, 204);
+}
+
+/* Runs a worker that inspects a file, and answers with its result. uploads_check must have accepted the path. */
+static void inspect(const http_context *c, const char *path, reply *r)
+{
+    error e = {0};
+    int threads = 0;
+    int64_t memory_mb = 0;
+    char name[STORE_INPUT_NAME_SIZE], *found = NULL;
+    const char *sent = name;
+    size_t sent_count = sent_file_match(path, name);
+    if (!executor_size(c->x, &threads, &memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    json *asked = json_new_object();
+    json_put_string(asked, "path", path);
+    char *text = json_print(asked);
+    estimator_outcome outcome = estimator_run(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
+                                              QUEUE_NO_FRAME, threads, memory_mb, 0, &found, &e);
+    if (outcome == ESTIMATOR_MADE)
+        reply_set_text(r, "application/json", found);
+    else if (outcome == ESTIMATOR_FAULT)
+        reply_set_error(r, &e, NULL);
+    else
+        reply_set_problem(r, "unavailable", NULL, "%s", e.message);
+    if (outcome == ESTIMATOR_BUSY) reply_ask_again(r);
+    free(text);
+    json_free(asked);
+}
+
+void uploads_inspect(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    json *document = json_parse(request->body, request->length, &e);
+    json_at root = json_root(document);
+    const char *asked = json_string(json_member(&root, "path"), NULL);
+    if (!document) {
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+    } else if (!asked || !*asked || json_size(root) != 1) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "the body must be an object with one member, path, the path of a file");
+    } else if (!c->estimator) {
+        reply_set_problem(r, "unavailable", NULL,
+                          "this service does not inspect files: the setting estimates is 0");
+    } else {
+        char *mapped = path_map_apply(c->mappings, asked);
+        const char *path = mapped ? mapped : asked;
+        if (uploads_check(c, request->caller, path, &e))
+            inspect(c, path, r);
+        else
+            reply_set_error(r, &e, NULL);
+        free(mapped);
+    }
+    json_free(document);
+}

@@ -1,0 +1,28 @@
+/* surface_spec: the memory of a spec's surface, and its input files. Private to src/spec. */
+#ifndef HEXAD_SPEC_SURFACE_SPEC_H
+#define HEXAD_SPEC_SURFACE_SPEC_H
+
+#include "spec/spec.h"
+
+enum {
+    SURFACE_SPEC_MOST_SLICES = 65536,       /* of all stacks of a spec together */
+    SURFACE_SPEC_MOST_NAME_BYTES = 32 << 20 /* of their file names, which are made for each slice */
+};
+
+/* Reads the count from `slices`, and the first number and the step. False unless it is FIRST-LAST or FIRST-LASTxSTEP with
+ * FIRST < LAST. */
+bool surface_spec_parse_slices(spec_exr *x, int *from, int *step);
+
+/* Makes the numbers and the file names. False unless `path` has exactly one place for a number. */
+bool surface_spec_name_slices(spec_exr *x, int from, int step);
+
+/* Inserts the frame number into the paths of the surface and its parts. */
+void surface_spec_set_frame(spec_surface *s, int frame);
+
+/* Finds file number *index of the surface and its parts. If there are fewer, *index decreases by their number. */
+bool surface_spec_input_at(const spec_surface *s, size_t *index, spec_input *out);
+
+/* Frees everything the surface points to, including its parts. */
+void surface_spec_free_parts(spec_surface *s);
+
+#endif
