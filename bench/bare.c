@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A server that is nothing but libmicrohttpd, to hold the daemon's replies against: it makes the same reply to
  * whatever is asked, as the library's manual shows it, in the kind of server that the daemon has.
  *

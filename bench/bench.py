@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs this sampler and its peers on the same surfaces, and writes what each took and how good its packing is.
 
     bench/bench.py --built BUILD [--page doc/measured/performance.md] [--results bench/results.json] [--surfaces torus,sphere]

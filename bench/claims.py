@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is claimed of the sampler's speed, as functions of the rows: each gives what was found, in words, and whether
 that is enough, or None when rows that it needs are not there."""
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Counts instructions of the worker on fixed inputs under callgrind and holds them against bench/counts.json.
 
     bench/count.py --worker build/hexad-worker --build "COMPILER AND FLAGS" [--case NAME ...] [--update]

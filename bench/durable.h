@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* durable: what this machine makes of SQLite's durable transactions, the measure of submissions. */
 #ifndef HEXAD_BENCH_DURABLE_H
 #define HEXAD_BENCH_DURABLE_H

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine, and writes a page.
 
     farm.py BUILD PAGE [--small N] [--large N] [--queued N]     (--queued 0: only the jobs, and no page)

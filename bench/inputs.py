@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the samplers are given: one surface each, as a level set, as a dense volume and as triangles, and what is
 known of it beside: its area, its normals and the spacing that is asked for."""
 import pathlib

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """How long one user waits while ten others do all that the OpenAPI document offers, and what is hostile.
 
     bench/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]

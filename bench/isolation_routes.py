@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two modes of bench/isolation.py, which measure each row of the table of routes.
 
 --routes SECONDS: one client sends the request of each row over 200 connections: anonymously, with a token of scope read, and with one

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* What an update of a particle costs: `make bench-kernels`.
  *
  * A hundred thousand particles at rest are swept again and again by one thread, on a formula and on a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Load on an HTTP server at a Unix socket, by one thread over many connections that are kept open.
  *
  *     load get SOCKET PATHS CONNECTIONS LIMIT        PATHS: a file of paths, one a line, asked for in turn

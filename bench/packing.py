@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measures of a set of points, from the points alone and the surface that they should lie on.
 
 Neighbours are those of tools/measure.py's restricted Delaunay triangulation, normals the surface's own. Where there

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What bench.py prints and writes: rows of a table, and what follows from them."""
 import inputs
 from claims import CLAIMS

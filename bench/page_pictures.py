@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of every view of the web page, light and dark, on a wide and on a narrow screen, to be looked at.
 
     bench/page_pictures.py --built BUILD --to DIRECTORY [--only WORD]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The queue against the machine it runs on, as ratios in one run: how many submissions are acknowledged in
  * a second by 16 threads, over what SQLite makes of durable transactions of one row; and how long a
  * listing, a look at a job and a claim take with 100 000 jobs waiting, of one user and of a thousand, over an

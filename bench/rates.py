@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Submissions, reads and tiny jobs a second of two builds, in one run.
 
     bench/rates.py --built BUILD --before BUILD [--rounds 5] [--span 2] [--jobs 100] [--worker PROGRAM] [--least 0.95]

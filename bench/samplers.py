@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The samplers that are held against each other: how each is found, started and read."""
 import hashlib
 import importlib.util

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Whether a user gets to see what another user put into jobs.
 
     bench/separation.py --built BUILD [--operations 10000] [--seed 1] [--place DIRECTORY]

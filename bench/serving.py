@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The daemon against the machine it runs on, as ratios in one run, and what small jobs cost it.
 
     bench/serving.py --built BUILD [--page doc/measured/service.md] [--place DIRECTORY] [--rounds 5] [--span SECONDS]

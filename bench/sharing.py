@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """How long jobs wait when users share one worker: one job behind many, and five users of different weights.
 
     bench/sharing.py --built BUILD [--page doc/measured/sharing.md] [--many 10000] [--each 100] [--job-ms 20]

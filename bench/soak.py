@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A daemon under mixed load for long: what a job costs it, and what it holds, at the end as after the first tenth.
 
     bench/soak.py --built BUILD [--minutes 60] [--more 10000] [--rate 4] [--followers 100] [--untimed] [--seed 1]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs a command and tells what it took, as JSON on standard output: timed.py SECONDS COMMAND...
 
 A process of its own, and a small one, because a child's peak of memory begins with its parent's. The command's

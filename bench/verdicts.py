@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What soak.py has measured, a row for each tenth of a run: the verdicts over them, the table, and the page.
 
 A level is what the daemon holds when a tenth has ended, nothing runs and nobody is connected but the one who looks. The

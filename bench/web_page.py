@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """What the web page costs in a real browser: bytes, the time to the first view, frames while 100 000 jobs wait and events
 come, and points in 3-D.
 

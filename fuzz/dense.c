@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* An NRRD, NIfTI or MetaImage file: its header as the process that reads headers does, and its values, slice by slice.
  *
  * That process is one program in one file (header_reader.c), which is run here without a process: reader_start and

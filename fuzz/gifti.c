@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A GIfTI file in the process that reads. */
 #include <string.h>
 

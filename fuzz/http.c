@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Bytes to the service as it is, over a Unix socket: service/http/server with its routes, queries, headers, tokens, ranges and
  * bodies, and the handlers behind them. What is held: the first answer is HTTP, and no fault of the service.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* lines: runs a target over the lines of standard input, each of which is one input, in one process.
  *
  * The number of each line is printed to standard error before the target sees it, so that a crash can be attributed. The

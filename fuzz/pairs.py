@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Seeds of the fuzz target for specs: every two members of /surface in one spec, drawn from the worker's schema.
 
     fuzz/pairs.py WORKER DIRECTORY

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* points.ply: ply_read. What is accepted, and has no column beside those of a set's arrays, is written, and
  * must be read as the same again. */
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A request's body: json_parse and spec_parse. What is accepted is printed, and must be read as the same again. */
 #include <string.h>
 

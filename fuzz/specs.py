@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Random specs, run by the worker (doc/measured/fuzzing.md).
 
 Specs are drawn from the worker's own schema (`hexad-worker schema`), so that new parameters are tried as soon as there are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* target: what each program of this folder is made of.
  *
  * A target takes bytes from outside to a function of the project and stops (expect) where the function's contract

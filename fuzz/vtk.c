@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The same bytes as a legacy file and as an XML file of VTK, in the process that reads. */
 #include <string.h>
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Specs with wrong values, for specs.py --wrong: one member of the worker's schema, or two, have a value that they do not take.
 
 Each spec begins as a correct one with some optional groups, so that rules and defaults that read several groups have

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A Zarr array with one chunk: the first bytes of the input are the metadata of version 2 or 3, and what is behind the first byte 0 is every
  * other file. The metadata are read, and chunks are unpacked as in the process that unpacks them.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The REST interface of hexad. The page may lie below a path prefix, so addresses are relative to its own.
 
 const root = new URL("..", import.meta.url);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A camera that circles a point: matrices for the graphics card, and what mouse, fingers and keys do to it.
 
 const NEAR = 0.01, FAR = 100; // in distances of the eye from the point

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charts of a run over its sweeps, drawn by uPlot.
 import {html, useEffect, useRef} from "./preact.js";
 import uPlot from "./uplot.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Maps from numbers to colours, as 256 colours of four bytes, and the range that a map spans.
 
 const ramp = stops => t => {

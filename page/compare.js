@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two jobs side by side: measures, plots and points.
 import {html, useEffect, useMemo, useState} from "./preact.js";
 import {get} from "./api.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws points with WebGL 2 as discs in their tangent planes: one call for all of them, a quad for each.
 import {spacingOf} from "./ply.js";
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of the service's input roots, to choose one from, or a sequence of numbered ones.
 import {html, useEffect, useState} from "./preact.js";
 import {get, query} from "./api.js";

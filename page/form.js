@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A form made from a JSON Schema, as far as specs of jobs need it. What it cannot show is edited as JSON.
 import {html, useState} from "./preact.js";
 import {countOf} from "./words.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What lies in a file that was chosen, and the surfaces in it that may be sampled.
 import {html} from "./preact.js";
 import {call, wait} from "./api.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A job: its state in words, its tasks and attempts, plots while it runs and afterwards, report and results.
 import {html, useEffect, useLayoutEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, send, urlOf} from "./api.js";

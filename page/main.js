@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The frame of the page: the signed-in user, the view, light or dark.
 import {html, render, useEffect, useState} from "./preact.js";
 import {call, get} from "./api.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How many neighbours points have: edges of the Voronoi cell of each in its tangent plane, from the points near it.
 // An estimate for the eye: the report counts on the surface itself.
 import {spacingOf} from "./ply.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small parts that several views share.
 import {html, useEffect, useRef, useState, useCallback} from "./preact.js";
 import {percentOf, stateOf} from "./words.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads points.ply and mesh.ply as they arrive, into a column for each property.
 import {send} from "./api.js";
 

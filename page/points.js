@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The points of a job in 3-D, and the views of their properties.
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {get, query, wait} from "./api.js";

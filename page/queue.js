@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The queue: a page of jobs, kept right by the stream of events.
 import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, urlOf} from "./api.js";

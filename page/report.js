@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report of a job as tables, with a sentence for each measure.
 import {html} from "./preact.js";
 import {bytesOf, durationOf, numberOf} from "./words.js";

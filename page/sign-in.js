@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The form that takes a token once. The service answers with a cookie that scripts cannot read.
 import {html, useState} from "./preact.js";
 import {call} from "./api.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small picture of a surface that is given by a formula, by rays through it. It shows the shape; points show the surface.
 import {html, useEffect, useRef} from "./preact.js";
 

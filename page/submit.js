@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {call, get, retryAfterOf, send, wait} from "./api.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Words and numbers as people read them. Numbers have one form in all locales; times are in the zone of the viewer.
 
 /** A state in a word, and a sign, so that colour is never alone. */

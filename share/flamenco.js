@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Flamenco job type: one task for each frame. Put it into the manager's folder `scripts`. The workers need hexad-frame
 // and hexad-worker in PATH.
 const JOB_TYPE = {

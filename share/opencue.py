@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Submits frames to OpenCue: opencue.py SPEC.json OUTPUT FRAMES, say 1-100. Needs pyoutline; the hosts need hexad-frame."""
 import sys
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lets pytest speak TAP, and says where the build, the source and the shared data are.
 
 HEXAD_BUILD    directory of the built programs (needed)

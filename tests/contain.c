@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* contain [--suite] COMMAND [ARGUMENT...]: runs a test, and ends every process that it leaves behind.
  *
  * `make check` runs each test program through `contain`; bootstrap runs the whole of `make check` through

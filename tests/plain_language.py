@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Phrases that comments, messages and pages must not contain, and what to write instead.
 
 `python3 tests/plain_language.py [FOLDER...]` prints each match as FILE:LINE: PHRASE: INSTEAD, and the number of matches

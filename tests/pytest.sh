@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Runs one pytest file and speaks TAP on standard output (tests/conftest.py writes it to descriptor 3);
 # pytest's own report goes to standard error.
 if [ -z "$PYTHON" ]; then

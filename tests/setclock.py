@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The clocks of a program that a test starts, which the test sets (set_clock.c)."""
 import mmap
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which layer and which module of src may include which: the tables of ARCHITECTURE.md, compared with all include lines.
 
 A layer is a folder of src. A module is a row of the table of modules: a folder with the folders below it. Layers and modules may

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rules of the source tree that a program can check: formatting, lists of files, names of files that do not exist, and
 phrases that comments, messages and pages must not contain (plain_language.py).
 

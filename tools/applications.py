@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Opens a job's files with the programs that people open them with, and asserts what each shows (make applications).
 
 Blender, Open3D, CloudCompare, ParaView, MeshLab and OpenImageIO, as Debian 12 has them, without a screen; those that are

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures of the pattern blue_noise: distances on several surfaces, and spectra on a square (doc/measured/blue_noise.md).
 
     tools/blue_noise.py --worker build/hexad-worker --output doc/measured/blue_noise.md [--data DIRECTORY]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Holds the measures of reports against a program that compares places with all points near them, and writes a table
 (doc/measured/measures.md).
 

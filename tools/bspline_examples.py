@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes examples/bspline-torus.json and examples/bspline-box.json: the two B-splines of the paper's Figure 6.
 
 A cubic B-spline that goes through the values of a formula at its knots: along an axis with n coefficients the

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Compares samplings of surfaces whose walls are thinner than the spacing with sample elimination on the same surface
 (doc/measured/coarse.md).
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Solves every mesh of a collection with two workers and compares the points by one set of definitions (doc/measured/builds.md).
 
     tools/compare_builds.py --worker build/hexad-worker --reference WORKER --work FOLDER --output PAGE [--data DIRECTORY]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Counts what makes C code hard to change: lines, constants, statements, and circles of calls between files.
 
     tools/complexity.py constants FOLDER ...    named constants, and numeric literals elsewhere, of each folder

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Prints how many lines of each folder of src were executed, from the counts that a build with --coverage leaves.
 
     tools/coverage.py BUILD [--files FOLDER]

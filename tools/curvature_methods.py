@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Compares ways to take a curvature over a distance, on a sphere and a torus in noisy samples, whose curvature is known.
 
     tools/curvature_methods.py

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Blue noise and the progressive order beside sample elimination (Yuksel 2015), on the six surfaces of tools/order.py.
 
     tools/elimination.py --worker build/hexad-worker --elimination PROGRAM [--open3d] --data DIRECTORY --output PAGE

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Compares the memory and the CPU time that the worker estimates for a job with what the job takes
 (doc/measured/estimates.md).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which lines of src each test executes, from a build that tools/trace_blocks.c is linked to.
 
 A traced program sets a byte for each basic block that it executes. The lines of a block are those of the line table

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Resolves meshes with thin parts and close opposite walls, compares each mesh.ply with its input, and writes a table
 (doc/measured/features.md).
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes the tables of doc/files.md: for each source file, what its first comment says it is.
 
     tools/file_index.py [--check]

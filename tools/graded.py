@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples meshes with graded spacing by two builds, and writes how well the points keep to the request
 (doc/measured/graded.md).
 

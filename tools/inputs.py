@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Gives every file of a collection to the worker, and writes what became of each as a table (doc/measured/inputs.md).
 
     tools/inputs.py --worker build/hexad-worker --output doc/measured/inputs.md [--data DIRECTORY] [--only WORD ...]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Inspects every file of a collection, and runs one of the specs that are suggested, as it is: a table of what came of each.
 
     tools/inspections.py --worker build/hexad-worker [--data DIRECTORY] [--only WORD ...]

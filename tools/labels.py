@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples segmentations of known shapes, holds points, areas and lines against the truth, and writes a table
 (doc/measured/labels.md).
 

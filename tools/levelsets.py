@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Level sets to sample, written by OpenVDB's own Python module: of a mesh, and of a torus by its formula."""
 import numpy
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Growth of the instructions that parsing and checking a spec take with the length of its lists.
 
     tools/list_growth.py BUILD [--only MEMBER] [--elements N] [--jobs N]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The manual pages, from what the programs say of themselves: doc/man/*, which `make man` writes.
 
     man.py BUILD OUTPUT STATE SETTINGS    BUILD holds the built programs, OUTPUT becomes the directory of the pages, STATE

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Makes a segmentation with many labels and prints the CPU time and the peak memory of jobs that sample it.
 
     tools/many_labels.py --worker build/hexad-worker [--labels 1500] [--size 256] [--seed 1] [--counts 100000,1000000]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measures of a point set on a closed surface, or on one that a box cuts, from its points alone; the second opinion on report.json.
 
 They are those of doc/report.md, over all points. Shares no code with the sampler, nor its method. Neighbours are those of the Delaunay

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes what measuring a result costs, as a table (doc/measured/measure-costs.md).
 
     tools/measure_costs.py --worker build/hexad-worker --data FOLDER --output doc/measured/measure-costs.md

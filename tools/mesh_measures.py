@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measures of points on a triangle mesh, as doc/report.md defines them, by brute force: the mesh is cut into small triangles, each of
 which belongs to the Voronoi cell of its nearest point. Shares no code with the sampler.
 

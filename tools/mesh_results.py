@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Solves every mesh of a folder at several counts, with one worker or with two, and writes what the reports say, the CPU time and
 the memory (doc/measured/meshes.md).
 

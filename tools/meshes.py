@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Triangle meshes for the measuring programs: OBJ, OFF, STL and PLY by their definitions, and what is asked of
 them: parts, areas, creases, the nearest place. Shares no code with the sampler."""
 import re

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Makes typical mistakes of users with the built programs and writes a table of the messages (doc/measured/messages.md).
 
     tools/mistakes.py --built build --output doc/measured/messages.md

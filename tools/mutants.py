@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small faults in the C code of src: what tools/mutate.py can put into a line, and which of them it chooses.
 
 A fault is a change of one line, or of the lines of one lock. The code is formatted by clang-format, so binary operators

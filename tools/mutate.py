@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Mutation test: puts small faults into the C code of src, one at a time, and runs the tests that execute the line.
 
     tools/mutate.py map --build DIR --output map.json

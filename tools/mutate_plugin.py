@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A plugin of pytest, used by tools/mutate.py: writes results, limits the time of a test, records executed blocks.
 
 HEXAD_MUTATE names a JSON file: `results` (a file that gets one JSON object per line), `limits` (seconds by test),

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # one_make.sh: lets one make at a time work in the current directory, since two would write the same libraries.
 #
 # The Makefile runs it when make reads it. Prints nothing if its parent, a make, may go on: the directory is then held

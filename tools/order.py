@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples six surfaces with output.order "progressive", measures prefixes of the points beside farthest-point orders of
 the same points, and writes a table (doc/measured/order.md).
 

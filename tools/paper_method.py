@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the paper's method with amplitudes by curvature on many surfaces, and writes what became of each as a page.
 
     tools/paper_method.py --worker build/hexad-worker --output doc/measured/paper_method.md [--reference WORKER]

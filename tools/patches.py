@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples open and sharp-edged surfaces, holds the points against the triangles, and writes a table
 (doc/measured/patches.md).
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples a sphere of triangles at four distances from the origin, reads every output by readers that share no code with hexad, and
 writes a table of the largest error of a position over the spacing (doc/measured/precision.md).
 

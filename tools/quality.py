@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the cases of quality.json and writes what was measured as a table (doc/measured/quality.md).
 
     tools/quality.py --worker build/hexad-worker --output doc/measured/quality.md [--case NAME ...] [--long] [--seeds N]

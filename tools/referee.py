@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The referee: recomputes from points.ply, report.json and the paper's equations what the worker reports.
 
     tools/referee.py [--worker build/hexad-worker] [--output doc/measured/referee.md] [--seeds 5] [--directory DIR]

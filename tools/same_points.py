@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the same specs with two workers and compares the bytes of all outputs that hold points.
 
     tools/same_points.py --worker build/hexad-worker --reference WORKER --data DIRECTORY

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures what each number of the schedules does: the effect of doubling and of halving it (doc/measured/sensitivity.md).
 
     tools/sensitivity.py --build build [--output doc/measured/sensitivity.md] [--only NAME ...] [--jobs 2]

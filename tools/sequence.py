@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs coherent sequences frame by frame and writes how well their points stay put (doc/measured/sequences.md).
 
     tools/sequence.py --worker build/hexad-worker --output doc/measured/sequences.md [--case NAME ...] [--short] [--keep DIR]

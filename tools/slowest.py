@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Prints which tests took longest in the last test run of a build directory.
 
     tools/slowest.py BUILD [--count N]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Solves the same jobs with two workers and compares order, coverage, outcome and CPU time (doc/measured/solver.md).
 
     tools/solver_results.py --worker build/hexad-worker --reference WORKER --data DIRECTORY --output PAGE [--only WORD ...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces as the job spec names them, evaluated here by their definitions: value, gradient, area.
 
 Nothing of this is hexad's: the formulas are those of the spec's documentation, volumes are read by OpenVDB's own

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Records which basic blocks a program executes: a part of the traced build that tools/mutate.py makes.
  *
  * gcc's -fsanitize-coverage=trace-pc inserts a call of __sanitizer_cov_trace_pc into every basic block. The call sets

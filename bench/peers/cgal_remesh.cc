@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CGAL's isotropic remeshing of triangles: cgal_remesh PREFIX COUNT SPACING SEED OUTPUT, as in volume.py. It draws
 // nothing at random, so that the seed is of no consequence.
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # MeshLab's Poisson-disk sampling of triangles: meshlab_poisson.sh PREFIX COUNT SPACING SEED OUTPUT (a PLY)
 # It has no way to be given a seed, and wants a display with OpenGL, hence xvfb-run, even to run a script; all
 # parameters of a filter have to be there, in this order.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Open3D's Poisson-disk sampling of triangles: sample elimination from five times as many."""
 import numpy
 import open3d

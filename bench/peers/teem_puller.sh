@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Teem's pull, on the volume: teem_puller.sh PREFIX COUNT SPACING SEED OUTPUT (a NRRD, 4 by the count)
 # A few of the points that it starts with never come to the surface, hence 1.07 of them.
 set -eu

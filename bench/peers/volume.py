@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """For the drivers: the arguments that each is given, a dense volume of distances, and the way back to its surface.
 
 Arguments of every driver: PREFIX COUNT SPACING SEED OUTPUT; PREFIX.ply are triangles, PREFIX.nhdr and .raw the volume,

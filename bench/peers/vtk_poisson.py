@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """VTK's Poisson-disk sampler, on ten times as many random points as are asked for."""
 import numpy
 import vtk

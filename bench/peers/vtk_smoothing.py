@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """VTK's point smoothing from random points, back onto the surface after every block of iterations; its defaults do
 not converge."""
 import vtk

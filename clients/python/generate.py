@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes hexad/spec.py and hexad/problems.py, from the documents that the service serves:
 
     generate.py BUILD [DIRECTORY]

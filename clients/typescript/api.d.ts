@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Written by generate.py from the OpenAPI document; do not edit.
 
 export type Error = {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Written by generate.py from the OpenAPI document; do not edit.
 export const operations = {
   submitJob: {method: "POST", path: "/v1/jobs", headers: ["Idempotency-Key", "Prefer", "traceparent"], body: "application/json", answer: "json"},

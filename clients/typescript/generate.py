@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes api.js and api.d.ts from the OpenAPI document that the service serves, and the types of the other modules.
 
     generate.py BUILD [DIRECTORY]

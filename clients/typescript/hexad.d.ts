@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /** Any fault that this module finds. */
 export class HexadError extends Error {
     /** @param {string} message */

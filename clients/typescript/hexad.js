@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A client of hexad over fetch, for browsers and other runtimes; node.js adds Unix sockets and files.
 import {operations} from "./api.js";
 import {Sha256} from "./sha256.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client for Node: over Unix sockets too, with results as files.
 import {createHash, randomUUID} from "node:crypto";
 import {createReadStream} from "node:fs";

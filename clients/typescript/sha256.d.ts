@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 export class Sha256 {
     h: Int32Array;
     w: Int32Array;

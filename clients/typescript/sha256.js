@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SHA-256 (FIPS 180-4) in pieces, for pages: crypto.subtle needs https and all bytes at once.
 
 /** @param {number} count */

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points of hexad in Blender 3.4 and later: with colours and radii, which Blender's own importer of PLY leaves out.
 
 In Blender: open this file in the text editor, set FILE, and run it. From a shell:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A script for a shelf of Houdini, an example of a submitter: it samples the selected SOP by a hexad service.
 
 Put this file and the Python client (/usr/share/hexad/python/hexad) into a folder of Houdini's Python path, such as

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attach_command: the command attach of hexadctl, which places the points of a job on other frames of its meshes. */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cancel_command: the command cancel of hexadctl, for one job or for all jobs with a label. */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* client: requests to a hexad server. The only user of libcurl. One thread. */
 #ifndef HEXAD_CLIENT_CLIENT_H
 #define HEXAD_CLIENT_CLIENT_H

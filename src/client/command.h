@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* command: the commands of hexadctl, one function each. One thread. */
 #ifndef HEXAD_CLIENT_COMMAND_H
 #define HEXAD_CLIENT_COMMAND_H

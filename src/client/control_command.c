@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* control_command: commands of hexadctl that control jobs and the service: pause, resume, retry, deliver, delete,
  * priority, watch, workers, usage, hold, release, drain and undrain.
  */

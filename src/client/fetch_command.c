@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fetch_command: the commands fetch and log of hexadctl, which download results and logs. */
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The frames of an array whose results are not good: lists of frames by outcome, and the notes of the first ones. */
 #include <stdio.h>
 #include <stdlib.h>

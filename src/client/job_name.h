@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_name: finds the id of a job that is named by `latest` or by the beginning of its id. One thread. */
 #ifndef HEXAD_CLIENT_JOB_NAME_H
 #define HEXAD_CLIENT_JOB_NAME_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_table: prints jobs, attempts and frames for the commands of hexadctl. One thread. */
 #ifndef HEXAD_CLIENT_JOB_TABLE_H
 #define HEXAD_CLIENT_JOB_TABLE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* list_command: the commands list, show and attempts of hexadctl. */
 #include <errno.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "client/list_query.h"
 
 #include <stdio.h>

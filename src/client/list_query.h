@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* list_query: makes the path and the query of a request for a list of jobs. No state. */
 #ifndef HEXAD_CLIENT_LIST_QUERY_H
 #define HEXAD_CLIENT_LIST_QUERY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit codes. Texts
  * of others are escaped by base/core/terminal_text; documents are printed as they are. One thread.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* submit_command: the commands submit, validate, estimate, upload and inspect of hexadctl. */
 #include <errno.h>
 #include <glob.h>

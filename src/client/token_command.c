@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes them. */
 #include <errno.h>
 #include <fcntl.h>

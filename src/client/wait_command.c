@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* wait_command: waits for the end of a job, and for copies of its results. */
 #include <poll.h>
 #include <stdlib.h>

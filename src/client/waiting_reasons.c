@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Why jobs wait although workers are free: holds, drains, and the limits of users. */
 #include <math.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* file: writes, reads, renames and removes files and directories of the service. A crash leaves the old or the new
  * file, never a part of it.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hashed_stream: a stream that writes to a file and keeps a hash of each block written, so that the file can be read
  * from the disk again and compared.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* late_commit: writes, verifies and places a file (store_file_place_verified) on its own thread, while the caller
  * continues: flushing a large file to disk and reading it again take longer than writing it. One thread calls; it
  * flushes the directory. Errors are those of store_file_place_verified and of the callback.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* late_hash: hashes an open file on its own thread, while the caller reads it. One thread calls. The file must not
  * change.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* output: copies results into directories of users, below configured roots. service/results/output_place has the rules for
  * that.
  *

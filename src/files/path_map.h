@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* path_map: translates paths of other machines into paths of this host.
  *
  * The map is a table of pairs of prefixes, `from` and `to`. A path is translated if its first components equal a

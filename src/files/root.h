@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* root: opens input files below configured directories.
  *
  * A path from outside can reach only regular files below one of the roots. The kernel walks the path (openat2 with

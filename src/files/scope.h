@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* scope: the permissions of a caller.
  *
  *     read    see jobs, their results and the service

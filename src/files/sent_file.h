@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sent_file: the names of files that clients uploaded, each the SHA-256 of its content.
  *
  * The directory of uploads (service/uploads/upload_store) is an input root of jobs (files/root.h). A spec names a file in

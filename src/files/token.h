@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* token: bearer tokens; a file stores their hashes.
  *
  * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. 256 random bits cannot be guessed, so a plain SHA-256

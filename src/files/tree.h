@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* tree: opens files below a directory without following links, and computes one hash of the opened files.
  *
  * The hash is the SHA-256 of a list with a line for each file, sorted by path. A line is the SHA-256 of the file,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* turns: threads that work in the same directory take turns.
  *
  * A directory is identified by its device and inode, so different paths to it are equal. Turns exclude threads of

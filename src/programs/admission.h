@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* admission: `hexad --allow` and `hexad --deny`: permits and removes users of the Unix socket of the systemd
  * service.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* descriptors: the file descriptors of the daemon. */
 #ifndef HEXAD_PROGRAMS_DESCRIPTORS_H
 #define HEXAD_PROGRAMS_DESCRIPTORS_H

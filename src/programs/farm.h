@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* farm: prepares work_dir and the engine from the settings of the daemon. Called at the start. */
 #ifndef HEXAD_PROGRAMS_FARM_H
 #define HEXAD_PROGRAMS_FARM_H

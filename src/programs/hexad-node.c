@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hexad-node: runs attempts of a service on a node of its farm. A Slurm job of the service starts it. */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hexad-worker: runs one job and ends. Wiring only; see ARCHITECTURE.md for the contract. */
 #include "config.h"
 

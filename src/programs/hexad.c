@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It is the one
  * list of what ends when: first checks and requests, then jobs, then background work, then what they used. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hexadctl: the command-line client. Parses the command line and calls the command. */
 #include <grp.h>
 #include <stddef.h>

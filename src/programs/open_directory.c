@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "programs/open_directory.h"
 
 #include <pwd.h>

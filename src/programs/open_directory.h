@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* open_directory: whether users other than that of the service can write to its directories. */
 #ifndef HEXAD_PROGRAMS_OPEN_DIRECTORY_H
 #define HEXAD_PROGRAMS_OPEN_DIRECTORY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attach_spec: the spec of a result, turned into one that places its points on other meshes (sampling.attach). Pure functions but for
  * allocation. */
 #ifndef HEXAD_SPEC_ATTACH_SPEC_H

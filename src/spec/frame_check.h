@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frame_check: checks the specs of all frames of a sequence that has values by frame, without reading each as a whole.
  *
  * Private to src/spec. A frame's values are put into the document of the frame before, and only what they change is read

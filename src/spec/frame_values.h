@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frame_values: members of a spec that have another value in each frame (queue.by_frame): the JSON Pointer of each, with
  * a list of one value for each frame, or a ramp from a first to a last number.
  *

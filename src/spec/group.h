@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* group: reads the groups of a spec, objects of members, into struct spec and the normalised document.
  *
  * Private to src/spec.

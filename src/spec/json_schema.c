@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spec/json_schema.h"
 
 #include <stdio.h>

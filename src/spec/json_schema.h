@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* json_schema: the JSON Schema (2020-12) of a job's spec, made of the table of parameters.
  *
  * The schema checks each member alone and which members exclude each other. Conditions between values (the minor

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* member_value: reads the value of a single member: its type, its range, its place in struct spec. Private to src/spec. */
 #ifndef HEXAD_SPEC_MEMBER_VALUE_H
 #define HEXAD_SPEC_MEMBER_VALUE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* reading: a spec while it is being read from a document, and the faults found in it so far.
  *
  * Reading has two phases. In the first, groups are read one after another, and all faults within them are noted. The

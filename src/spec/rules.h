@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* rules: what holds between the members of one group: known names, "exactly one of", and relations between values.
  * spec/relations.h has what holds between groups. Private to src/spec. */
 #ifndef HEXAD_SPEC_RULES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec: a job's specification, parsed, checked and with every default filled in.
  *
  * One table of parameters (spec_table.c) gives parsing, defaults, ranges, messages and help; this

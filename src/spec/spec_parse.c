@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Reads and checks whole specs, those of a sequence's frames among them. */
 #include <assert.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The table is one array on purpose, so this file may grow past the length of others. */
 #include "spec/spec_table.h"
 

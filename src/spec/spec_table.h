@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec_table: the one table of parameters of a job's spec, constant data.
  *
  * Private to src/spec and its tests. Rows are in the order of the help and of the normalised

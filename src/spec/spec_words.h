@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec_words: the words of a spec and their enumerators, one list for each member (see base/core/words.h). */
 #ifndef HEXAD_SPEC_SPEC_WORDS_H
 #define HEXAD_SPEC_SPEC_WORDS_H

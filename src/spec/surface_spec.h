@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* surface_spec: the memory of a spec's surface, and its input files. Private to src/spec. */
 #ifndef HEXAD_SPEC_SURFACE_SPEC_H
 #define HEXAD_SPEC_SURFACE_SPEC_H

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What bootcheck and packagecheck share: a bare Debian, and a boot of a tree in which a script runs as root. To be sourced.
 
 skip_all() {

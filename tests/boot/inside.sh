@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What bootcheck runs in the booted system, as root, with the path of hexad.conf and the directory of the examples. TAP
 # on standard output.
 set -u

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # For checks in a booted system: TAP on standard output, what else is said on standard error. To be sourced.
 count=0
 failed=0

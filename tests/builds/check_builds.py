@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Builds hexad without each of its optional parts, and without all of them, and runs a smoke test in each build.
 
     python3 check_builds.py SOURCE WORK [--only NAME] [VARIABLE=VALUE ...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The file system calls of a program and of all that it starts, each looked at before the kernel does it.
 
 A supervisor is a thread beside the test: the kernel hands it every call that launch.py names (seccomp user

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Copies of results in the directories that their jobs name (output.directory), which are not the service's own."""
 import hashlib
 import json

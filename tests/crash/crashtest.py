@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/measured/reliability.md."""
 import argparse
 import datetime

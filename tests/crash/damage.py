@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The database is damaged at random while the daemon stands still. Then it refuses to start, or it serves and says so, or the
 damage harms nothing; and a backup brings back what it knows."""
 import collections

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A model of a disk: what a power loss may leave of a directory, from a record of all changes in it.
 
 Of a file what was written before an fsync that came back is there; what came later is there or not, for each page of

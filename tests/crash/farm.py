@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A daemon to be killed, clients that load it, and the book of what they were told, which must hold for ever."""
 import hashlib
 import http.client

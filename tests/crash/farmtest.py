@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A seeded campaign of kills over the engine slurm: the daemon, the controller, node daemons and workers, in any
 mixture, while jobs run. Every job that was acknowledged must end exactly once, with the bytes that the local engine
 gives.

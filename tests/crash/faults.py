@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every system call of one job's way from submission to result fails once, in each way that it can."""
 import collections
 import errno

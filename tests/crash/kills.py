@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cycles of kill -9 at random moments under load, in one part with a wall clock that is set by hours."""
 import os
 import random

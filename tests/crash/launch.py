@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Becomes a program whose file system calls are put before a supervisor (calls.py) before the kernel does them.
 
     launch.py TELL GO PROGRAM ARGUMENT...

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults of the service that the crash tests must see: each is made on purpose, and the test is to fail of it."""
 
 import shutil

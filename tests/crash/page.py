@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """doc/measured/reliability.md out of the figures of the last runs."""
 
 HEAD = """# Reliability: kills, faults and power losses

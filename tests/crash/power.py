@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Power losses: a loaded daemon's changes are recorded, and what a loss at a random point may leave is started from."""
 import errno
 import json

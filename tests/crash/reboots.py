@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Deaths of the daemon and of the host during a job: none counts against it, up to a bound of their own."""
 import random
 import shutil

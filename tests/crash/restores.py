@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Backups are made under load and put back later; the database is lost. What the queue then knows is held against what
 clients were told, and nothing in `results` may be gone that nobody asked to delete."""
 import collections

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clients that take all descriptors of a service: it answers again within two seconds after they have gone."""
 import collections
 import contextlib

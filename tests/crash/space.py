@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disks that fill and empty at random moments under load, with kills between: nothing fails of it for good."""
 import random
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Short runs of the crash tests, and tests of their parts. `make crashtest` runs the full length."""
 import errno
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What packagecheck runs in the booted system, as root. TAP on standard output.
 set -u
 export DEBIAN_FRONTEND=noninteractive

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Users of a service, their tokens, and requests with these."""
 import hashlib
 import json

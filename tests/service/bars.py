@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bar with polygons of several sizes, bent by any angle, as mesh files; and the places of points on it, evaluated with numpy from the
 numbers that the points carry."""
 import numpy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models as a CAD program writes them: sharp edges, planes and arcs, exact to rounding."""
 import numpy
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sphere whose points carry a number, a colour and a vector, in the formats of points; fixtures `carried`, `finished`."""
 import json
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Slurm of its own: munge, a controller and node daemons, as ordinary processes of this machine, in their own
 directories and on their own ports. Each is ended by its process number."""
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """hexad and hexadctl as commands that end."""
 import subprocess
 

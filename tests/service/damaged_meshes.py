@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes that are damaged in ways that files have, with the surface that they still mean.
 
 A case is a surface, one to three ways of damage and a file format, all by a seed. `truth` are the triangles that the points are

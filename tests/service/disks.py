@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small disks that fill up, and services on them."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Segmentations of known shapes: what each voxel belongs to by the place of its centre, and where the interfaces truly are."""
 import numpy
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Unix socket between a client and the service that loses answers."""
 import socket
 import threading

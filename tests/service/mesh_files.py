@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A generator of mesh files: a surface in each format, with every header field that can change values, positions or units at a value
 that is not its default. `box(r)` is a box at a random place; each writer returns nothing, and the file has the box at that place."""
 import base64

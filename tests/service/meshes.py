@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Triangle meshes by an independent reader of OBJ, OFF, STL and PLY, and the distances of points from them. It shares no
 code with hexad, and takes files in good order only."""
 import numpy

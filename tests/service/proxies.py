@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """nginx and stunnel in front of the service, with the configuration that the project ships."""
 import http.client
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A pyramid as a mesh, and the reader process of meshes."""
 import struct
 import subprocess

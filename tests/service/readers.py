@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readers of hexad's results that share no code with it: PLY, PNG and EXR by their definitions."""
 import struct
 import zlib

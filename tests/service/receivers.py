@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A receiver of webhooks, with the secret that signs them."""
 import base64
 import hmac

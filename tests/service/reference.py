@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A second opinion on volumes: OpenVDB's own Python module reads the grid, scipy's cubic spline goes
 through its samples, differences give the gradient, the co-area formula the area. Nothing here is hexad's."""
 import numpy

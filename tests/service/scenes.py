@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points as glTF and USD, read by the definitions of these formats. Nothing here is hexad's."""
 import json
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A daemon in a state directory of its own, specs of jobs for it, and what tests ask of it over HTTP."""
 import hashlib
 import http.client

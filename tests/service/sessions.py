@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sessions of browsers: signing in with a token, cookies, and requests from a page of another origin."""
 import json
 

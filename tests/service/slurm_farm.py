@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A farm on a real Slurm, for tests: the fixtures, and what is asked of it."""
 import collections
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may do what: Unix peers, tokens, scopes; and how many connections a client may have."""
 import fcntl
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """hexad --allow and --deny: the settings file and the drop-in that they write, and who may connect afterwards."""
 import grp
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Jobs with a task per frame, dependencies, and what users may ask of jobs that wait, end to end."""
 import json
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The place of each point on the mesh of its surface, and its evaluation on other frames of the mesh, held against an evaluation with
 numpy from the numbers in the files."""
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What points carry over from files, held against scipy's interpolation of the same samples: rotated, mirrored and moved
 spaces, vectors, staggered velocities, whole numbers, and what is not there."""
 import json

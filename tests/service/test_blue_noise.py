@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sampling.pattern "blue_noise": distances of the points, their spectrum, and what the pattern excludes."""
 import json
 import pathlib

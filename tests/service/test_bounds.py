@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Results that meet a bound: what was delivered goes, the oldest first; nothing else does, and jobs wait or are refused.
 
 HEXAD_BOUNDS_JOBS and HEXAD_BOUNDS_MIB set the size of the last test (make check-bounds: 5 000 jobs on 200 MiB).

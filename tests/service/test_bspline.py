@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """surface.bspline through the worker and the daemon: the examples, coefficients from files, refusals."""
 import hashlib
 import json

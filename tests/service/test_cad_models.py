@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models of planes and arcs: a row of points along every edge, and no two points that nearly coincide."""
 import collections
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """queue.chunk: consecutive frames of an array run one after another. Slurm is in test_slurm.py."""
 import collections
 import json

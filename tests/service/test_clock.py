@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A wall clock that is set while the daemon runs, and while it does not."""
 import hashlib
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces of surfaces, as a user hands them to the worker: unions, intersections, differences, offsets and transforms of
 formulas, dense volumes and meshes, held against what geometry says."""
 import json

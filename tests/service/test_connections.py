@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many connections at once: all are answered, whatever their number; and nobody's shut others out."""
 import contextlib
 import http.client

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The picture of a job: the previews of the frames of an array as one contact sheet, or the preview of another job."""
 import concurrent.futures
 import hashlib

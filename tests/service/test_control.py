@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What clients do with jobs that are there: keys and conditions, waiting, changing, following."""
 import json
 import re

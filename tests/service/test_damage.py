@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A damaged database is noticed and told, nothing more is written to it, and a backup brings all jobs back."""
 import os
 import pathlib

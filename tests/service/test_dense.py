@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dense volumes, NRRD, NIfTI and stacks of EXR images, as a user hands them to the worker: the same surface from every way
 of storing it, in its place in the world, or an error that says what is wrong and where."""
 import gzip

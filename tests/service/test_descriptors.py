@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A service whose clients take all descriptors: it answers again as soon as they have gone."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a job would take: told by the worker, and by the service to who has a spec checked."""
 import json
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The events of all jobs: where a follower begins, what filters leave, and what it is told of events that are missing."""
 import sqlite3
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one user can do to others through the limits of the service."""
 import contextlib
 import hashlib

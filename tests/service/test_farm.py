@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What goes wrong on clusters, and must not go wrong here, with a real Slurm of several nodes on this machine. Minutes of
 waiting for Slurm: `make farmtest` runs it; test_slurm.py is the short form."""
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """points.npz, points.glb and points.usda, read by NumPy, Khronos's validator and by their definitions, beside points.ply."""
 import json
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Requests that a proxy in front may read otherwise: each is refused, once, and what follows on the connection is no request."""
 import json
 import random

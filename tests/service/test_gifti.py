@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """GIfTI surfaces as meshes: what the process that reads answers, for each way of storing the same mesh, and what is refused."""
 import base64
 import json

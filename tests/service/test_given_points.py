@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sampling.points: points that are given, refined, kept in the result or avoided."""
 import hashlib
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What doc/guide.md says can be typed in, typed in: its blocks of shell, in order, in one shell."""
 import os
 import re

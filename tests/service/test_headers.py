@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Headers of dense volumes: every field that can change values, positions or units is honoured, or refused, or a warning says that
 it is ignored. Files are written by volumes.py with fields that have other values than their defaults; what is the same volume
 as an NRRD file gives the same bytes of points."""

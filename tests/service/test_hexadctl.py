@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """hexadctl, as somebody at a shell or in a script meets it."""
 import contextlib
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """hexadctl and arrays, files and many jobs at once."""
 import hashlib
 import json

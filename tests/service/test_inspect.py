@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A look into files: the worker alone, and the service with its rules of access."""
 import gzip
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """output.orient and output.usd.instancer, read by a parser of USD's text that is none of hexad's, and by NumPy."""
 import json
 import math

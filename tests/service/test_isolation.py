@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one user can learn of another, or do to another, through the cache and through output directories."""
 import hashlib
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The JSON parsing suite and hostile requests of the shared data, against a running daemon: what must be
 refused is, what must be accepted is, and the daemon lives on."""
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The interfaces of a segmentation, as a user hands it to the worker: each once, with its labels, where the shapes truly
 are; or an error that says what is wrong."""
 import json

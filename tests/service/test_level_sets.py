@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Level sets whose voxels are not as they should be: an inside with the sign of the outside, NaN, and bands that are too narrow or cut
 open. Each is sampled as the intact one, with a warning, or refused with its cause."""
 import numpy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cancelling, crashes of workers and of the daemon, draining, and what the daemon refuses at the start."""
 import os
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A queue.db that is lost, empty, older or another's, and what stands in the state directory and nobody knows: nothing is
 deleted that was not asked for, and nothing that was delivered is lost."""
 import functools

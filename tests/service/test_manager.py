@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The daemon under a service manager, which these tests play: readiness, status, signs of life that end when the
 supervisor is stuck, a socket handed over, settings read again. A real systemd is tests/boot."""
 import contextlib

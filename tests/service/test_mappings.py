@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Paths of other machines: what a job asks for, and what is opened here."""
 import hashlib
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes in formats that few files of the collection have: the same box with sides of 1, 2 and 3, beside OBJ. Each stands where its
 file says, and pictures have the axis up that files of its kind have."""
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface of a mesh is: triangles without area, polygons, faces that overlap in one plane; and that points lie on it."""
 import json
 import math

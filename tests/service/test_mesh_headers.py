@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Header fields of mesh files that change positions or units, at values that are not their default: each file holds the same box, whose
 corners have points. Files of formats that are not read are named with a converter."""
 import base64

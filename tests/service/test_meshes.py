@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes through REST: every file of data/meshes gives points on its surface or an error of its own, and nothing among the
 malformed ones does harm."""
 import functools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a monitor sees: figures that are true, alert rules that fire in their cases and no other, and a dashboard whose
 panels show something, in a Prometheus that watches the service."""
 import http.client

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The OpenAPI document: it is linted, its examples work, and no answer is anything that it does not say."""
 import json
 import random

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What doc/operations.md says can be typed in, typed in: its blocks of shell, in order, on hosts that are directories.
 
 A host has the paths of the page below a directory of its own, and the user of the test instead of the user hexad.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """output.order: the rows of every output, compared with each other and with the points of a job without an order."""
 import json
 

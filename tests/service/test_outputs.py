@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a job writes on request: meshes, pictures from a given camera, turntables, and the report's word on them."""
 import json
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What web pages that are open in a browser can do over TCP: nothing, unless they are named, or are hexad's own.
 
 Its own page signs in with a token and has a session from then on.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files and directories that the service may not use: the message names owner, group and mode, and the command that permits it."""
 import os
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Positions of outputs far from the origin, read by readers that are not ours (tools/precision.py), and meshes that lie there."""
 import json
 import pathlib

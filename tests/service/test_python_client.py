@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The client in Python (clients/python): against a real daemon, without one, and as its types say."""
 import ast
 import doctest

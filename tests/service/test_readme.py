@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the README says can be typed in, typed in: its blocks of shell, in order, with packages and from a clone."""
 import json
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real volumes through REST, as a user sends them: what comes back is held against what is known of the
 file, against an independent interpolation of its grid, or against the error it must give."""
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """region through the worker and the daemon: every kind of surface, rims, what is refused."""
 import json
 import math

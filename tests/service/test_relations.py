@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a user learns of another user's job through a relation of jobs: a dependency, frames that wait for frames, a result that is reused."""
 import json
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """doc/report.md names every member of a report, every property of points.ply and every file of a result."""
 import json
 import re

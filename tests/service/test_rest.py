@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The REST interface, as a client sees it."""
 import hashlib
 import json

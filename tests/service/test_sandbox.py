@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Workers in the sandbox: the same bytes as without for every kind of job, and no file but those that are theirs."""
 import os
 import json

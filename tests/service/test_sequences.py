@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coherent sequences end to end, through REST and by the worker alone: a torus that moves, turns and grows, and smoke that
 drifts in a wind."""
 import json

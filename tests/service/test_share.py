@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Templates for other farm managers (share/): frames without hexad's queue. Slurm and GNU parallel run theirs. What the
 schema of OpenJD and the script engine of Flamenco would say is not known here: their forms are looked at, and what they
 would run is run."""

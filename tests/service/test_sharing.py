@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How users share the service: turns, weights, priorities, limits, and a hold of the whole queue."""
 import json
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The engine slurm, with a real Slurm of two nodes on this machine. What goes wrong on clusters is in test_farm.py, for
 `make farmtest`."""
 import collections

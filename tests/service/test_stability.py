@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What doc/stability.md promises: nothing of tests/stability/frozen.txt goes or changes. Additions are free.
 
 To add what a release has brought: tests/stability/interface.py BUILD >tests/stability/frozen.txt, and see in the difference that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The state directory: its loss is noticed before anything is stored in it, directories that cannot be written are reported,
 and no temporary file outlives a kill."""
 import hashlib

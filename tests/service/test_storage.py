@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disks that are full: nothing is lost, nothing fails for good that would succeed later, and what makes room works.
 
 The disks are file systems of some MiB in memory (tmpfs), which take root to mount.

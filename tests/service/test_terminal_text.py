@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What terminals and logs show of texts from others: tests/terminal_text.tsv, which tests/unit/test_terminal_text.c reads, too."""
 import json
 import pathlib

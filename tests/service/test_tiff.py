@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """TIFF files of several pages and stacks of TIFF files, as volumes and as labels. Files are written by volumes.py; what is the same volume
 as an NRRD file gives the same bytes of points."""
 import json

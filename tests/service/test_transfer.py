@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files in and out: parts of results, results that a client has already, inputs that clients send."""
 import base64
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The client for Node and browsers (clients/typescript): against a real daemon, and as its types say."""
 import contextlib
 import functools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The units of systemd: verified, and so tight that systemd-analyze gives an exposure of 0.6, and 1.5 at most with an
 example."""
 import re

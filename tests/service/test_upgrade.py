@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The state directory of an earlier version (tests/upgrade/make_state.py says how it was made): nothing in it is lost, what waited
 and what ran when the earlier daemon died goes on."""
 import hashlib

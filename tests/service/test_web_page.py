@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The web page in headless Chromium, with real daemons and real jobs.
 
 All tests share one browser. Most tests share one daemon, or one daemon whose worker waits for the test.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Webhooks: who is told that a job has ended, how often, and that it is this service that says so."""
 import base64
 import json

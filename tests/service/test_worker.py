@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """hexad-worker by itself, as a farm manager calls it: exit codes, last words, progress, every result; and
 the volume that the project makes for a first try."""
 import json

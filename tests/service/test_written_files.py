@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The files of a result have what was written, read from the disk by readers that share no code with the writers: every format,
 with attributes of all kinds, also for a million points. Points of OpenVDB files: tests/unit/test_vdb_points; pictures:
 tests/unit/test_preview and test_outputs.py. What becomes of files that differ: tests/unit/test_file.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """OME-Zarr 0.4 and 0.5 and plain Zarr arrays, as volumes and as labels. Directories are written by zarr_files.py; what is the same volume as
 an NRRD file gives the same bytes of points."""
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dense volumes as files: writers and readers of NRRD, NIfTI and OpenEXR by their definitions, for tests. Arrays are
 indexed [x, y, z]; matrices are 4x4, index to world. Nothing here is hexad's."""
 import gzip

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """VTK files of PolyData by their definition, legacy and XML, for tests. Nothing here is hexad's."""
 import base64
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Zarr arrays and OME-Zarr images by their definition, versions 2 and 3, for tests. Arrays are indexed as stored, [z, y, x] or with more axes
 in front. Nothing here is hexad's."""
 import gzip

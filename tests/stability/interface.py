@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """What others rely on, as rows of text: members of specs and reports, routes, answers, codes, settings, metrics, options and exit
 codes. doc/stability.md says what holds for each.
 

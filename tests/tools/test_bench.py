@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark: its measures, its judgements, and a short run of it."""
 import json
 import math

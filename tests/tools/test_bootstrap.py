@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When ./bootstrap generates configure anew."""
 import os
 import shutil

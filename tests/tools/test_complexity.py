@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Counts of constants, statements and circles of calls in C code (tools/complexity.py)."""
 import pathlib
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tests/contain ends what a test leaves behind; tools/one_make.sh lets one make at a time work in a directory."""
 import os
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/features.py: its measures on meshes of known shape, and the worker's resolve on a thin shell with a handle whose
 sheets are close."""
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fuzz targets: replays of all stored files without clang, and, with clang, a few seconds of fuzzing."""
 import itertools
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/inputs.py on a collection of a few files: one that is good and one that is not, of each kind."""
 import subprocess
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measurement of each row of the table of routes: short runs of it."""
 import re
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Instructions that long lists of a spec take, counted by tools/list_growth.py."""
 import re
 import shutil

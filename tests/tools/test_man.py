@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The manual pages say all that the programs say of themselves, and are well formed; so is the completion."""
 import http.server
 import json

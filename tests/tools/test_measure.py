@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measuring programs, on point sets and surfaces whose measures are known beforehand."""
 import json
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/mistakes.py: messages of typical mistakes name their object and what to do, and the page lists every mistake."""
 import pathlib
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/mutate.py: which tests it leaves out."""
 import sys
 

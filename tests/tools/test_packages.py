@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The lists of debian/ without a build of packages (make deb, make packagecheck): each file that make install writes is in one
 package, and no list names what is nowhere."""
 import fnmatch

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/patches.py: its measures on shapes whose edges are known, and a row of the table from the worker."""
 import pathlib
 import subprocess

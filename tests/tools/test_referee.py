@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The referee on one surface: it agrees with the worker, and says so when a report is wrong."""
 import pathlib
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/reproduce in its short form: the page, its links and its pictures."""
 import json
 import re

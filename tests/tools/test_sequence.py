@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The formula of the torus' motion, against which sequences are measured, and what is told of a frame that misses."""
 import pathlib
 import sys

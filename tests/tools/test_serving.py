@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark of the service: a short run of it, and that its clients see what is wrong."""
 import pathlib
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measurement of shares: a short run of it."""
 import re
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The soak test: a short run without timing, an interrupted run, and the verdicts on figures with a known fault.
 
 `bench/soak.py` runs for an hour by default."""

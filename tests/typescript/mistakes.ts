@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The types find mistakes: tsc expects an error in each line behind a @ts-expect-error, and none elsewhere.
 import {Client, type Spec} from "hexad";
 import type {JobSpec} from "hexad/api";

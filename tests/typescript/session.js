@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Submits, follows, waits and fetches as users do, in Node and in a browser. It returns what the test compares.
 const sphere = (count, rest) => ({
   surface: {union: [{analytic: {shape: "sphere", radius: 1}}, {analytic: {shape: "sphere", center: [4, 0, 0], radius: 1}}]},

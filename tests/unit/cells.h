@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cells: checks that hold for the cells of every field. */
 #ifndef HEXAD_TESTS_CELLS_H
 #define HEXAD_TESTS_CELLS_H

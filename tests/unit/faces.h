@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* faces: surfaces made of flat rectangles, as fields with patches, for tests of patches. */
 #ifndef HEXAD_TESTS_FACES_H
 #define HEXAD_TESTS_FACES_H

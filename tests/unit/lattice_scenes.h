@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* lattice_scenes: surfaces whose points form a perfect lattice with the spacing 1. Release them with scene_free. */
 #ifndef HEXAD_TESTS_LATTICE_SCENES_H
 #define HEXAD_TESTS_LATTICE_SCENES_H

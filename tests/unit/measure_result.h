@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* measure_result: the measures of points on a scanned surface (sampling/measures/measures.h), for tests of the solver.
  * Include after cmocka.
  */

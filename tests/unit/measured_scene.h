@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* measured_scene: surfaces of few triangles with points, and their measures. Include after cmocka.
  *
  * A point lies on every triangle within SCENE_ON of it. It has a copy for each different normal of these triangles.

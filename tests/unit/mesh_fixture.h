@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_fixture: small meshes for tests, as arrays and as files in memory. */
 #ifndef HEXAD_TESTS_MESH_FIXTURE_H
 #define HEXAD_TESTS_MESH_FIXTURE_H

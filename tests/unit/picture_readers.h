@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* picture_readers: reads PNG and EXR files with libpng and OpenEXR's C core, and compares them with a rendered picture. */
 #ifndef HEXAD_TESTS_PICTURE_READERS_H
 #define HEXAD_TESTS_PICTURE_READERS_H

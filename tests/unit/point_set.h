@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* point_set: synthetic points for tests of formats. */
 #ifndef HEXAD_TESTS_POINT_SET_H
 #define HEXAD_TESTS_POINT_SET_H

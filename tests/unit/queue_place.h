@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* queue_place: a queue in its own directory, functions for tests of it, and checks of the query plans of its
  * statements.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* samples_fixture: samples of random voxels. */
 #ifndef HEXAD_TESTS_SAMPLES_FIXTURE_H
 #define HEXAD_TESTS_SAMPLES_FIXTURE_H

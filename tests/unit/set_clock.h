@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* set_clock: replaces the clocks of a test program by clocks that the test sets. Include it in one file of the
  * program.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* shapes: formulas for tests, and random points near their surfaces. Include after cmocka. */
 #ifndef HEXAD_TESTS_SHAPES_H
 #define HEXAD_TESTS_SHAPES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* solve_fixture: complete solves of small surfaces, and checks of their points by brute force. Include after cmocka. */
 #ifndef HEXAD_TESTS_SOLVE_FIXTURE_H
 #define HEXAD_TESTS_SOLVE_FIXTURE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec_text: the spec of a quartic with additional members. Include after cmocka. */
 #ifndef HEXAD_TESTS_SPEC_TEXT_H
 #define HEXAD_TESTS_SPEC_TEXT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Formulas: derivatives against finite differences, signs, cells. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Blocks are found by their coordinates, whatever the coordinates, while the map grows. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Boundaries of open surfaces: particles lie along every curve in which a face cuts the surface, with no particle
  * outside and no gap. The curves are traced here from F on the face only.
  */

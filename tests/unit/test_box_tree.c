@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Walks over a tree of boxes find the same boxes as a test of all boxes, whatever their sizes. */
 #include <math.h>
 #include <setjmp.h>

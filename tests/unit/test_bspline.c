@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* B-splines against the sum of their basis functions, derivatives against finite differences and across knots, the
  * convention of knots, open faces, areas.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Members of a spec and settings that belong to missing parts. This test replaces build_part_missing; `make
  * check-builds` tests real builds.
  */

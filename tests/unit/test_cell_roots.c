@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Roots on the edges of cells: each lies on the surface and is found once, with equal results one at a time and in
  * lanes.
  */

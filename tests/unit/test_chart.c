@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* chart: ticks, and the positions of curves. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The required spacing on shapes of known thickness. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Unit tests of base/core/clock: times as texts. */
 #include <setjmp.h>
 #include <stdarg.h>

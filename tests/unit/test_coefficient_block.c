@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Coefficient blocks that are made at the first access equal those that are made in advance. Their flat cells equal
  * those that hidden_crossing finds for many cells at once.
  */

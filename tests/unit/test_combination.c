@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Combined surfaces: derivatives against differences, signs, and positions of cells. */
 #include <setjmp.h>
 #include <stdarg.h>

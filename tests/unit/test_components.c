@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Connected components of surfaces; a small component beside a large one gets its particles. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Global control (6.1): particles are inserted and deleted until the bounds of their number and of the support hold. */
 #include <math.h>
 #include <setjmp.h>

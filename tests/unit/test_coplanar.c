@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Overlapping coplanar faces: the remaining area is correct, and closed meshes stay closed, in any position. */
 #include <setjmp.h>
 #include <stdarg.h>

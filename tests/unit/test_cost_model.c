@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cost_model: against jobs of known cost. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Distances of the surface from points: gaps of known size, and the nearest of random points against all points. */
 #include <math.h>
 #include <setjmp.h>

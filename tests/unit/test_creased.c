@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Solids with sharp edges as patches: areas, creases, corners and positions against closed forms. */
 #include <math.h>
 #include <setjmp.h>

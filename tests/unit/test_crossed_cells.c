@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* crossed_cells: each cell is returned with its place, its block and F at its corners, for any set of cells. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The crossed cells equal those found cell by cell, whatever leaves and tiles the surface passes. Their
  * neighbourhoods are tested, too.
  */

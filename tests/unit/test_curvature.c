@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Principal curvatures against shapes whose curvature is known, with their signs. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The database of the queue: durability, threads, versions, and locks. */
 #include <setjmp.h>
 #include <stdarg.h>

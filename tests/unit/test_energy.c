@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The potential against its definition and its derivatives against finite differences. */
 #include <math.h>
 #include <setjmp.h>

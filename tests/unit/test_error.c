@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Errors: names, context, and truncated messages. */
 #include <setjmp.h>
 #include <stdarg.h>

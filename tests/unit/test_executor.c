@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The executor with shell scripts as faulty workers. */
 #include <setjmp.h>
 #include <stdarg.h>

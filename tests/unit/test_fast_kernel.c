@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The kernel in single precision against the one in double, whatever the instruction set. */
 #include <fenv.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Feature sizes of shapes of known medial axis, and an alternative measure: half the distance to the nearest place
  * of an opposite surface.
  */

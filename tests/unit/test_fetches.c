@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Results that are sent file by file. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The registry of file formats: each format is recognised, and tables of functions and pages agree with it. */
 #include <setjmp.h>
 #include <stdarg.h>

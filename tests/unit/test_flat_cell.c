@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Areas of flat cells: of planes in oblique cells against the exact intersection, and of a ball in small cells. */
 #include <math.h>
 #include <setjmp.h>

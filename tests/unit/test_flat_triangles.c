@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Triangles without area that have three distinct corners: meshes damaged with them are repaired to closed meshes of
  * the same shape.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The client behind proxies: only elements of trusted proxies count, beginning at the right end. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Transfer of points from one torus to another: kept, removed and new points. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The contents of a block and of its neighbourhood: leaves, tiles of each size, and the background. */
 #include <setjmp.h>
 #include <stdarg.h>

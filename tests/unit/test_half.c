@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Half floats: all 65 536 of them, and rounding between neighbours. */
 #include <setjmp.h>
 #include <stdarg.h>

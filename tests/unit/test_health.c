@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Damage of the queue's database: detection, consequences, and complete copies. */
 #include <setjmp.h>
 #include <stdarg.h>

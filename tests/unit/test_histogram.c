@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A value is counted under the first bound that is not below it. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Independent sets: every point is in one set, and no set contains two neighbours. */
 #include <setjmp.h>
 #include <stdarg.h>

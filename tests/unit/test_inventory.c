@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The entries of results/ and attempts/ compared with the queue. */
 #include <setjmp.h>
 #include <stdarg.h>

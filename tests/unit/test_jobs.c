@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Handlers with a queue that fails on request of the test. */
 #include <setjmp.h>
 #include <stdarg.h>

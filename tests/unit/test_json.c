@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* json: strict parsing, positions and pointers, numbers that round-trip. */
 #include <dirent.h>
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Segmentations in OpenVDB files, which Debian's pyopenvdb cannot write: the choice of the grid, its transform, its
  * background, volumes under the majority filter, and thin parts. tests/service/test_labels.py tests other labels.
  */

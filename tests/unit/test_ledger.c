@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ledger: limits of holders and of all, rates, and the form of refusals. */
 #include <pthread.h>
 #include <setjmp.h>

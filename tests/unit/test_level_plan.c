@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Plans of counts: refinement gives the planned count of the next level. */
 #include <math.h>
 #include <setjmp.h>

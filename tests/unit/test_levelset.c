@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Meshes as arrays: distances, signs, repair, and the level set against exact formulas. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Records as lines and as fields of a journal that this test replaces. `make bootcheck` tests the journal of
  * systemd.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Maps: values at voxels, between them and beyond them. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Perfect lattices on surfaces whose measures are known from geometry, and transformations that must not change the
  * measures.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Random points on random meshes: the measures against a program that compares all triangles, points and places with
  * each other.
  */

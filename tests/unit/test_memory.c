@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* memory: arrays of every size are zeroed and aligned, also in reused memory. */
 #include <pthread.h>
 #include <semaphore.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Mesh files: through the reading process to a volume. The test program is its own reader. For a file with the
  * extension "fakeN" it returns an invalid answer of kind N.
  */

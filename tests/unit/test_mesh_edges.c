@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The edges of meshes, classified by the number of triangles that meet there. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Orientation of meshes: normals agree along edges and point out of closed parts; cavities stay cavities. */
 #include <math.h>
 #include <setjmp.h>

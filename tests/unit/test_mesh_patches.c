@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Meshes as patches, curves and corners: shapes whose numbers of each are known. */
 #include <setjmp.h>
 #include <stdarg.h>

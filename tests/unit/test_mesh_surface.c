@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Meshes as fields of patches: zero on their triangles, with the normals and curvatures of the approximated surface. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Morton's order: a permutation sorted by the interleaved coordinates, along which neighbours are near. */
 #include <math.h>
 #include <setjmp.h>

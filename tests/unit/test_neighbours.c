@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Neighbour lists against all pairs, and the independence of the colours that threads rely on. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The outcome of perfect lattices, and of results with one known fault each. */
 #include <math.h>
 #include <setjmp.h>

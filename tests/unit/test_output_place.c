@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Copies to directories of users run one after another, and fail if another user has a result there. */
 #include "queue_place.h"
 

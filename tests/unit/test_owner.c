@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Turns of users within a priority, by weights; holds; numbers of users in settings. */
 #include "service/queue/user_numbers.h"
 #include "queue_place.h"

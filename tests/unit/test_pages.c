@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Hosts and origins that are accepted on a port without tokens. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Particles: an index denotes one particle in all arrays, after copying, permuting and growing. */
 #include <setjmp.h>
 #include <stdarg.h>

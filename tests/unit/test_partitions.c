@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Partitions: every point belongs to one of them, whose lists are those of the whole set. */
 #include <setjmp.h>
 #include <stdarg.h>

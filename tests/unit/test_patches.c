@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Surfaces of patches that meet in curves, from the random start to the triangles. The faces are flat, so that curves
  * and corners are known.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A state directory, its database, log or lock that is removed, renamed or replaced. */
 #include <setjmp.h>
 #include <stdarg.h>

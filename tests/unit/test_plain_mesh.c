@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* OBJ, PLY and STL: exact numbers, polygons, and the positions in refusals. OFF and glTF: features that are left to
  * the library.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Files that are read without OpenVDB give the same result as OpenVDB. All others are left to OpenVDB. */
 #include <setjmp.h>
 #include <stdarg.h>

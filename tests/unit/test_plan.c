@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* plan: the number of points of a target, and their memory. */
 #include <math.h>
 #include <setjmp.h>

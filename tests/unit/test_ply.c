@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ply: round trips, truncations, hostile headers. */
 #include <float.h>
 #include <math.h>

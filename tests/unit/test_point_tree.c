@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Searches of a tree of points return the same as a comparison with all points. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Polygons as triangles: simple planar polygons are covered once, whatever their shape; the work is bounded. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Population: choice of particles, positions of twins, and removal. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The prefilter of known voxels: the spline has their values, is extrapolated as a parabola, and leaves other voxels
  * unchanged. Extrapolation of a band by any number of threads.
  */

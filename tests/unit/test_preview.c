@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* preview: pixels against geometry, files against pixels, colours, legend, degenerate sets. */
 #include <math.h>
 #include <setjmp.h>

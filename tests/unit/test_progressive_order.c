@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Progressive order: every point is nearly the farthest from the points before it, by a computation over all pairs. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Projection: onto the surface to rounding, along boundaries, and failures. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Orientations: unit quaternions that rotate +z to the normal, against explicit rotation matrices. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Unit tests of base/core/reader: no process remains after a failed start; findings of sanitizers in the process of the
  * reader.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Refinement of spheres: the edges that get a particle, found here pair by pair. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Regions: cutting faces, kept parts, areas against closed forms, and points. */
 #include <math.h>
 #include <setjmp.h>

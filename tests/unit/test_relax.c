@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Sweeps: guarantees about the energy, the surface and the neighbour lists. */
 #include <math.h>
 #include <setjmp.h>

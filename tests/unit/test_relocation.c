@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Over-dense points and gaps in a plane: which points are relocated to which places, and what must not change. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Defects that remain after descent, on a ball with bumps that the spacing does not resolve. */
 #include <math.h>
 #include <setjmp.h>

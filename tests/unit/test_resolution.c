@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Whether points resolve their surface: hexagonal lattices, opposite or bent, with known results. */
 #include <math.h>
 #include <setjmp.h>

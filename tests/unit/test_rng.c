@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Random numbers: the published generator, and independent streams. */
 #include <setjmp.h>
 #include <stdarg.h>

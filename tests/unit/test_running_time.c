@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Unit tests of base/core/running_time, and of the watch of the wall clock in base/core/clock. */
 #include <setjmp.h>
 #include <stdarg.h>

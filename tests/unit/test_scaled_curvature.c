@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Curvature at a scale: shapes of known curvature, with and without noise, and edges. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* schedule: values of the tables at the positions of a solve where one rule replaces another. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Sets that several threads join equal those that one thread joins, in any order. */
 #include <setjmp.h>
 #include <stdarg.h>

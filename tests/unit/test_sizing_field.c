@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Requested spacings against closed forms: distribution, sum, bounds and growth. */
 #include <math.h>
 #include <setjmp.h>

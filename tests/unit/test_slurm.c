@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Unit tests of the engine slurm: attempts whose files are damaged. squeue is a script that lists no job. */
 #include <setjmp.h>
 #include <stdarg.h>

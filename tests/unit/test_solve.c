@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Complete solves on smooth surfaces: their levels, and the values of each point in the result, which are recomputed
  * by brute force.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Complete solves on surfaces of patches: points held at given positions, and points near curves. */
 #include <math.h>
 #include <setjmp.h>

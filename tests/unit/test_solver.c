@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The complete solver on formulas: exact counts, points on the surface, convergence, equal results for any number of
  * threads, and a packing as good as that of the paper's method.
  */

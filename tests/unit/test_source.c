@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Surfaces that are opened from a spec: files, regions, combinations, offsets and transforms, and the projection of
  * points from the level set of a mesh onto its triangles.
  */

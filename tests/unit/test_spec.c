@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec: the table determines most of these tests: default, bounds and types of every row. */
 #include <malloc.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spec: outputs, and cameras of the pictures. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The scan: areas of shapes with closed forms, and points proportional to area. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Triangles between points on a mesh. They have its topology where opposite surfaces are closer than the points, and
  * where these meet in an edge as sharp as that of a blade.
  */

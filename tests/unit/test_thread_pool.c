@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* thread_pool: the order of work, and the end of work when the pool stops. */
 #include <pthread.h>
 #include <semaphore.h>

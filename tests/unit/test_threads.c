@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The pool processes every item once, with any number of workers, in many repetitions. */
 #include <setjmp.h>
 #include <stdarg.h>

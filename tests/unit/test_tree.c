@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Unit tests of files/tree: files below a directory, and the hash of the opened files. */
 #include <setjmp.h>
 #include <stdarg.h>

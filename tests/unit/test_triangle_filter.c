@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods,
  * opposite walls, uniform and varying spacing.
  */

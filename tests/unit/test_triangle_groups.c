@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Distances from groups of triangles equal the distances from each triangle. */
 #include <setjmp.h>
 #include <stdarg.h>

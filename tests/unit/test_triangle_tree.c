@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Searches of trees of triangles return the same as a comparison with all triangles. */
 #include <math.h>
 #include <setjmp.h>

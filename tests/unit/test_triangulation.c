@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangulation: closed where the points resolve the surface, open at boundaries and holes, with correct facts. */
 #include <math.h>
 #include <setjmp.h>

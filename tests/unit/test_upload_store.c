@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* upload_store: the space that uploads reserve, in total and of each user. */
 #include <setjmp.h>
 #include <stdarg.h>

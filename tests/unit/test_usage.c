@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The disk space of results: sums, bounds, the order of deletion, and refusals when no job may be deleted. */
 #include "queue_place.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb: points grids are written and read back; equal points give equal bytes. */
 #include <math.h>
 #include <setjmp.h>

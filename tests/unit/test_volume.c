@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Opened volumes: accuracy, derivatives, boundaries of bands and tiles. */
 #include <setjmp.h>
 #include <stdarg.h>

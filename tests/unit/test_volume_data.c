@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Real files: every volume of the shared data, and every hostile one, gives its points or its error. If the data are
  * missing, the tests are skipped with a message.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Messages about volumes that cannot be opened. No content of a file causes more than an error. */
 #include <dirent.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* One-rings from polygons against one-rings from triangles, and symmetry of neighbours: on uniform, perturbed, bent,
  * creased and degenerate sets.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* watch: ends jobs that do not check for a stop, and prints lines for silent phases. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb_points_reader: compares an OpenVDB file with the points that were written. */
 #ifndef HEXAD_TESTS_VDB_POINTS_READER_H
 #define HEXAD_TESTS_VDB_POINTS_READER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* volume_fixture: small volumes for tests of src/surface/volume and src/io/vdb, in memory files. */
 #ifndef HEXAD_TESTS_VOLUME_FIXTURE_H
 #define HEXAD_TESTS_VOLUME_FIXTURE_H

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Makes the state directory that an upgrade is tested from, with the programs of an earlier version.
 
     make_state.py HEXAD WORKER OUTPUT

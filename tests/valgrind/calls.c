@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* calls: loaded in front of what runs under valgrind (3.19), for what that does not do, so that workers are started.
  *
  * It keeps descriptors for itself and lets nobody lower their limit (EPERM): here that is said to be done. It does

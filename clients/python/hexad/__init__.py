@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A client of hexad, the service that turns surfaces into points."""
 from .client import Client, RemoteJob
 from .errors import Damaged, FaultWarning, HexadError, JobFailed, Problem, Unreachable, WaitTimeout

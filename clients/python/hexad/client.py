@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A service that is reached over REST."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What may go wrong. All are HexadError. What the service refuses is a Problem, of a class for its code (hexad.problems)."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Streams of events that go on where they were interrupted."""
 from __future__ import annotations
 

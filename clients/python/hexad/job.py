@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What jobs of a service and of this machine have in common."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Jobs on this machine without a service: hexad-worker, one process for each job or frame."""
 from __future__ import annotations
 

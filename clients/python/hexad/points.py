@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points as columns, read from PLY files: arrays of NumPy where there is one, else of `array`."""
 from __future__ import annotations
 

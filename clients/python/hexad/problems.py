@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The errors of the service, a class for each code. Written by generate.py; do not edit."""
 from typing import Dict, Type
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The members of a spec, for editors and type checkers. Written by generate.py; do not edit.
 
 Each class is a dict. A spec may be written with them or as plain dicts and lists; a member that is left out has its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Requests to the service, over a Unix socket or TCP: repeated when their answer is lost, refused by exceptions."""
 from __future__ import annotations
 

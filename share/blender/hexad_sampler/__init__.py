@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An add-on for Blender 3.4 and later, an example of a submitter: it samples the active mesh object by a hexad service.
 
 Copy the folder hexad_sampler into Blender's folder scripts/addons, and make the Python client available to Blender, for

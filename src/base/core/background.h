@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* background: starts threads that wait for work, and helps them to wait.
  *
  * The caller keeps the mutex and the condition. A condition of this module uses the monotonic clock, so that changes of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* build_part: the parts of hexad that configure can leave out.
  *
  * A build without a part still parses the members of a spec and the settings that belong to it. A request for the part

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* clock: the time, in milliseconds.
  *
  * The monotonic clock is for durations and deadlines inside one process; the wall clock is for times that are stored or

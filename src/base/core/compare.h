@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* compare: comparison functions for qsort, minimum and maximum. Pure functions, any thread. */
 #ifndef HEXAD_BASE_CORE_COMPARE_H
 #define HEXAD_BASE_CORE_COMPARE_H

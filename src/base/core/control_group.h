@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* control_group: memory limits enforced by the kernel (control groups, version 2) for processes that this one starts.
  *
  * systemd may delegate the group of a service to it (Delegate=memory). This process then moves to a subgroup, since

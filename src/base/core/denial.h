@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* denial: the file or directory that denies this process access, for messages about EACCES and EPERM.
  *
  * A message names its owner, group and mode, what this process needs, and a command for root that permits it. The

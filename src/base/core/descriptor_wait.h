@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* descriptor_wait: waits for descriptors in a loop that runs as long as the process.
  *
  * If the system calls of such a loop failed permanently, the loop would use a CPU without waiting. Therefore errors are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* error: the error type of the project.
  *
  * A function that can fail returns bool (true: success) or a pointer (NULL: failure) and has an `error *` as its last

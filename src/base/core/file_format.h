@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* file_format: the registry of file formats, constant data: what a format is called, how its files are recognised, what
  * they hold, and what to do with a file that is not read.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frames: frame numbers of a sequence, and paths that contain one.
  *
  * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 .. 999999999, each

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* histogram: a histogram of durations in the form of Prometheus.
  *
  * All histograms have the same bounds, from 0.1 s to a day. Any thread may add and read; a reader may see a value in

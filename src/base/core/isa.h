@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* isa: the instruction sets for which each numerical kernel is compiled, from one source. Results are bitwise equal,
  * since sums have a fixed order; only the time differs.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* log: one-line records on standard error.
  *
  * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so that records of several threads do

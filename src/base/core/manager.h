@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* manager: communicates with the service manager (systemd) that started this process. Without one, functions do
  * nothing.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* memory: allocation, in two kinds, and settings of malloc.
  *
  * mem_* functions are for small objects (text, JSON nodes, tables): they never return NULL; if memory is exhausted they

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* module: loads a shared object of this program on first use.
  *
  * For code whose libraries take longer to link at start than a small job takes: OpenVDB and assimp have more than a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* nearest_name: finds the known name that is most similar to a misspelt one.
  *
  * Up to a third of the letters of the given name may differ, and two in a short name. A transposition of adjacent

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* number: numbers as files store them, by type and byte order, at any address. Pure functions; any thread. */
 #ifndef HEXAD_BASE_CORE_NUMBER_H
 #define HEXAD_BASE_CORE_NUMBER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* precision: the range of whole numbers in doubles, and rounding to floats. Pure functions, any thread. */
 #ifndef HEXAD_BASE_CORE_PRECISION_H
 #define HEXAD_BASE_CORE_PRECISION_H

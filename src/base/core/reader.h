@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* reader: runs a library that reads untrusted files in a separate process.
  *
  * The process is this program, started with another command. It receives the open file as standard input, no other

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The functions of reader.h that receive what the process answers. */
 #include "base/core/reader.h"
 

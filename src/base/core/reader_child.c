@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The functions of reader.h that run in the process that reads, which may be a module. */
 #include "base/core/reader.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The function of reader.h for a program that loads a reader only in the process that reads. */
 #include "base/core/module.h"
 #include "base/core/reader.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "base/core/rng.h"
 
 static uint64_t splitmix(uint64_t *x)

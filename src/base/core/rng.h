@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* rng: seeded random numbers, the same on every machine (xoshiro256++ of Blackman and Vigna,
  * seeded through splitmix64). A generator belongs to one thread at a time. */
 #ifndef HEXAD_BASE_CORE_RNG_H

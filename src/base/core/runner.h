@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* runner: background work of the daemon. A task does a step, then waits for a time or for a wake-up, then does the next.
  *
  * Each task has a thread, because steps wait for disks, databases and receivers. Tasks are added while the service is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* running_time: how long the program has run since a time of the wall clock, over all its starts.
  *
  * An object with a retention time is removed only when this time has passed both by the wall clock and by the running

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sandbox: restricts a process that reads untrusted files, and all processes that it starts. The only user of
  * libseccomp.
  *

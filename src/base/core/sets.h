@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sets: union-find on the numbers 0 to n - 1, in an array of the caller. The root of a set is its lowest number. One
  * thread at a time, except for functions named shared.
  */

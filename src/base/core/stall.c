@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "base/core/stall.h"
 
 #include "base/core/clock.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* stall: notices that the loop of a thread does not advance, and writes it to the log: once when a stall is noticed, and
  * once when the loop advances again.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* terminal_text: text from users, files, the network or other programs, written for terminals and logs.
  *
  * A terminal executes control characters. Direction controls and invisible characters make a text look like another

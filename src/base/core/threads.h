@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* threads: a pool that runs loops in parallel. Between loops workers spin for about 40 microseconds, then sleep.
  *
  * threads_run splits 0 .. count into chunks of `grain`. Each worker starts with an equal, contiguous share, so that

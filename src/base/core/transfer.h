@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* transfer: reads and writes whole blocks. Repeats calls that a signal interrupts or that transfer only a part. On
  * failure errno is set, except after a write of 0 bytes. Any thread.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ulid: identifiers that sort by creation time.
  *
  * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in lower case

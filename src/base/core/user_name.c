@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "base/core/user_name.h"
 
 #include <pwd.h>

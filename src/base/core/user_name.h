@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* user_name: the name of a user, for messages. */
 #ifndef HEXAD_BASE_CORE_USER_NAME_H
 #define HEXAD_BASE_CORE_USER_NAME_H

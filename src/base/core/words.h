@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* words: derives an enumeration and its words from one list, so that they always agree.
  *
  * A list is a macro NAME_LIST(ENTRY, prefix) with lines ENTRY(prefix, NAME, "word"). The macros below derive the

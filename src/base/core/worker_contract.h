@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* worker_contract: the public interface of hexad-worker for programs that start it: the executor, a farm manager, a
  * script.
  *

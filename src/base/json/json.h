@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* json: parses, builds and prints JSON documents. The only user of cJSON.
  *
  * Parsing is strict (RFC 8259), while cJSON itself is lenient: UTF-8, no trailing text, no lone surrogate, no

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* json_copy: copies a JSON text of any length and replaces the value of one member, in constant memory.
  *
  * Only strings and brackets are recognised. The copy of a text that is not JSON is not JSON, either. No state; any

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* json_internal: functions shared by the files of src/base/json; private to them. */
 #ifndef HEXAD_BASE_JSON_JSON_INTERNAL_H
 #define HEXAD_BASE_JSON_JSON_INTERNAL_H

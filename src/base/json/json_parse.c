@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Parses text into a tree. cJSON's own parser accepts more than RFC 8259 and truncates numbers of more than 63
  * characters. strtod parses numbers, so the programs keep the C locale for LC_NUMERIC.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Prints a tree as text. cJSON's own printer compares doubles with a tolerance. snprintf and strtod convert numbers,
  * so the programs keep the C locale for LC_NUMERIC.
  */

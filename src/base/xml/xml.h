@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* xml: the elements of an XML document, in their order, by expat. The only user of expat.
  *
  * A document type is refused, because its declarations can expand to any length. Threads: one for each document.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* contacts: distinguishes contacts of solids from coincident faces of opposite orientation whose removal would leave
  * a hole.
  *

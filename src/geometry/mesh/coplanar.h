@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* coplanar: finds and removes overlaps of coplanar faces of different parts of a mesh, as under a box on a larger
  * face.
  *

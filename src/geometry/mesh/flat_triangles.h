@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* flat_triangles: removes triangles without area that have three distinct corners. The corners of such a triangle
  * are collinear within the rounding error of their coordinates, so that its normal is arbitrary. If two corners
  * coincide to within rounding, their edge is collapsed. Otherwise one corner lies on the longest side: the triangle

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping single
  * triangles.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/mesh/mesh.h"
 
 #include <stdarg.h>

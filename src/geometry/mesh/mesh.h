@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh: an indexed triangle mesh, and notes on its repair.
  *
  * Units: those of the file, until levelset_make converts them to voxels. Free a mesh with mesh_free. Functions with

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_edges: the triangles at each edge of a mesh, as half-edges (sides) sorted by edge.
  *
  * Free with mesh_edges_free. The result does not depend on the number of threads of the pool, which may be NULL. No

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_weld: makes one vertex of equal ones, and one triangle of duplicates.
  *
  * The result does not depend on the number of threads of the pool, which may be NULL. No shared state.

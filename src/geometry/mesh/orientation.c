@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/mesh/orientation.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* orientation: connected sets of triangles, and which triangles must be reversed for a consistent orientation.
  *
  * A union-find forest over the triangles. Each triangle stores whether its orientation is opposite to that of its

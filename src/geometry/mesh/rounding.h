@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* rounding: bounds of the rounding errors of the coordinates of a mesh. Pure functions. Results do not depend on the
  * number of threads of the pool, which may be NULL.
  */

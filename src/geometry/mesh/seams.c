@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/mesh/seams.h"
 
 #include <math.h>

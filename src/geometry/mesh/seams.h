@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* seams: closes open edges that coincide with others within a tolerance, or on which vertices of other triangles
  * lie, as between separately triangulated faces of a CAD model.
  *

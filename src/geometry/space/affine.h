@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* affine: affine maps of space, as the first three rows of a 4x4 matrix for column vectors. Pure functions, any
  * thread.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* bbox: an axis-aligned box, min <= max on each axis; an empty box has min = +inf, max = -inf. Pure functions, any
  * thread.
  */

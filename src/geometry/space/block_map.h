@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* block_map: a sparse set of blocks of 8^3 voxels, numbered in the order in which they were added.
  *
  * The coordinates of a block are the coordinates of its lowest voxel divided by 8; any int32 is valid. A node holds

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* box_tree: a hierarchy of bounding boxes over triangles, segments, boxes or other hierarchies, which are its items.
  *
  * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A search

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cell_list: a uniform cell list of points, to find the point nearest to a place and the points within a distance of
  * a place.
  *

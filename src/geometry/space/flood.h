@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* flood: whether cells of 8^3 blocks are connected by their faces. Single-threaded; no shared state. */
 #ifndef HEXAD_GEOMETRY_SPACE_FLOOD_H
 #define HEXAD_GEOMETRY_SPACE_FLOOD_H

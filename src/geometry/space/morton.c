@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/space/morton.h"
 
 #include <stdlib.h>

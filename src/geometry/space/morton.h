@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* morton: sorts points along Morton's curve, so that points near each other in space are mostly near each other in
  * the order.
  *

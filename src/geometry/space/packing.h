@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* packing: the formulas of the ideal hexagonal packing, in which six neighbours at one distance h, the spacing,
  * surround each point. Pure functions. Lengths, areas and counts are the caller's units. */
 #ifndef HEXAD_GEOMETRY_SPACE_PACKING_H

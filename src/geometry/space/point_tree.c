@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/space/point_tree.h"
 
 #include <assert.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* point_tree: a k-d tree of points of any distribution, to find the point nearest to any place and the points within
  * a distance of it.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "geometry/space/smooth_triangle.h"
 
 ISA_CLONES void smooth_triangle_find_lanes(smooth_triangle_lanes *f)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* smooth_triangle: a triangle with normals at its corners that are interpolated over it, and the projection of
  * places onto it, for one place or for several in SIMD lanes with the same bits. Pure functions, any thread.
  */

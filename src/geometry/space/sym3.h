@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sym3: a symmetric 3x3 matrix. Pure functions, any thread. */
 #ifndef HEXAD_GEOMETRY_SPACE_SYM3_H
 #define HEXAD_GEOMETRY_SPACE_SYM3_H

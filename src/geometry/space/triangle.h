@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangle: distance of a point from a triangle, and subdivision of a triangle. Pure functions, any thread. */
 #ifndef HEXAD_GEOMETRY_SPACE_TRIANGLE_H
 #define HEXAD_GEOMETRY_SPACE_TRIANGLE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vec3: vectors of three doubles, passed by value, and arrays of sixteen vectors for kernels. Units are the
  * caller's. Pure functions, any thread.
  */

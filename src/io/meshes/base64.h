@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* base64: decodes bytes that a text holds as base64. Blanks are permitted anywhere. Pure functions; any thread. */
 #ifndef HEXAD_IO_MESHES_BASE64_H
 #define HEXAD_IO_MESHES_BASE64_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* content_end: finds the end of the content that a mesh file declares, for formats whose readers ignore the bytes
  * after it. Runs in the process that reads.
  */

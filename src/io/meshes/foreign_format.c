@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/foreign_format.h"
 
 #include "io/meshes/plain_mesh.h"

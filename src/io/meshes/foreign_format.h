@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* foreign_format: files that are not a readable mesh (volumes, and formats of surfaces that hexad does not read),
  * recognised by their first bytes; AMF and DXF, which assimp reads wrongly, also by the ending of their names.
  * Threads: none.

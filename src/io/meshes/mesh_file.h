@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_file: a mesh from an open file, read by a process of its own (see mesh_reader). */
 #ifndef HEXAD_IO_MESHES_MESH_FILE_H
 #define HEXAD_IO_MESHES_MESH_FILE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/mesh_reader.h"
 
 #include <stdbool.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* 3MF: the items of the build with their transforms, in doubles and millimetres. Meshes, components and parts of other model files in
  * the package (the production extension) are read. */
 #include <stdio.h>

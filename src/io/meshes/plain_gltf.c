@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in doubles.
  * Extensions that the file requires are known, or the file is refused by the name of one; Draco alone is left to the
  * library. */

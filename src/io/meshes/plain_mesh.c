@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/plain_mesh.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a library,
  * in the precision that they have.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Wavefront OBJ: the lines v and f. Normals, texture coordinates, groups and materials do not change the shape.
  * Free-form curves and surfaces, and lines of words that are not known, are left out with a warning. */
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* PLY: text and binary of both orders. Vertices come before the faces. A face is one list of indices; other properties
  * of an element are skipped. Triangle strips are faces before this reads them (ply_strips). */
 #include <endian.h>

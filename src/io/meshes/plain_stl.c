@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* STL: binary of the size that its count of triangles gives, or text of solids, one after the other. */
 #include <string.h>
 #include <strings.h>

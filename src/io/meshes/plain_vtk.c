@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* VTK's legacy files of PolyData, as text and binary (big-endian), of versions 1.0 to 5.1. Only positions and
  * cells are read, not the values of points and cells. */
 #include <stdarg.h>

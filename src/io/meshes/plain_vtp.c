@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. base/xml finds the
  * arrays; what they hold is read here. Values of points and cells change no place and are not read. */
 #include <ctype.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ply_header: the header of a PLY file. Runs in the process that reads. */
 #ifndef HEXAD_IO_MESHES_PLY_HEADER_H
 #define HEXAD_IO_MESHES_PLY_HEADER_H

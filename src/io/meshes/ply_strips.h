@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ply_strips: converts PLY files whose faces are triangle strips, as scanners write them, to PLY files of triangles.
  * Neither plain_mesh, which reads the mesh, nor assimp, which reads the attributes of vertices, supports strips.
  * Runs in the process that reads.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/ply_values.h"
 
 #include <stdio.h>

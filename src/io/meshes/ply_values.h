@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ply_values: reads those properties of the vertices of a PLY file that assimp does not return. Only used if
  * attributes are requested (mesh_file_read_values), since assimp reads the file then. Runs in the process that
  * reads.

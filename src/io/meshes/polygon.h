@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* polygon: a polygon of a mesh file as triangles. Pure functions but for allocation; any thread. */
 #ifndef HEXAD_IO_MESHES_POLYGON_H
 #define HEXAD_IO_MESHES_POLYGON_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/vtk_data.h"
 
 const char *vtk_cells_name(vtk_cells_kind kind)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vtk_data: what VTK's PolyData is made of, in its text and XML forms, and the mesh that it becomes. Runs in the
  * process that reads. Threads: none.
  */

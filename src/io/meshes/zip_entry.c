@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/zip_entry.h"
 
 #include <stdint.h>

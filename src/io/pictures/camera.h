@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* camera: a pinhole or orthographic camera, and its placement in front of a point set. Pure functions.
  *
  * Camera space has its origin at the eye and the axes right, up, forward; depth is the third coordinate. Pixel (0, 0)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* chart: curves over one axis, each in its own panel, stacked vertically. */
 #ifndef HEXAD_IO_PICTURES_CHART_H
 #define HEXAD_IO_PICTURES_CHART_H

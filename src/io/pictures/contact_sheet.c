@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/pictures/contact_sheet.h"
 
 #include <stdio.h>

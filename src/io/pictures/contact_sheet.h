@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* contact_sheet: a grid of numbered thumbnails below a line of text. One thread at a time. */
 #ifndef HEXAD_IO_PICTURES_CONTACT_SHEET_H
 #define HEXAD_IO_PICTURES_CONTACT_SHEET_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* disc: rasterises discs in space into bands of samples of a picture, with a depth test.
  *
  * The extent of a disc in a row of samples follows from the roots of a quadratic. For the depth test, discs are cones:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* legend: a colour bar with a title and three numbers, drawn into an RGB picture. */
 #ifndef HEXAD_IO_PICTURES_LEGEND_H
 #define HEXAD_IO_PICTURES_LEGEND_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Replaces picture_png.c in a build without pictures. */
 #include "base/core/build_part.h"
 #include "io/pictures/picture_png.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Replaces thumbnail.c in a build without pictures. */
 #include "base/core/build_part.h"
 #include "io/pictures/thumbnail.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* picture_png: writes a picture as PNG, 8-bit RGB, sRGB, with libpng. The same picture gives the same bytes: no date,
  * no text. A file belongs to one thread at a time.
  */

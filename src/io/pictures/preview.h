@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* preview: renders a point set as shaded discs in its tangent planes.
  *
  * Every point is a disc of about its local spacing, coloured by a quantity. Dark, slightly larger discs just below

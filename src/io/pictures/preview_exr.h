@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* preview_exr: writes a preview with its data as OpenEXR, with OpenEXR's C core: one part, scanlines. The same image
  * gives the same bytes: no date, no path.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* thumbnail: reads a PNG file of a preview and reduces it for a contact sheet.
  *
  * A separate process (base/core/reader) decodes the file, because a worker that read untrusted inputs wrote it. The program

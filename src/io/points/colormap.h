@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* colormap: maps numbers to colours, with a scale. Pure functions. */
 #ifndef HEXAD_IO_POINTS_COLORMAP_H
 #define HEXAD_IO_POINTS_COLORMAP_H

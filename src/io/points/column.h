@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* column: a point set as named columns of numbers, for PLY and other row formats.
  *
  * Columns are chosen by name, or by the name of an application, which stands for the columns that it reads. An

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/points/glb.h"
 
 #include <ctype.h>

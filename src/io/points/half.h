@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* half: conversion of 16-bit floats (IEEE 754 binary16). Pure functions. */
 #ifndef HEXAD_IO_POINTS_HALF_H
 #define HEXAD_IO_POINTS_HALF_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* npz: NumPy archives with one array per property: position (count, 3), kappa (count,), ... Reals are float64, whole
  * numbers int64. The only user of minizip. Contracts: writers.h.
  */

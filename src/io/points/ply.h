@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ply: writes points.ply and mesh.ply, and reads them.
  *
  * The element `vertex` has a property per column; real numbers are all floats or all doubles. A set with triangles has

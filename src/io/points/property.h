@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* property: a point set as named arrays of vectors or numbers, for formats that keep components together. Pure
  * functions.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* quantity: the quantity that the colours of a picture show, and its scale. Pure functions. */
 #ifndef HEXAD_IO_POINTS_QUANTITY_H
 #define HEXAD_IO_POINTS_QUANTITY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* quaternion: unit quaternions x y z w that turn +z to a normal. Pure functions.
  *
  * The rotation first turns about +z by an angle, the twist, and then turns +z to the normal by the shortest way. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* scene: the orientation of a point set, and the sequence that it belongs to. */
 #ifndef HEXAD_IO_POINTS_SCENE_H
 #define HEXAD_IO_POINTS_SCENE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor (linear
  * light), primvars:st and all other properties as primvars. With scene.instancer, points are a
  * UsdGeomPointInstancer. A set with triangles is a UsdGeomMesh. A frame of a sequence has time samples at the time

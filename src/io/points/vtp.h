@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vtp: VTK PolyData as XML, each point a vertex, with one array per property: float64 or int64, appended as raw bytes.
  * Contracts: writers.h.
  */

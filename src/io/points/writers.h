@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* writers: the table of what writes points and their mesh, by format, besides PLY and OpenVDB. A new format needs a file
  * with a function, a row in writers.c, and its row in base/core/file_format.c.
  *

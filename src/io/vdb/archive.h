@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* archive: writes whole files to a descriptor, for C++ units. Not for C. */
 #ifndef HEXAD_IO_VDB_ARCHIVE_H
 #define HEXAD_IO_VDB_ARCHIVE_H

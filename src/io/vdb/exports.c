@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/vdb/exports.h"
 
 __attribute__((visibility("default"))) const vdb_exports hexad_vdb_exports = {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* exports: the functions of vdb.h as a table, for programs that load the shim as a module. */
 #ifndef HEXAD_IO_VDB_EXPORTS_H
 #define HEXAD_IO_VDB_EXPORTS_H

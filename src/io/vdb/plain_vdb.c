@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/vdb/plain_vdb.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* plain_vdb: reads usual OpenVDB files without the library. The dynamic linker needs more time for its 52 000
  * symbols than a small job takes, and its tree is a second copy of the voxels.
  *

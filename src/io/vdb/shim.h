@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* shim: shared by the C++ units of this folder. Not for C. */
 #ifndef HEXAD_IO_VDB_SHIM_H
 #define HEXAD_IO_VDB_SHIM_H

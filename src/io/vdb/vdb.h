@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb: reads and writes OpenVDB files as plain arrays; the only C++ interface of the project.
  *
  * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all data

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb.h for a program that loads the shim when a file is first opened. */
 #include "io/vdb/exports.h"
 

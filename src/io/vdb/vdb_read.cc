@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb_read: reading of grids and their metadata from OpenVDB files, with the messages about files that cannot be read. The order of the parts of a file is that of openvdb::io::Stream and io::File, which this
  * unit walks itself (through the base class of both) for three reasons: a grid that is not requested
  * is skipped if the file has offsets, lengths are checked before they are believed, and the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* vdb_write: small volumes that the project makes itself, for its example and its tests. */
 #include "io/vdb/archive.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* coefficients: reads the file of a B-spline's coefficients.
  *
  * The file holds only dims[0] dims[1] dims[2] little-endian floating-point numbers, x fastest, then y. Its size

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/dwa_image.h"
 
 #include <exception>

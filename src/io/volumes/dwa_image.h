@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* dwa_image: reads one channel of an image whose compression (DWAA, DWAB) OpenEXR's C core does not decode, with the
  * C++ library. Only for the process that reads images (exr_reader.h), because the library gets unchecked bytes.
  */

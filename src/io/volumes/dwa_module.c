@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* dwa_image.h for a program that loads the library only where an image needs it. */
 #include "base/core/module.h"
 #include "io/volumes/dwa_image.h"

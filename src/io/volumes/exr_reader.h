@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* exr_reader: decodes one channel of OpenEXR images in a separate process (reader.h) with OpenEXR's C core.
  *
  * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is one byte,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* exr_stack: a stack of OpenEXR images as a dense volume.
  *
  * The data windows of the slices span the volume; pixels outside of a slice's window are 0. Every slice is examined

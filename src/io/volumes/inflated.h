@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* inflated: reads bytes that are compressed with zlib in a file: a zlib stream, or consecutive gzip files. */
 #ifndef HEXAD_IO_VOLUMES_INFLATED_H
 #define HEXAD_IO_VOLUMES_INFLATED_H

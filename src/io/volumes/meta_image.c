@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/meta_image.h"
 
 #include <ctype.h>

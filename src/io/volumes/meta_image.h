@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* meta_image: parses the header of a MetaImage file (.mha, or .mhd with a separate data file). Runs in the process
  * that reads headers. Source: the documentation and the reader of MetaIO.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* numbers: the numbers of a dense volume as they are stored, and as doubles. Pure functions; any thread. */
 #ifndef HEXAD_IO_VOLUMES_NUMBERS_H
 #define HEXAD_IO_VOLUMES_NUMBERS_H

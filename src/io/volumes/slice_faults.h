@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* slice_faults: collects slices of a stack with the same kind of fault, for one message. One thread. */
 #ifndef HEXAD_IO_VOLUMES_SLICE_FAULTS_H
 #define HEXAD_IO_VOLUMES_SLICE_FAULTS_H

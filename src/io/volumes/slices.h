@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* slices: reads a dense volume slice by slice (the source of surface/volume/dense_grid.h).
  *
  * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number i +

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/tiff_description.h"
 
 #include <math.h>

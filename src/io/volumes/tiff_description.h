@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* tiff_description: parses the ImageDescription of a TIFF file, which describes its pages: ImageJ's lines, or
  * OME-XML (with expat).
  *

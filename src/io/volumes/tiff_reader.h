@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* tiff_reader: reads pages of TIFF files with libtiff in a separate process (reader.h). The only user of libtiff.
  *
  * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct tiff_request:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* tiff_stack: pages of a TIFF file, or a stack of TIFF files, as a dense volume. libtiff runs in a separate process
  * (tiff_reader.h).
  *

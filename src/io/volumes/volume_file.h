@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* volume_file: opens a dense volume of any format: one file, or a stack of images. The first bytes determine the
  * format.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/volume_header.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* volume_header: reads the header of an NRRD or NIfTI file with Teem and libnifti. The only user of these libraries.
  *
  * They run in a separate process (reader.h) that receives only the open file. It opens no other file, even if the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* warnings: collects contradictions and ignored contents of a volume's header. */
 #ifndef HEXAD_IO_VOLUMES_WARNINGS_H
 #define HEXAD_IO_VOLUMES_WARNINGS_H

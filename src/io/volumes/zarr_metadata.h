@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* zarr_metadata: parses the JSON files of an OME-Zarr 0.4 or 0.5 directory, or of a plain Zarr array, for one
  * resolution. One thread.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* zarr_reader: unpacks chunks of Zarr arrays with zlib, blosc and zstd in a separate process (reader.h). The only
  * user of blosc and zstd.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* zarr_volume: one resolution of an OME-Zarr image, or a plain Zarr array, as a dense volume. Chunks are unpacked in
  * a separate process (zarr_reader.h).
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attachment: positions of points on the mesh files of a surface, and the same positions in other frames of the
  * meshes.
  *

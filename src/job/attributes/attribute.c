@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/attributes/attribute.h"
 
 #include "base/core/file_format.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attribute: evaluates values of grids, dense volumes and meshes of files at points.
  *
  * There are two steps. attribute_find checks, before the computation, whether a file has the requested attribute.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* corners: attributes of mesh vertices, interpolated at the nearest position of the nearest triangle. Contracts:
  * attribute.h.
  */

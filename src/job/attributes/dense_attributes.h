@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* dense_attributes: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by slice; at most
  * four slices are in memory. Contracts: attribute.h.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* grid: attributes of OpenVDB files, from any grid of numbers or vectors. Contracts: attribute.h. */
 #ifndef HEXAD_JOB_ATTRIBUTES_GRID_H
 #define HEXAD_JOB_ATTRIBUTES_GRID_H

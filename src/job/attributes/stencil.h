@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* stencil: the samples of a lattice that an interpolated value depends on, and their weights. Index space. Pure
  * functions.
  */

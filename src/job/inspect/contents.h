@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* contents: lists the contents of the files of one format, and suggests a spec for each surface in them. */
 #ifndef HEXAD_JOB_INSPECT_CONTENTS_H
 #define HEXAD_JOB_INSPECT_CONTENTS_H

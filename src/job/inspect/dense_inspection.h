@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* dense_inspection: the inspection of dense volumes, for all their formats. */
 #ifndef HEXAD_JOB_INSPECT_DENSE_INSPECTION_H
 #define HEXAD_JOB_INSPECT_DENSE_INSPECTION_H

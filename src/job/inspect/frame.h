@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frame: the position of the samples of a volume in world space. */
 #ifndef HEXAD_JOB_INSPECT_FRAME_H
 #define HEXAD_JOB_INSPECT_FRAME_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The contents of OpenEXR and TIFF images, and of the stack that an image is one of. */
 #include <ctype.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* inspection: describes the contents of a file, and suggests specs that sample it.
  *
  * Files are read as in jobs: in the same processes, with the same limits and errors.

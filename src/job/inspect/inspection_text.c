@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* inspection_text: prints an inspection as text. */
 #include <stdlib.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* suggestion: a spec that can be submitted as it is, with the area of its surface and the number of points that
  * resolves it.
  */

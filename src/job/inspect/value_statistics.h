@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* value_statistics: statistics of the values of a volume: range, distribution, and isovalues of probable surfaces.
  *
  * Values are added one after the other. At most a fixed number of them is kept: when it is reached, every second one

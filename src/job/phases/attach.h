@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attach: places the points of an earlier result on another frame of its meshes (sampling.attach), instead of sampling.
  *
  * points.ply of the result has the place of each point (job/attributes/attachment.h). Positions and normals are evaluated on the meshes of the spec's

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attributes: values that the points of a job carry in addition to their own properties.
  *
  * They are located when the job opens its inputs, and read when the points are final. On a surface with patches the

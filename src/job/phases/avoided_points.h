@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* avoided_points: with mode avoid of sampling.points, chooses the points of the result: those points of a packing of the whole surface that are
  * farthest from the given points. One thread at a time; work is done on the job's pool. */
 #ifndef HEXAD_JOB_PHASES_AVOIDED_POINTS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/phases/cost_model.h"
 
 #include <math.h>

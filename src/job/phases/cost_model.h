@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cost_model: predicts the time of a run from runs with fewer points, and how many points fit into the time that is
  * left.
  *

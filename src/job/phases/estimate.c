@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* estimate: the memory, CPU time and count that a job is expected to need, for the command `estimate` (run.h, run_estimate). */
 #include <math.h>
 #include <stdlib.h>

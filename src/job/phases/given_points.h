@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* given_points: the points of sampling.points: read, checked against the surface, and found again in the result. One thread at a time; work is
  * done on the job's pool. */
 #ifndef HEXAD_JOB_PHASES_GIVEN_POINTS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* instances: the orientations and sizes of the points (output.orient, output.usd.instancer). */
 #ifndef HEXAD_JOB_PHASES_INSTANCES_H
 #define HEXAD_JOB_PHASES_INSTANCES_H

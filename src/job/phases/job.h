@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job: a running job and its phases. Private to run.c (runs the phases), time_target.c (relaxation when the target is a
  * time) and estimate.c (resources that a job would take). One thread at a time; phases use the job's pool.
  */

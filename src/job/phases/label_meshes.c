@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/phases/label_meshes.h"
 
 #include <math.h>

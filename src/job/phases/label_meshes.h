@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_meshes: extracts the boundary of one label from a mesh between labels. */
 #ifndef HEXAD_JOB_PHASES_LABEL_MESHES_H
 #define HEXAD_JOB_PHASES_LABEL_MESHES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* layout: the folders of the frames of a sequence, relative to one frame and to the folder that contains all. They follow
  * output.directory if it is given; otherwise each frame is in a folder named by its number, as clients fetch results.
  */

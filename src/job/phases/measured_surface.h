@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* measured_surface: the triangles or grid cells on which the measures of a result are computed.
  *
  * Meshes and interfaces of labels are measured on their triangles. A mesh that was sampled through a level set is

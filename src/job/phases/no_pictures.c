@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Replaces pictures.c in a build without pictures. The parser of the spec refuses jobs that would call these. */
 #include "base/core/build_part.h"
 #include "job/phases/pictures.h"

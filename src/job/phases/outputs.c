@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/phases/outputs.h"
 
 json *outputs_add(json *outputs, const char *name)

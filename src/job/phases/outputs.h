@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* outputs: the list of a result's files for the report: {name, bytes, sha256} of each. */
 #ifndef HEXAD_JOB_PHASES_OUTPUTS_H
 #define HEXAD_JOB_PHASES_OUTPUTS_H

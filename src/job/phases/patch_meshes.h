@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* patch_meshes: triangulates the points of a surface of patches, patch by patch. Where the triangulation of the points
  * of a patch is faulty, as at walls closer than the spacing, it is built along the triangles of the patch instead.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written,
  * verified (results.h), and added to `outputs`. A build without pictures has no_pictures.c instead of pictures.c.
  */

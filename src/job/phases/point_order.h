@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* point_order: the order of the points in all outputs (output.order).
  */
 #ifndef HEXAD_JOB_PHASES_POINT_ORDER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* progress: a running job's progress, as JSON lines on a descriptor.
  *
  * At most ten lines per second; the first line of a phase is always written. A line that the reader cannot accept at

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/phases/results.h"
 
 #include <dirent.h>

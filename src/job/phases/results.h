@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* results: the files of a finished job. Each is written under a temporary name, read from the disk again, compared with
  * what was written, and then renamed (files/file.h). */
 #ifndef HEXAD_JOB_PHASES_RESULTS_H

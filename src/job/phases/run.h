@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* run: one job from start to end, without a daemon.
  *
  * run_job loads the surface, samples it, measures the points, and writes and verifies the results. report.json is

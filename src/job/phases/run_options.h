@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* run_options: what a caller sets beside the spec. */
 #ifndef HEXAD_JOB_PHASES_RUN_OPTIONS_H
 #define HEXAD_JOB_PHASES_RUN_OPTIONS_H

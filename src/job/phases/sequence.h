@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sequence: a frame of a coherent sequence. It starts from the points of the previous frame, keeps their ids, and gives
  * each point a velocity. It reads the previous frame's points.ply and report.json, and needs no daemon.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* snapshot: some points of a running job, in a file that the daemon shows to the owner of the job.
  *
  * The file WORKER_SNAPSHOT_NAME is binary PLY (doc/worker.md lists its properties). It is renamed to its name when

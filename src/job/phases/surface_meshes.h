@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* surface_meshes: the mesh files of the surface that a spec names, and the maps that move them to the world. One thread. */
 #ifndef HEXAD_JOB_PHASES_SURFACE_MESHES_H
 #define HEXAD_JOB_PHASES_SURFACE_MESHES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/phases/time_target.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* time_target: gives a job whose target is a time as many points as can be relaxed, measured and written in it. */
 #ifndef HEXAD_JOB_PHASES_TIME_TARGET_H
 #define HEXAD_JOB_PHASES_TIME_TARGET_H

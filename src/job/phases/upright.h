@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* upright: the axis that points up in pictures and scenes of a result. */
 #ifndef HEXAD_JOB_PHASES_UPRIGHT_H
 #define HEXAD_JOB_PHASES_UPRIGHT_H

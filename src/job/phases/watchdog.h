@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* watchdog: a thread that writes a job's progress lines on time, and ends the process soon after a request to stop.
  *
  * The thread runs every few milliseconds. Loops of the job check `cancel` themselves and end normally. Work that cannot

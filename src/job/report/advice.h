@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* advice: changes of a spec that would improve its result, as members of the spec with values computed from the data.
  *
  * Reports, estimates and descriptions of files contain it as `advice: [{code, message, set}]`: a stable code, a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_advice: advice on labels that are too thin for a regular packing on them. */
 #ifndef HEXAD_JOB_REPORT_LABEL_ADVICE_H
 #define HEXAD_JOB_REPORT_LABEL_ADVICE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* outcome: the outcome of a job, from the measures of the delivered points.
  *
  * not_converged: the solve was stopped, still moves, or missed a target. unresolved: the points do not represent the

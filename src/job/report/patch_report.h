@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* patch_report: reports the patches and curves of a surface. Pure function. */
 #ifndef HEXAD_JOB_REPORT_PATCH_REPORT_H
 #define HEXAD_JOB_REPORT_PATCH_REPORT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ratings: how regular the packing of a result is, in words.
  *
  * Ratings are shown; they decide no outcome. doc/report.md has the same table for readers.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* report: builds report.json, which doc/report.md describes. */
 #ifndef HEXAD_JOB_REPORT_REPORT_H
 #define HEXAD_JOB_REPORT_REPORT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/report/summary.h"
 
 #include "base/core/terminal_text.h"

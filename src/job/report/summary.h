@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* summary: console output for a finished job, from its report. */
 #ifndef HEXAD_JOB_REPORT_SUMMARY_H
 #define HEXAD_JOB_REPORT_SUMMARY_H

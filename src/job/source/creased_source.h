@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* creased_source: the surface of a spec as smooth patches that meet in its sharp edges. */
 #ifndef HEXAD_JOB_SOURCE_CREASED_SOURCE_H
 #define HEXAD_JOB_SOURCE_CREASED_SOURCE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "job/source/label_source.h"
 
 #include <inttypes.h>

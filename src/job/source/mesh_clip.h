@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_clip: transforms a triangle mesh by a matrix, and cuts it to a box. Pure functions except for memory
  * allocation.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_projection: projects points that were computed on level sets of meshes onto the triangles, and measures their
  * distance from the triangles. */
 #ifndef HEXAD_JOB_SOURCE_MESH_PROJECTION_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_source: opens a mesh, as a level set or as patches on its triangles. */
 #ifndef HEXAD_JOB_SOURCE_MESH_SOURCE_H
 #define HEXAD_JOB_SOURCE_MESH_SOURCE_H

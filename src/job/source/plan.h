@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* plan: the number of points that a job requests, and whether it fits into the job's memory. Pure functions, any
  * thread.
  */

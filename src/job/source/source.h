@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* source: opens the surface that a spec names: a formula, a B-spline, a volume, a mesh, or a combination of these. */
 #ifndef HEXAD_JOB_SOURCE_SOURCE_H
 #define HEXAD_JOB_SOURCE_SOURCE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* source_report: describes an opened surface in the report. */
 #ifndef HEXAD_JOB_SOURCE_SOURCE_REPORT_H
 #define HEXAD_JOB_SOURCE_SOURCE_REPORT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* coverage_search: the distances of the places of one triangle from their nearest points, and the area that has no
  * point near.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* facets: a surface as triangles in a bounding-volume hierarchy, for measures of points on it.
  *
  * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when they are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* measures: the quality of a result, over all of its points and all of its surface (doc/report.md defines each
  * measure).
  *

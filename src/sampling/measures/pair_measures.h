@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* pair_measures: measures of pairs of near points: energies, close pairs, opposite walls. Private to measures.c. */
 #ifndef HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H
 #define HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/measures/progressive_order.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* progressive_order: an order of points in which each prefix is spread evenly over the surface.
  *
  * Farthest-point order (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"), within 2 %: each point is at least

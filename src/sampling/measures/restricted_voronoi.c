@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/measures/restricted_voronoi.h"
 
 #include <math.h>

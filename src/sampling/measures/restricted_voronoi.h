@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* restricted_voronoi: the Voronoi diagram of points, restricted to the surface on which they lie.
  *
  * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece that

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sites: the delivered points as the measures of a surface use them.
  *
  * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on

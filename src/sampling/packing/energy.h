@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* energy: pair potentials phi(u) of the distance u = r / sigma, as constant tables.
  *
  * phi vanishes at and beyond u = 1. Derivatives are with respect to u; in world units divide the

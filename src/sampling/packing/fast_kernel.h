@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fast_kernel: forces, steps and energies of sixteen particles at once, one per SIMD lane. Most of the time of a solve is spent here.
  *
  * A fast step is one step of the quadratic model of the energy in the tangent plane, followed by one Newton step onto the surface. The energy at its end

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fast_kernel_pairs: what fast_kernel.c compiles once for each instruction set, with VERSION(name) the name that it has there,
  * VERSION_WIDTH the particles that are summed at a time, and VERSION_ROOT(x), VERSION_LEAST(a, b) of vectors of as many floats.
  * Not a header for others, and without a guard: it is included again and again. (Vectors go by pointer: passed by value, they have

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* independent_sets: sets of points no two of which are neighbours. Updating the points of a set at once gives the same result as one after the other. The
  * points of a set are from a few blocks of one colour.
  *

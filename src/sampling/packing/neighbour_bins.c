@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/packing/neighbour_bins.h"
 
 #include <assert.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* neighbour_bins: positions and points of the bins and blocks of neighbour lists (neighbours.h). Private to neighbours.c and
  * independent_sets.c. */
 #ifndef HEXAD_SAMPLING_PACKING_NEIGHBOUR_BINS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* neighbours: neighbour lists from spatial bins, and an order of updates for which the result does not depend on the number of threads.
  * Each point has a size. Two points are neighbours if their distance is below the cutoff times the mean of their sizes. Bins have levels:
  * the points of a level have sizes within a factor of 2, and lie in cubes whose edge is the cutoff for the largest size of the level. The

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* pair: the sums over the neighbours of a particle, in double precision.
  *
  * The energy of a pair of size s is weight s^2 phi(r / (s sigma)): with the size the mean of the ends'

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* point_flags: what distinguishes a point of a packing from one in the interior of a smooth surface. Pure functions. */
 #ifndef HEXAD_SAMPLING_PACKING_POINT_FLAGS_H
 #define HEXAD_SAMPLING_PACKING_POINT_FLAGS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cell_samples: one place of the surface in each grid cell, with its normal. World units. */
 #ifndef HEXAD_SAMPLING_SIZING_CELL_SAMPLES_H
 #define HEXAD_SAMPLING_SIZING_CELL_SAMPLES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* clearance: the factor by which a spacing is too coarse to separate opposite walls of a surface.
  *
  * Points are sampled uniformly from the surface. From each, rays are traced to both sides, along the normal and at an

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* curve_distance: the distance of a place from the nearest curve of a patch, or of all patches. World units. Immutable
  * after construction, any thread.
  */

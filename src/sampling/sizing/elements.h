@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* elements: a coarse description of the surface: mean position, normal and area of its part in each cube. A cube has a
  * separate element for each of six directions of the normal, so that opposite walls are separate, and for each patch.
  * World units. Immutable after construction, any thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* feature_size: the thickness of the surface's parts and the width of its gaps.
  *
  * The feature size at a place is the radius of the smallest ball, on either side, that touches the surface there and an

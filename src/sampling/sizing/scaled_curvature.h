@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* scaled_curvature: the curvature of a surface over a given distance, not at a point.
  *
  * The curvature of a field at a point is that of its smallest details: the facets of a mesh, the noise of a scan. Here

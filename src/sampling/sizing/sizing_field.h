@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sizing_field: the spacing that a graded job requests at each place of a surface, scaled to a given number of points.
  *
  * The request gives a spacing from curvature or from a painted map. Curvature is averaged over a distance proportional

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sizing_field_params: the spacing that a job requests. */
 #ifndef HEXAD_SAMPLING_SIZING_SIZING_FIELD_PARAMS_H
 #define HEXAD_SAMPLING_SIZING_SIZING_FIELD_PARAMS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/sizing/spacing_request.h"
 
 #include <math.h>

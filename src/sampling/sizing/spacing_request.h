@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spacing_request: the spacing that a job requests at each cell of the surface, before it is scaled to a count.
  *
  * For a painted map it is the value of the map. From curvature, it follows from the field's curvature at a point of the

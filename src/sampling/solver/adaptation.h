@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* adaptation: the global control of section 6.1: the support (support.c), and the count of a bounded support (count.c). */
 #ifndef HEXAD_SAMPLING_SOLVER_ADAPTATION_H
 #define HEXAD_SAMPLING_SOLVER_ADAPTATION_H

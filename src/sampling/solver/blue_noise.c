@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* blue_noise: points without regular packing, as a solver_method (solver_state.h). See "Blue noise" in doc/method.md.
  *
  * The particles start at random positions. A few steps on the energy of the packing equalise their density. Each further step corrects

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* count: control of the number of particles by a bound on the support (section 6.1, adaptation.h).
  *
  * With a fixed count, sigma is adapted to the ideal energy. With a bound on sigma the steady state is the smallest system with the ideal

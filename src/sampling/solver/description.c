@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* description: computes the result of a solve (solver_points). */
 #include <assert.h>
 #include <stdlib.h>

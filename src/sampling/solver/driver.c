@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* driver: the order of a solve: rounds, sweeps, restarts, and when it is complete. It alone owns rounds, sweeps, gains and restarts; every other file of the solver acts once and
  * returns. See solver_state.h and "The order of a solve" in doc/method.md. */
 #include <assert.h>

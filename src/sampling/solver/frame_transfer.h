@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frame_transfer: moves the points of one frame onto the surface of the next frame, so that each point keeps its
  * position on the surface.
  *

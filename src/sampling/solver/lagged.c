@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See solver_state.h. */
 #include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"

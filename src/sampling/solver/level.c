@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* level: initial positions of the particles of a level and refinement to the next level (level.h). */
 #include <assert.h>
 #include <stdlib.h>

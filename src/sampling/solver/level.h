@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* level: initial positions of the particles of a level, and the step to the next level. Private to the solver; the functions change s->state. */
 #ifndef HEXAD_SAMPLING_SOLVER_LEVEL_H
 #define HEXAD_SAMPLING_SOLVER_LEVEL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/level_plan.h"
 
 #include <assert.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* level_plan: the levels of a solve from the coarsest packing to the requested count. Also: the level on which each connected part of
  * the surface gets its first particles. */
 #ifndef HEXAD_SAMPLING_SOLVER_LEVEL_PLAN_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/regime.h"
 
 static const regime under_resolved = {.name = "under_resolved",

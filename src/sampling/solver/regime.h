@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* regime: how a solve proceeds: its schedule, and which passes it makes. Regimes are constant; the driver chooses one from the
  * parameters. A solve changes its regime once in all or never: to `under_resolved` if the spacing does not resolve the surface, or to
  * `with_longer_steps` if given points converge with too much energy. The regimes that it changes to have no transitions. See "Regimes"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* registration: the motion of a surface as a whole, estimated from points on the previous surface. It is the
  * similarity (translation, rotation, scale) that moves most of these points closest to the present surface.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* schedule: the numbers by which a solve proceeds, a constant table: over-relaxation, step limits, convergence criteria, sweeps of each
  * level, and when neighbour lists are rebuilt. The functions evaluate a table
  * at a position in the solve. Pure functions, any thread.

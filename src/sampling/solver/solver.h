@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* solver: a particle system on a surface, from the initial positions to convergence, with global control.
  *
  *     solver *s = solver_new(...);                 // initial positions and neighbour lists

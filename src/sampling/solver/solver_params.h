@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* solver_params: parameters of a solve. */
 #ifndef HEXAD_SAMPLING_SOLVER_SOLVER_PARAMS_H
 #define HEXAD_SAMPLING_SOLVER_SOLVER_PARAMS_H

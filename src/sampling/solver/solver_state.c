@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* state: what all parts of a solve ask of its state, and room for it. See solver_state.h. */
 #include "sampling/solver/solver.h"
 

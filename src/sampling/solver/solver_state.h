@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* solver_state: the state of a solve, and functions on it that several files of the solver use.
  *
  * Private to the solver. driver.c decides what is done and when. level.h, adaptation.h and passes/passes.h declare what it calls; those

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* start: initial positions of particles on a surface. */
 #ifndef HEXAD_SAMPLING_SOLVER_START_H
 #define HEXAD_SAMPLING_SOLVER_START_H

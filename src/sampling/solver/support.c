@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* support: search for the support for which the particles have the ideal energy (section 6.1, adaptation.h). */
 #include "geometry/space/packing.h"
 #include "sampling/solver/adaptation.h"

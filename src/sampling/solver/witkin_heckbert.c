@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/witkin_heckbert.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* witkin_heckbert: formulas of the method with which the paper compares itself (section 3). witkin_heckbert_solver.c uses them.
  *
  * Particles repel each other by Gaussians. Each particle adapts its radius sigma_i to its energy. A particle with a radius above the target

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* witkin_heckbert_solver: the method of Witkin and Heckbert as a solver_method (solver_state.h). Formulas: witkin_heckbert.c. */
 #include <assert.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour lists are in memory for one
  * partition at a time. World space.
  *

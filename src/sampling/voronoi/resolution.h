@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* resolution: whether the spacing of points resolves their surface, from the points alone.
  *
  * Where two walls of the surface are closer than 1.2 spacings, the points do not determine which of them are neighbours. Reason: the

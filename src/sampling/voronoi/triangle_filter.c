@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/voronoi/triangle_filter.h"
 
 #include <string.h>

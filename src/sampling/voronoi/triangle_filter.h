@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangle_filter: discards triangles of a point and its neighbours that cannot be triangles of the surface (voronoi.h),
  * in single precision for many triangles at once. Conservative: no triangle that voronoi.c would accept is discarded. On
  * a density volume, voronoi.c accepts four of five of the remaining triangles. Lengths are world units. Pure functions,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangulation: the restricted Delaunay triangulation (voronoi.h) of a finished point set, and tests whether it is a surface.
  *
  * Where the points resolve the surface, each edge is in two triangles, or the triangulation ends at a boundary of the surface. Elsewhere, as

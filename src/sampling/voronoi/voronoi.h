@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* voronoi: the Voronoi diagram of points restricted to their surface, by its dual, the restricted Delaunay triangulation.
  *
  * Three points form a triangle of the surface if it is a triangle of the Delaunay triangulation in space whose dual Voronoi edge

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/api/backup_download.h"
 
 #include "base/core/log.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/api/constant_document.h"
 
 #include <stdio.h>

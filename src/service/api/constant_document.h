@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* constant_document: a document that does not change while the service runs. It is made once, at the start of the service,
  * and all answers share its bytes. Constant data; any thread.
  */

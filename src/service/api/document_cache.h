@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* document_cache: caches the JSON documents of jobs until the jobs change.
  *
  * A document is stored with the stamp of its job (queue_stamp) and is returned only while the job has this stamp. So it

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* events: the handlers that send the events of jobs: pages of JSON, or a stream of Server-Sent Events if the client
  * accepts text/event-stream.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* files: lists the entries of directories below the input roots. For callers with the scope `submit` only. */
 #ifndef HEXAD_SERVICE_API_FILES_H
 #define HEXAD_SERVICE_API_FILES_H

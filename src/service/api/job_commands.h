@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_commands: the handlers that change an existing job. Callers other than its owner and administrators are
  * refused. */
 #ifndef HEXAD_SERVICE_API_JOB_COMMANDS_H

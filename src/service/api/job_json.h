@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_json: the JSON of jobs, their tasks, attempts, events and workers in answers, and the ETag of a job. No state;
  * any thread.
  *

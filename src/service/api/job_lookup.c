@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/api/job_lookup.h"
 
 void job_lookup_refuse(const char *id, reply *r)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_lookup: finds the job that the path of a request names. Any thread. */
 #ifndef HEXAD_SERVICE_API_JOB_LOOKUP_H
 #define HEXAD_SERVICE_API_JOB_LOOKUP_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_picture: the handler that sends one picture of a job: for an array a contact sheet of the previews of its
  * frames, for another job its preview.
  *

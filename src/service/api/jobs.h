@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* jobs: the handlers that submit, validate, list and show jobs.
  *
  * All jobs share one queue, so every caller with the scope `read` gets the members of all jobs that service/api/job_json

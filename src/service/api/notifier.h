@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* notifier: wakes connections in the wait list when their jobs have new events or progress lines.
  *
  * One task waits for the queue. It reads the new events and progress lines once for all connections, and wakes the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* openapi: the OpenAPI 3.1 document of the interface.
  *
  * It is made from the tables that the server uses: the routes (service/api/routes.h), the parameters (service/api/parameters.h), the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* parameters: the table of the parameters in paths and queries and of the headers of all routes: types, ranges,
  * texts of the OpenAPI document. Constant data; any thread. */
 #ifndef HEXAD_SERVICE_API_PARAMETERS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* paths: replaces the paths of clients in a job spec by paths of this machine (setting path_mappings).
  *
  * The mapped paths are stored with the job as a JSON array of objects: `pointer` into the spec, `asked` (the path of

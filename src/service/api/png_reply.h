@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* png_reply: sends a picture as a PNG file. No state; any thread. */
 #ifndef HEXAD_SERVICE_API_PNG_REPLY_H
 #define HEXAD_SERVICE_API_PNG_REPLY_H

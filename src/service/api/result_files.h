@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* result_files: the handlers that list and send the files of the result of a job.
  *
  * A file of a result never changes, so its ETag is its SHA-256 and clients may cache it. A request for one range of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/api/routes.h"
 
 #include "service/api/backup_download.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sign_in: the handlers that sign a browser in and out, and show the identity and scopes of the caller.
  *
  * The cookie of a session has no attribute Path, so browsers send it only to routes below the parent of this route

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* status: the handlers that report the state of the service, and those that drain and hold it. */
 #ifndef HEXAD_SERVICE_API_STATUS_H
 #define HEXAD_SERVICE_API_STATUS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* thumbnail_process: the thumbnail of a result's preview, made by another process (io/pictures/thumbnail). Any thread. */
 #ifndef HEXAD_SERVICE_API_THUMBNAIL_PROCESS_H
 #define HEXAD_SERVICE_API_THUMBNAIL_PROCESS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* uploads: the handlers of /v1/inputs, the files that clients upload for their jobs (service/uploads/upload_store.h). */
 #ifndef HEXAD_SERVICE_API_UPLOADS_H
 #define HEXAD_SERVICE_API_UPLOADS_H

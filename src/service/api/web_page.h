@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* web_page: the handlers of the web page, and its files.
  *
  * The files are read once, when the service starts. They contain no data of the service and need no authorisation:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/auth/access.h"
 
 #include <ctype.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* access: identifies callers and returns their permissions.
  *
  * A bearer token determines its user, its scopes and the highest priority that the user may give. Without a token, a

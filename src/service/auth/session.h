@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* session: the value of the cookie that a browser presents instead of a token.
  *
  * A session is a text "ID.ENDS.MAC": the id of a token, the time of its end (seconds since 1970, wall clock), and an

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* config: the daemon's settings.
  *
  * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The configuration

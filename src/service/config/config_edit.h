@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* config_edit: adds a value to a list setting in the text of a settings file, and removes it. All other bytes are
  * unchanged, and removing undoes adding byte by byte. Pure functions.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/config/config_table.h"
 
 #include "base/core/worker_contract.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* config_table: the settings of the daemon: name, type, range, default and help text of each (config.h). */
 #ifndef HEXAD_SERVICE_CONFIG_CONFIG_TABLE_H
 #define HEXAD_SERVICE_CONFIG_CONFIG_TABLE_H

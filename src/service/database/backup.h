@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* backup: complete copies of the database, and checks of such copies.
  *
  * A copy is one file without a write-ahead log. The sqlite3 program can read it, and it can replace queue.db. Any

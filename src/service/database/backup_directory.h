@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* backup_directory: the directory in the state directory where copies of the database are made. It is emptied at each
  * start. */
 #ifndef HEXAD_SERVICE_DATABASE_BACKUP_DIRECTORY_H

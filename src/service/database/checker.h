@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* checker: the task that checks the database for damage, in a runner of its own.
  *
  * It copies the database and checks the copy, so that the log can be truncated during the check. A quick check runs at

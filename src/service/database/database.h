@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* database: the connection to SQLite, and transactions that threads share. Only src/service/database and src/service/queue use SQLite.
  *
  * Any thread may call any function. To read, use the connection that database_begin_read returns. Readers wait neither

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* header: checks the header of the database file against the file's length, before SQLite opens it.
  *
  * The check is needed because SQLite reads a truncated file as if it ended with zeros.

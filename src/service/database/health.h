@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* health: whether the database is damaged, and the result of the last check.
  *
  * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage other

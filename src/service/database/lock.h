@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* lock: the exclusive lock of a process on a state directory. An open descriptor holds it, so that it ends with the
  * process. The lock file contains the process id, for messages only.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* place: whether the state directory that is open is still the one at its path.
  *
  * A process that keeps running after its state directory was removed, renamed, replaced or mounted over would store

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/database/reserve.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* reserve: disk space that is reserved for the database's log (SQLite's WAL).
  *
  * Private to src/service/database. Jobs must still be cancelled, deleted and ended if the disk is full, so that blocks of the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* schema: the tables of the queue's database, and their version.
  *
  * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A newer

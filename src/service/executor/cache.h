@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cache: reuse of results for jobs that are equal to an earlier one.
  *
  * The key is a hash of the program's version and of those parts of the spec that a result depends on. A job with a time

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* engine: an interface to run attempts, as a table of functions. There are two implementations: processes of this
  * machine (service/executor/local), and jobs of Slurm (service/slurm/slurm).
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* estimator: runs a worker for an estimate of a job (`hexad-worker estimate`) or the description of a file
  * (`hexad-worker inspect`), and waits for it.
  *

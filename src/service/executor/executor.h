@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* executor: claims tasks from the queue, runs each as an attempt of an engine, and settles it.
  *
  * One supervisor thread claims tasks while resources are free, and waits for all attempts at once. It never sleeps for

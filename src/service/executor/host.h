@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* host: memory, name and boot of this machine, as available to this process. No state; any thread. */
 #ifndef HEXAD_SERVICE_EXECUTOR_HOST_H
 #define HEXAD_SERVICE_EXECUTOR_HOST_H

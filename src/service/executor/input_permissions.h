@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* input_permissions: the paths that a worker may read: the configured input roots, and those uploaded files that the
  * spec names.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* local: the engine that runs an attempt as a process of this machine.
  *
  * The worker runs in its own process group and is killed if the daemon dies. It inherits no descriptor of the daemon,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/executor/meter.h"
 
 const char *meter_outcome_name(meter_outcome outcome)

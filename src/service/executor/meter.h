@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* meter: counters of attempts, retries and ends since the daemon started, for /metrics. Any thread may read and
  * write.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* progress_ring: the newest progress lines of all attempts, for clients that follow a job live.
  *
  * A ring buffer of PROGRESS_RING_LINES lines in memory. Lines are numbered in ascending order. Nothing is stored on

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* settlement: decides on the task of an ended attempt, and applies the decision.
  *
  * The decision depends only on how the attempt ended and on its files. settlement_apply moves the result into place and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* slot: processes a claimed task from its claim to its settlement.
  *
  * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return when the next

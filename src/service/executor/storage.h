@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* storage: whether the disks of the state directory have space, and whether files can be written there.
  *
  * The subdirectories may be on other file systems: the one with the least free space counts. Whether a file can be written

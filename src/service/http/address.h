@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* address: network addresses of clients, and ranges of addresses. Constant data; any thread. */
 #ifndef HEXAD_SERVICE_HTTP_ADDRESS_H
 #define HEXAD_SERVICE_HTTP_ADDRESS_H

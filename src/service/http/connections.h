@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* connections: limits the open connections of the server by user and by client, limits the time that clients may
  * take, and notices closed connections.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fields: the headers of a request that the server itself reads. The serving thread calls all functions. */
 #ifndef HEXAD_SERVICE_HTTP_FIELDS_H
 #define HEXAD_SERVICE_HTTP_FIELDS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* forwarded: finds the client of a request behind proxies, from the header Forwarded (RFC 7239).
  *
  * Each proxy appends the address that sent it the request. The header is read from its right end, as far as trusted

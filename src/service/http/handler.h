@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* handler: the function that answers the requests of a route. It receives a request and fills a reply; it has no
  * access to the socket.
  */

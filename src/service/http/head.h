@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* head: checks the request line and the headers of a request against the received bytes: framing and repeated
  * fields.
  *

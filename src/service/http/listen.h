@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* listen: sockets that the server listens on.
  *
  * `reach` states which clients can connect; access control depends on it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* loop: the thread that accepts connections and serves them with a libmicrohttpd daemon.
  *
  * The library (0.9.75) has no thread and no listening socket here, because of two faults. Its own thread (MHD_epoll)

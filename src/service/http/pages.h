@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* pages: decides which web pages may send requests to a port that requires no token.
  *
  * A page in a browser on this machine can send requests to a loopback port. It can even read the answers if the name

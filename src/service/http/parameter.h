@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* parameter: checks the parameters of queries and paths by a table, and describes them in the OpenAPI document.
  * Constant data; any thread.
  */

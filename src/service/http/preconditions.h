@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* preconditions: evaluates the headers If-Match, If-None-Match and Range, which state what the client already has
  * (RFC 9110, 13 and 14). No state; any thread.
  */

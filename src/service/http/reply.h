@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* reply: the answer of a handler, independent of the transport, and problem documents (RFC 9457).
  *
  * A problem is `application/problem+json` with type, title, status, detail, the stable `code`, and `errors`.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* route: finds the handler for a method and a path in a table of routes. The header Allow and the OpenAPI document
  * (service/api/openapi.h) are derived from the same table. Constant data; any thread.
  */

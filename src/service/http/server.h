@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* server: HTTP/1.1 with libmicrohttpd; only src/service/http uses that library.
  *
  * One thread serves all connections with epoll. The table of routes says which handlers it runs (route.runs_in).

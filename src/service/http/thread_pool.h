@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* thread_pool: threads for work that would block the serving thread because it waits for a disk or a worker.
  *
  * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/http/wait_list.h"
 
 #include <pthread.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* wait_list: suspended connections that wait for an event: event streams, and answers that the client asked to
  * delay.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* ledger: what each user holds of the daemon's resources, and how much it may hold.
  *
  * One table (ledger.c) has a row for each resource: what is counted, the settings that limit it, the problem of a

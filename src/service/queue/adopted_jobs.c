@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Adopts results in the state directory that are missing in the queue. */
 #include <stdio.h>
 #include <string.h>

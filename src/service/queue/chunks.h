@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* chunks: blocks of consecutive tasks of an array that run one after another (queue_submission.chunk).
  *
  * The task with the number n is in the chunk n / job_state.chunk. A task is ready if it is queued and waits for no frame

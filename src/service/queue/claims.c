@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Claims of tasks, and the end of attempts: the task ends or is queued again. */
 #include <stdio.h>
 #include <stdlib.h>

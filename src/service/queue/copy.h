@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* copy: records of the temporary files of result copies. A record is stored before its file is created.
  *
  * Private to src/service/queue. queue.h has the public functions.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Events of jobs, for clients that follow them. */
 #include <limits.h>
 #include <stdio.h>

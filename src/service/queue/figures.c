@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Figures for monitoring, whose cost does not depend on the number of jobs. */
 #include <string.h>
 

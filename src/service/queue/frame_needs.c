@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/queue/frame_needs.h"
 
 #include "service/database/schema.h"

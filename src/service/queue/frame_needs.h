@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* frame_needs: tasks of arrays that wait for the tasks of the same frame in other jobs (queue_submission.after_frames).
  *
  * task.waits is the number of these tasks that have not succeeded with an accepted outcome. A queued task with

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hold: whether the queue is held, so that no tasks are started.
  *
  * Private to src/service/queue. queue.h has the public functions.

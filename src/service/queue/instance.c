@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* The service instance that owns the database. */
 #include <stdio.h>
 

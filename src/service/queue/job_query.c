@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_query: reads jobs, lists and filters of the queue. */
 #include "service/queue/members.h"
 

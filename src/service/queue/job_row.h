@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_row: reads rows of the tables job and task into the structures of queue.h.
  *
  * Private to src/service/queue. The statement must select JOB_COLUMNS or TASK_COLUMNS, starting at any column.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* job_state: the variable part of a job: the numbers of its tasks by state, its commands, and the state that follows
  * from both.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* members: the struct of an open queue.
  *
  * Private to src/service/queue. `overtaken` and `changed` belong to the thread that makes changes; `stamp` and `commits` to any

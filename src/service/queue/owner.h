@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* owner: users with unfinished jobs, and the order of their turns.
  *
  * Private to src/service/queue. Call every function inside a change (service/database/database).

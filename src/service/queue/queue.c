@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Opening and closing; words of enumerations; freeing of results. */
 #include "service/queue/queue.h"
 

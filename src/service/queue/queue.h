@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* queue: the durable store of jobs, their tasks and attempts, and their events.
  *
  * One process owns the database. It locks the state directory, and a lock on the database excludes other programs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/queue/relation.h"
 
 #define FAILURE RELATION_FAILURE("job.owner", "need", "need")

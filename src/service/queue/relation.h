@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relation: what the owner of a job may learn of another job to which the queue relates it: one for which it waits, or
  * whose result it reuses.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Directories to remove, and lookups of directories found in the state directory. */
 #include <stdio.h>
 #include <stdlib.h>

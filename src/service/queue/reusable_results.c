@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Lookup of reusable results. */
 #include <stdio.h>
 #include <stdlib.h>

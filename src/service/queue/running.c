@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Running periods of the daemon, and waits after the wall clock was set back. */
 #include "base/core/clock.h"
 #include "service/queue/members.h"

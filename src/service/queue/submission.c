@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Submission of jobs. */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* usage: the disk space of results, its bounds, and the job to delete when a bound is reached.
  *
  * Private to src/service/queue; queue.h has the public functions. Call these inside a change or under the lock. Triggers

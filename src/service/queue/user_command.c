@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* User commands on jobs: cancel, pause, resume, retry, edit, delete. */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* user_numbers: a number per user, from a setting such as alice:2, bob:1, *:0.5. * stands for all users that are not
  * named. Any thread.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* adoption: adds jobs to the queue from their results, after the database was lost.
  *
  * Members that a report does not contain stay unknown: the owner, the attempts, and all times except the time in the

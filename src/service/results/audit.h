@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* audit: compares the results with the queue, in a state directory that no daemon uses. */
 #ifndef HEXAD_SERVICE_RESULTS_AUDIT_H
 #define HEXAD_SERVICE_RESULTS_AUDIT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fetches: records which files of a result were sent to its owner, until all were sent.
  *
  * A result counts as delivered when each of its files has been sent to its owner. The records are in memory only and

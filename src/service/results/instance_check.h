@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* instance_check: checks that the queue's database and the state directory belong together.
  *
  * Both contain the same random id: the database in a table, the directory in the file `instance`. A new database, or

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* inventory: compares results/ and attempts/ with the queue, at a start.
  *
  * If a waiting task has a complete result, the database is a restored older backup, and the task ends with this

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* kept_result: results that could not be copied to output.directory because its disk was full or failed.
  *
  * Such a result stays in the directory of its attempt. The next attempt uses it instead of computing it again.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/results/lost_found.h"
 
 #include <errno.h>

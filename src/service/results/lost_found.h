@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* lost_found: moves entries of results/ and attempts/ without a job in the queue to the directory lost+found.
  *
  * Such an entry is never deleted. It is renamed to lost+found/results/NAME or lost+found/attempts/NAME and stays there

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/results/output_cleanup.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* output_cleanup: removes temporary files that an interrupted copy of a result left in an output directory.
  *
  * The queue stores their names: a copy is noted there (queue_note_copy) before its temporary file is created. Only

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* output_place: copies results to directories of users (output.directory) and checks whether a user may use a
  * directory.
  *

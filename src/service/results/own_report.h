@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* own_report: the report of a job whose result was computed for an equal job.
  *
  * A report contains the spec, and with it data of the job's owner: name, labels, output.directory, webhook. Jobs

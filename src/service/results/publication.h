@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* publication: copies a result to output.directory of its job, in a thread, because that directory may be slow.
  *
  * The copy is made before the result moves to results/. If it fails, the job fails with the error of the copy. After

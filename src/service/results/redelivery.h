@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* redelivery: copies results of ended jobs to output.directory again.
  *
  * Several tasks process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* result: reads and checks the result that an attempt left in its directory.
  *
  * A directory is a complete result if it has a report.json, and a document that describes the result: its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* retention: deletes jobs with their results and logs, and uploaded files that have not been used for some time.
  *
  * A job is deleted when a client requests it, when its retention has expired by the running time of the daemon

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attempt_files: the files through which the service and a node of the farm communicate about an attempt.
  *
  * They are in work_dir/farm/NAME; NAME is the name of the attempt's directory (ID.N, ID.FRAME.N). The file system is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* attempt_inspection: finds out how each attempt has ended or why it waits, from the files of the attempts and from the
  * answers of Slurm.
  */

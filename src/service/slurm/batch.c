@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* batch: attempts that are submitted together, and the counts of those that are still to run. */
 #include <stdlib.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* engine_data: data shared by the tasks of the Slurm engine; internal to src/service/slurm.
  *
  * One task submits, cancels and lists (service/slurm/sbatch, service/slurm/listing) and stores the states that

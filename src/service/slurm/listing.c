@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* listing: reads the states of all Slurm jobs of this service in one answer. */
 #include <stdio.h>
 #include <stdlib.h>

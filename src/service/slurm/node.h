@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* node: runs attempts on a node of the farm, one after another, from the files of the service (service/slurm/attempt_files).
  *
  * A Slurm job has a list of attempts, and each of its tasks runs a part of the list. For a limited time it then runs

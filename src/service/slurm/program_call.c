@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "service/slurm/program_call.h"
 
 #include <errno.h>

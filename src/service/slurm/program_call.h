@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* program_call: runs a program of Slurm with a time limit and collects its output. No state; any thread that may wait. */
 #ifndef HEXAD_SERVICE_SLURM_PROGRAM_CALL_H
 #define HEXAD_SERVICE_SLURM_PROGRAM_CALL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* sbatch: selects the waiting attempts that are submitted together, calls sbatch and interprets its answer. */
 #include <inttypes.h>
 #include <math.h>

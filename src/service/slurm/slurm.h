@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* slurm: the engine that runs attempts as jobs of Slurm.
  *
  * The engine uses the commands of Slurm, sbatch, squeue and scancel, in one of its tasks and with a time limit. An

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* state: the meaning of Slurm's job states for an attempt. Constant data; any thread. */
 #ifndef HEXAD_SERVICE_SLURM_STATE_H
 #define HEXAD_SERVICE_SLURM_STATE_H

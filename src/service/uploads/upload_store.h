@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* upload_store: files that clients uploaded, each named by the SHA-256 of its content.
  *
  * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never changes. A

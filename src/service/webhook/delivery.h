@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* delivery: tasks that call webhooks when jobs have ended.
  *
  * They post the notifications in the queue's outbox: concurrently to several hosts, sequentially to one host. A

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hosts: the hosts whose webhooks this service may call.
  *
  * libcurl parses a URL both for this check and for the call, so both use the same host. Immutable after it was read;

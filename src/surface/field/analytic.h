@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* analytic: surfaces given by formulas.
  *
  * F < 0 inside. Sphere, torus, box, frustum and half-space are signed distances near their surface. The ellipsoid, the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* bspline: the zero set of a scalar uniform cubic B-spline in three variables, given by its coefficients.
  *
  * Along an axis with n coefficients the domain consists of n - 3 knot intervals (spans) of equal length w. The basis

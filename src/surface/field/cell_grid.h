@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cell_grid: a regular grid of cells over a box, and the list of its cells that a surface crosses.
  *
  * For fields whose F is defined everywhere in the box: formulas, splines and combinations. Cells can be subdivided: the

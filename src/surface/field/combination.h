@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* combination: the union, intersection or difference of solids, as the minimum or maximum of their fields.
  *
  * F of each part is divided by its mean slope on its surface, so that fields of different units are comparable. There

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* creased: the surface of a solid as patches, one for each leaf that contributes to it. Patches meet in creases and end
  * at the faces of a region.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* creases: the curves in which the leaves of a solid meet, joined from sides of triangles that lie on two leaves. */
 #ifndef HEXAD_SURFACE_FIELD_CREASES_H
 #define HEXAD_SURFACE_FIELD_CREASES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* curvature: principal curvatures from the first and second derivatives of a field (field.h). */
 #include "surface/field/field.h"
 

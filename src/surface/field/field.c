@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/field/field.h"
 
 void field_sample_lanes(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* field: the interface of all surfaces: a scalar field F of three-space whose zero set is the surface.
  *
  * Convention: F < 0 inside the solid. The outward normal is +grad F / |grad F| for every source. A source in which the

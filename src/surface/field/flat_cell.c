@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/field/flat_cell.h"
 
 #include <math.h>

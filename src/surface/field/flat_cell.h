@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* flat_cell: the area of the surface in a cell in which F is nearly linear, from the values at the corners.
  *
  * F is linear in each tetrahedron of Kuhn's decomposition. The area of its zero set is the length of the gradient times

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* patches: a surface made of smooth pieces (patches) that end in curves, which end in corners.
  *
  * Each patch is a field of its own. A curve is where patches end: a boundary of one patch, a seam of two, a

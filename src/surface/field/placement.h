@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* placement: a surface moved, turned, mirrored, scaled or sheared by an affine map. Wraps a field. */
 #ifndef HEXAD_SURFACE_FIELD_PLACEMENT_H
 #define HEXAD_SURFACE_FIELD_PLACEMENT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* projection: moves points onto the surface by Newton's method along the gradient (9).
  *
  * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is clamped to the face

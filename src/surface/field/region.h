@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* region: the part of a surface that lies in a box.
  *
  * Wraps a field: the same F, the cells that reach into the box, and a domain that ends at the box. Where the surface

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* solid: unions, intersections and differences of smooth solids, as Boolean functions of the sides of their surfaces.
  *
  * A leaf is a smooth F with a matrix that places it; a cube has six planes as leaves. One rule determines which places

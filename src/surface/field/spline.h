@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spline: evaluates uniform cubic B-splines in three variables in one cell of their grid.
  *
  * A cell has 4^3 coefficients: `corner` points to the one with the lowest index along every axis, the third axis is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* spline_cell: the functions that spline.c compiles once for each instruction set. VERSION(name): the name for that
  * set. VERSION_WIDEN(n): converts four floats to doubles. VERSION_ROWS: rows of four floats in a vector. It is included
  * several times by spline.c only and has no include guard. Inlining generic functions into one compiled for a wider

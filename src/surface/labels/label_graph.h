@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_graph: the neighbours of each vertex of a mesh between labels, and the line edges, at which interfaces meet
  * or end.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_lines: smooths the lines where interfaces meet or end, by planes or quadrics fitted to the interfaces.
  *
  * Voxels determine a line less accurately than the interfaces that meet at it: where a material ends in a wedge, the

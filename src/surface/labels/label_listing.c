@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/labels/label_listing.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_listing: lists the labels of a segmentation: the number of voxels of each, their bounding box, and the labels
  * that they touch. */
 #ifndef HEXAD_SURFACE_LABELS_LABEL_LISTING_H

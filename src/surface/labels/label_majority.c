@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/labels/label_majority.h"
 
 #include <math.h>

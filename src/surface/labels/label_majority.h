@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_majority: gives each voxel the label of the majority of the voxels around it; each label keeps its volume.
  *
  * Slices that were segmented by hand do not match, and single voxels are wrong. This is noise of several voxels,

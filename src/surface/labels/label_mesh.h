@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_mesh: the interfaces between the materials of a segmentation, as a triangle mesh. Each interface occurs
  * once.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_smoothing: removes the steps of voxels from the interfaces between labels, by a low-pass filter.
  *
  * One step of averaging over neighbours multiplies a component of the mesh with eigenvalue 1 - k by 1 - k. The

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_surface: the interfaces of a segmentation as patches on the triangles between its labels. */
 #ifndef HEXAD_SURFACE_LABELS_LABEL_SURFACE_H
 #define HEXAD_SURFACE_LABELS_LABEL_SURFACE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_thinness: which labels are too thin for a regular packing of points: layers, threads and specks of one
  * voxel.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_volume: a segmentation: each voxel has a label. The labels that a job distinguishes are its materials.
  *
  * Ownership: label_volume_free. Not synchronised; concurrent reads are permitted.

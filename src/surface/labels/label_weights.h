@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* label_weights: weights of the smoothed indicators of labels with which each label keeps its number of voxels.
  *
  * Smoothing reduces convex and thin parts of a label and enlarges the labels around them. If a voxel gets the label

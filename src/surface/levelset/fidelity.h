@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fidelity: how well a level set represents the mesh from which it was made, and the voxel size that would represent
  * it better.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* levelset: converts a closed mesh to a narrow-band level set, in the arrays from which volumes are built.
  *
  * Distances are exact, to the closest point of the triangles of a solid. The sign is that of the winding number, so

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_faces: projects points that were found on the level set of a closed mesh onto its triangles.
  *
  * A point is projected to the first of these that exists:

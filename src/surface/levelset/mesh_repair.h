@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_repair: tests whether triangles enclose a volume, and orients them consistently.
  *
  * A component is a set of triangles connected by edges. It is closed if an even number of triangles meets at each of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/levelset/triangle_groups.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangle_groups: groups of triangles whose centroids lie in the same voxel, and the distances of the voxels of a
  * block from them.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/levelset/winding_number.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* winding_number: which voxels a mesh encloses, by the signed crossings of its triangles with the lines x = i, y = j
  * of the voxel grid.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/remesh/fine_mesh.h"
 
 #include <stdlib.h>

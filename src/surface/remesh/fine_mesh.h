@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fine_mesh: a triangle mesh refined by halving sides until they are short compared with the spacing of the points
  * on it.
  *

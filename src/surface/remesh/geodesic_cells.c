@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/remesh/geodesic_cells.h"
 
 #include <math.h>

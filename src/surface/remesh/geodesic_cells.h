@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* geodesic_cells: assigns each vertex of a mesh to the point that is nearest along the surface.
  *
  * Distances propagate from triangle to triangle, each unfolded into the plane of the previous one (R. Kimmel and J.

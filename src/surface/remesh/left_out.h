@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* left_out: finds places of a mesh that are far from the triangles between points on it.
  *
  * Examples: a bump, a dent or the tip of a spike about as large as the spacing, with points beside it but none on

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points (geodesic_cells).
  *
  * Edges are flipped until the sum of the two angles opposite to each edge is at most 180 degrees.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/scan/bent_areas.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* bent_areas: areas of the cells within which the surface bends. If there are many such cells, most areas are
  * estimated from samples.
  *

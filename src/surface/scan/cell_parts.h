@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cell_parts: the area of the surface in a cell within which it bends, computed from parts of the cell. Private to
  * surface.c.
  *

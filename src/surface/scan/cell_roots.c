@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/scan/cell_roots.h"
 
 #include <stdlib.h>

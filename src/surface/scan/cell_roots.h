@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* cell_roots: the points where the surface crosses the edges of cells and of their Kuhn tetrahedra. Private to
  * surface.c and cell_parts.c.
  *

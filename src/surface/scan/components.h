@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* components: the connected parts of a surface, as sets of cells. Two cells are connected if they share a face that
  * the surface crosses, by the signs of F at its corners. If cells differ in size, or are too far from the origin for
  * lattice positions, any shared face connects them. If the surface has patches, each patch is a part, also if it

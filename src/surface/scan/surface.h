@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* surface: properties of a surface computed from its crossing cells: area, bounding box, and points drawn in
  * proportion to area.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_orientation: orients the patches of a mesh so that normals agree across edges and point out of closed parts.
  *
  * Patches that share an edge of two triangles get consistent orientations, if the surface is orientable. In a part

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_patches: divides any triangle mesh into smooth patches, which end in curves; curves end in corners.
  *
  * - A patch is a maximal set of triangles connected by edges of exactly two triangles that are not feature edges.

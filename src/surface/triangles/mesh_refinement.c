@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/triangles/mesh_refinement.h"
 
 #include <stdlib.h>

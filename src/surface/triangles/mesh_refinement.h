@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_refinement: halves long edges of triangles where the surface bends. If called until nothing changes, normals
  * that are interpolated between vertices turn only within about the distance `longest` from the edges of large
  * triangles. The surface itself does not change. Pure function except for allocation.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* mesh_surface: a triangle mesh as a field of patches (surface/field/patches.h). The zero set of each patch is its
  * triangles.
  *

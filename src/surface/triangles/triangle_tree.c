@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/triangles/triangle_tree.h"
 
 #include <float.h>

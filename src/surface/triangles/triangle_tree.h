@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to find the
  * closest triangle and the intersections with a line. Immutable after construction. All searches: any thread, also
  * the first search of a lazy tree (it locks). Lengths are those of the mesh.

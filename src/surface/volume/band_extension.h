@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* band_extension: extrapolates the values of a narrow band beyond its clamp, within the blocks of the samples.
  * Unknown voxels get a value with the sign of their side of the surface. Threads: as in samples.h.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* block_lines: lines of voxels in blocks, for code that processes all of them. */
 #ifndef HEXAD_SURFACE_VOLUME_BLOCK_LINES_H
 #define HEXAD_SURFACE_VOLUME_BLOCK_LINES_H

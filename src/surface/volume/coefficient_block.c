@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/volume/coefficient_block.h"
 
 #include <sched.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* coefficient block: spline coefficients of a volume, in one coefficient block per block, and the sides of its
  * samples.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* crossed_cells: the cells that the surface of a volume crosses, block by block, with F at their corners.
  *
  * There may be millions. A cell is a bit of its block, and F at a corner is stored once for all cells of the block that

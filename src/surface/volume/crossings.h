@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* crossings: finds the cells that the surface crosses, before large arrays are allocated.
  *
  * A cell is the cube between voxels (i, j, k) and (i+1, j+1, k+1). It belongs to the block of its lowest voxel. It

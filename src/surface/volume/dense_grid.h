@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* dense_grid: converts the blocks of a dense volume near its isosurface to a sparse grid.
  *
  * Two passes over the slices find the blocks and fill them, so that the whole volume is never in memory. Beyond the end

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* grid_selection: selects a grid of a file.
  *
  * A request is NULL for the only scalar grid, a name, or "name[1]" if several grids have the same name (counted from 0

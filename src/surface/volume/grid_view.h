@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any position.
  *
  * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The value of a level

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* hidden_crossing: finds cells that the surface crosses although their corners have one sign, and classifies the
  * curvature of F in cells.
  *

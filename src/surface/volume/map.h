@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* map: a scalar grid of a VDB file as a function of space, for painted maps.
  *
  * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if that is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* prefilter: converts samples to the coefficients of the interpolating cubic spline. Threads: as in samples.h. */
 #ifndef HEXAD_SURFACE_VOLUME_PREFILTER_H
 #define HEXAD_SURFACE_VOLUME_PREFILTER_H

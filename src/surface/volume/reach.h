@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* reach: finds the blocks within a distance of the cells that the surface crosses.
  *
  * Distances are whole voxels from the corners of a crossed cell: the maximum norm, the Euclidean norm, or the sum

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "surface/volume/samples.h"
 
 #include <math.h>

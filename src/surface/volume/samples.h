@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* samples: F at the voxels around the surface, block by block.
  *
  * This module reads them. prefilter.h converts them to coefficients of the interpolating spline, and

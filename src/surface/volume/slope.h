@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* slope: the slope of a grid's values at an isosurface: 1 for distances in world units. Pure functions. */
 #ifndef HEXAD_SURFACE_VOLUME_SLOPE_H
 #define HEXAD_SURFACE_VOLUME_SLOPE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the
  * isosurface.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place, also
  * far from its stored voxels. Internal to volume.c and volume_field.c; others use volume.h. Reading: any thread.
  */

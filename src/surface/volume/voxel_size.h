@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* voxel_size: chooses the voxel size of a mesh's level set, from the spacing of the points and the thickness of the
  * mesh.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* boundary: the curves in which faces of the domain cut an open surface, and initial positions of particles on them.
  *
  * A face cuts the triangles of the surface's cells in segments. Joined, they are closed curves or curves that end at another

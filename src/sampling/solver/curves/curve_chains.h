@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* curve_chains: the points along the feature curves of a solved surface, in the order of the curve. */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_CURVE_CHAINS_H
 #define HEXAD_SAMPLING_SOLVER_CURVES_CURVE_CHAINS_H

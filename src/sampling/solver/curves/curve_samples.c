@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/curves/curve_samples.h"
 
 #include <math.h>

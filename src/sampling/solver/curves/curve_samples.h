@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* curve_samples: positions of particles along the feature curves of a surface with patches, and at its corners.
  *
  * A curve between corners is divided into equal steps. Their number brings the step nearest to the requested spacing. A curve

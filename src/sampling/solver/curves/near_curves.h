@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* near_curves: merges samples of feature curves that are closer to each other than the packing allows.
  *
  * A sample is removed if it lies within NEAR_CURVES spacings of a sample of an earlier curve or of a corner. A corner is removed

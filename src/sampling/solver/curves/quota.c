@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/curves/quota.h"
 
 #include <math.h>

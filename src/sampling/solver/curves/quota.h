@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* quota: the number of particles of each patch on one level. Samples along the curves are held fixed. The other (free)
  * particles of a patch never move to another patch. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_QUOTA_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* coverage: the distance of a surface from its points.
  *
  * The test places are the centroids of the triangles of the surface's grid cells, projected onto the surface. In an ideal

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* particles: the state of the particle system as a structure of arrays. Index i is the same particle in all arrays. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_PARTICLES_PARTICLES_H
 #define HEXAD_SAMPLING_SOLVER_PARTICLES_PARTICLES_H

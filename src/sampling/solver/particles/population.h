@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* population: insertion and deletion of particles for the global control of section 6.1 and for the fission and death of Witkin
  * and Heckbert. Deterministic: the result depends only on the particles and the caller's generator. Single-threaded.
  */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* random_streams: the random number streams of the solver. Each user of random numbers has its own stream below the job's seed
  * (rng_seed), so that the number of draws of one user does not affect another. Changing a number here changes the results. */
 #ifndef HEXAD_SAMPLING_SOLVER_PARTICLES_RANDOM_STREAMS_H

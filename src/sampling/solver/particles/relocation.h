@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relocation: pairs over-dense points with gaps in coverage. If the spacing does not resolve the surface, relaxation cannot remove
  * either of them: no continuous path of decreasing energy leads from an over-dense place to a gap.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* fill_gaps: relocates particles to uncovered places (passes.h). On an under-resolved surface, such as smoke sampled with few points,
  * the particles are distributed evenly in space, not on each part of the surface. On a surface with patches, patches without a
  * point get one. */

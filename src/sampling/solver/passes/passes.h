@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* passes: changes of particles between rounds. A pass acts on s->state.p once, calls no other pass, and gives the same result for any number of threads.
  * It sets *changed to true if particles must converge again, and never to false. A pass that may change particles each time it is
  * called needs a bound: repair_defects and equalise_cells count their calls in solver_state, the others are bounded by the continuations of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* pin: moves particles to given places and fixes them there (solver_pin). */
 #include <math.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* project: projects every particle onto the surface to rounding and relocates those for which that fails (solver_project). */
 #include <stdlib.h>
 #include <string.h>

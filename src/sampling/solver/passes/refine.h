@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* refine: inserts particles at the midpoints of the Delaunay edges of a packing. The result has about four times as many particles
  * and keeps the order of the packing. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_PASSES_REFINE_H

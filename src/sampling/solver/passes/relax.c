@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax: one sweep over all particles. */
 #include "sampling/solver/passes/relax_internal.h"
 

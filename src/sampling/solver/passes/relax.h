@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax: relaxation sweeps. One sweep moves every particle once (Gauss-Seidel) by Levenberg-Marquardt (10)-(12) with the two-step
  * motion (8)(9).
  *

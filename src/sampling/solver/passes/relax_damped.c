@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_damped: guarded steps of single particles in double precision, by Levenberg-Marquardt or steepest descent (relax_internal.h). */
 #include "sampling/solver/passes/relax_internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_fast: fast steps in SIMD lanes, without an energy test (relax_internal.h). */
 #include "sampling/solver/passes/relax_internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_guarded: guarded steps in sixteen SIMD lanes in single precision (relax_internal.h). The operations are those of
  * fast_kernel.h. */
 #include <math.h>

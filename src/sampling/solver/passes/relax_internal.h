@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_internal: shared declarations of the relaxation. Files: relax.c the sweep, relax_lists.c neighbour lists, relax_damped.c damped
  * steps in double precision, relax_fast.c fast steps, relax_guarded.c guarded steps in SIMD lanes, relax_measures.c measures of
  * particles that do not move. A guarded step is taken only if the energy decreases; a fast step is taken without an energy test. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_lists: neighbour lists and particle flags of a relaxation (relax.h). */
 #include "sampling/solver/passes/relax_internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* relax_measures: energies, remaining steps and defects of particles that do not move (relax.h). */
 #include <assert.h>
 #include <math.h>

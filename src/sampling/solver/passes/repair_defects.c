@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* repair_defects: removes defects from a converged packing (solver_repair_defects).
  *
  * The descent neither inserts nor deletes particles. Therefore a dislocation cannot climb: a lattice row ends there. Defect repair

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/passes/repair_region.h"
 
 #include <assert.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* repair_region: a copy of a small region of a packing for trial changes of defect repair (solver_repair_defects). Particles are
  * deleted, inserted and relaxed, while the surrounding particles are fixed. The pair forces are those of the solve. Particles of
  * opposite walls contribute to the forces and are fixed. No state is shared between worker threads. World space. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* separate_patches: moves particles of one patch away from those of another patch that passes through it, and particles away from others of
  * their patch at the same place (passes.h). Particles of different patches do not repel each other, and patches that intersect without a common
  * curve have no samples along the intersection. On parts thinner than the spacing several particles may be projected to one place, where no
