@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A server that is nothing but libmicrohttpd, to hold the daemon's replies against: it makes the same reply to
- * whatever is asked, as the library's manual shows it, in the kind of server that the daemon has.
+/* A server that is nothing but libmicrohttpd, to hold the daemon's replies against: it makes the same reply
+ * to whatever is asked, as the library's manual shows it, in the kind of server that the daemon has.
  *
  *     bare SOCKET BYTES      until standard input ends; says "ready" on standard output
  */

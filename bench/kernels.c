@@ -25,8 +25,8 @@
 
 enum { COUNT = 100000, SWEEPS = 10, RUNS = 5, FLOPS = 1 << 22, CHAINS = 16, WIDTH = 16 };
 
-/* Of one neighbour, counted in fast_kernel.c; of one sample with its gradient, counted in spline.c and for the
- * torus. */
+/* Of one neighbour, counted in fast_kernel.c; of one sample with its gradient, counted in spline.c and for
+ * the torus. */
 static const double NEIGHBOUR_OPERATIONS = 69, SPLINE_OPERATIONS = 640, TORUS_OPERATIONS = 60;
 /* Of the frame, the damped step and the projection. */
 static const double STEP_OPERATIONS = 120;

@@ -7,10 +7,11 @@
  *     load rows DIRECTORY SECONDS                    durable transactions of one row in a second
  *
  * LIMIT is a number of requests, or seconds with an s behind: "2.5s". Each connection sends a request when
- * the last one is answered; with get, after a first one that is not counted. get and post print one JSON object: count
- * and failed (answers other than 2xx, of all), rate (a second), bytes (of the last body), p50_ms, p99_ms and
- * max_ms from sending to the last byte. streams says "open" when every stream has begun and, when every stream has
- * ended, an object a line: path, ids (of the events) and received_ms (when each came, of the wall clock). */
+ * the last one is answered; with get, after a first one that is not counted. get and post print one JSON
+ * object: count and failed (answers other than 2xx, of all), rate (a second), bytes (of the last body),
+ * p50_ms, p99_ms and max_ms from sending to the last byte. streams says "open" when every stream has begun
+ * and, when every stream has ended, an object a line: path, ids (of the events) and received_ms (when each
+ * came, of the wall clock). */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdbool.h>

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* An NRRD, NIfTI or MetaImage file: its header as the process that reads headers does, and its values, slice by slice.
+/* An NRRD, NIfTI or MetaImage file: its header as the process that reads headers does, and its values, slice
+ * by slice.
  *
- * That process is one program in one file (header_reader.c), which is run here without a process: reader_start and
- * what belongs to it are in the place of reader.c. What the libraries keep of a file is lost, as there. */
+ * That process is one program in one file (header_reader.c), which is run here without a process:
+ * reader_start and what belongs to it are in the place of reader.c. What the libraries keep of a file is
+ * lost, as there. */
 #include <sys/mman.h>
 #include <sys/stat.h>
 

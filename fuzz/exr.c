@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* An EXR image, as the process that reads them does: the channel's window and pixels, by OpenEXR's C core.
  *
- * That is one program in one file (exr_reader.c), of which the part behind its socket is taken here as it is. */
+ * That is one program in one file (exr_reader.c), of which the part behind its socket is taken here as it
+ * is. */
 #include <sys/mman.h>
 
 #include "io/volumes/exr_reader.c"

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Bytes to the service as it is, over a Unix socket: service/http/server with its routes, queries, headers, tokens, ranges and
- * bodies, and the handlers behind them. What is held: the first answer is HTTP, and no fault of the service.
+/* Bytes to the service as it is, over a Unix socket: service/http/server with its routes, queries, headers,
+ * tokens, ranges and bodies, and the handlers behind them. What is held: the first answer is HTTP, and no
+ * fault of the service.
  *
- * The queue has a job that waits and one that has a result, whose ids stand in an input as 26 times "0" and "1". The
- * only slot is taken by a job without end, so that none is run. A client that has sent all half-closes, so that the
- * service does not wait for more.
+ * The queue has a job that waits and one that has a result, whose ids stand in an input as 26 times "0" and
+ * "1". The only slot is taken by a job without end, so that none is run. A client that has sent all
+ * half-closes, so that the service does not wait for more.
  */
 #include <errno.h>
 #include <poll.h>

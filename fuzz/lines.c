@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* lines: runs a target over the lines of standard input, each of which is one input, in one process.
  *
- * The number of each line is printed to standard error before the target sees it, so that a crash can be attributed. The
- * last line of standard output has the number of lines, and the one that took most CPU time. */
+ * The number of each line is printed to standard error before the target sees it, so that a crash can be
+ * attributed. The last line of standard output has the number of lines, and the one that took most CPU
+ * time. */
 #include <stdbool.h>
 #include <string.h>
 #include <time.h>

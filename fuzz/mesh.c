@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* What the process that reads meshes answers: mesh_file_parse, with what vertices have, with polygons and with neither, and the judgement of its
- * triangles on the way to a level set; and the same bytes as files that this process reads itself. */
+/* What the process that reads meshes answers: mesh_file_parse, with what vertices have, with polygons and
+ * with neither, and the judgement of its triangles on the way to a level set; and the same bytes as files
+ * that this process reads itself. */
 #include <math.h>
 #include <string.h>
 

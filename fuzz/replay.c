@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* replay: runs a target over files, and over the files of folders, named as arguments; for builds without libFuzzer. */
+/* replay: runs a target over files, and over the files of folders, named as arguments; for builds without
+ * libFuzzer. */
 #include <dirent.h>
 #include <errno.h>
 #include <stdbool.h>

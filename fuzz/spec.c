@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A request's body: json_parse and spec_parse. What is accepted is printed, and must be read as the same again. */
+/* A request's body: json_parse and spec_parse. What is accepted is printed, and must be read as the same
+ * again. */
 #include <string.h>
 
 #include "fuzz/target.h"

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* target: what each program of this folder is made of.
  *
- * A target takes bytes from outside to a function of the project and stops (expect) where the function's contract
- * is broken; crashes, leaks and undefined behaviour are for the sanitizers to see. It is linked with libFuzzer
- * (fuzz/fuzz_NAME, `make fuzz`) and with replay.c (fuzz/replay_NAME), which runs files without clang.
+ * A target takes bytes from outside to a function of the project and stops (expect) where the function's
+ * contract is broken; crashes, leaks and undefined behaviour are for the sanitizers to see. It is linked with
+ * libFuzzer (fuzz/fuzz_NAME, `make fuzz`) and with replay.c (fuzz/replay_NAME), which runs files without
+ * clang.
  */
 #ifndef HEXAD_FUZZ_TARGET_H
 #define HEXAD_FUZZ_TARGET_H

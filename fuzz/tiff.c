@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A TIFF file, as the process that reads them does: its directories and description, and its pages, by libtiff.
+/* A TIFF file, as the process that reads them does: its directories and description, and its pages, by
+ * libtiff.
  *
- * That process is one source file (tiff_reader.c). The target includes it and calls the functions below its socket. */
+ * That process is one source file (tiff_reader.c). The target includes it and calls the functions below
+ * its socket. */
 #include <math.h>
 #include <sys/mman.h>
 

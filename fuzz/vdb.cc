@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A VDB file: the listing, and the loading of every grid, by the shim and without it. Of what is loaded each promise of
- * vdb.h is held. */
+/* A VDB file: the listing, and the loading of every grid, by the shim and without it. Of what is loaded each
+ * promise of vdb.h is held. */
 #include <cmath>
 
 #include <sys/mman.h>

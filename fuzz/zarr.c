@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A Zarr array with one chunk: the first bytes of the input are the metadata of version 2 or 3, and what is behind the first byte 0 is every
- * other file. The metadata are read, and chunks are unpacked as in the process that unpacks them.
+/* A Zarr array with one chunk: the first bytes of the input are the metadata of version 2 or 3, and what is
+ * behind the first byte 0 is every other file. The metadata are read, and chunks are unpacked as in the
+ * process that unpacks them.
  *
- * That process is one source file (zarr_reader.c). The target includes it and calls the functions below its socket. */
+ * That process is one source file (zarr_reader.c). The target includes it and calls the functions below
+ * its socket. */
 #include <math.h>
 #include <string.h>
 #include <sys/mman.h>

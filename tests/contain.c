@@ -2,16 +2,16 @@
 /* contain [--suite] COMMAND [ARGUMENT...]: runs a test, and ends every process that it leaves behind.
  *
  * `make check` runs each test program through `contain`; bootstrap runs the whole of `make check` through
- * `contain --suite`. The program becomes the parent of orphaned descendants (PR_SET_CHILD_SUBREAPER), so daemons that
- * detach themselves are found as well. Descendants are killed in these cases:
+ * `contain --suite`. The program becomes the parent of orphaned descendants (PR_SET_CHILD_SUBREAPER), so
+ * daemons that detach themselves are found as well. Descendants are killed in these cases:
  * - the command has ended;
  * - this program gets SIGTERM, SIGINT or SIGHUP, or its parent dies;
  * - the enclosing `contain --suite` dies, by any signal.
  * In the last two cases the processes have GRACE_MS to clean up: a test gets SIGINT, make gets SIGTERM.
  *
- * Prints a TAP diagnostic `# time: 1.25 s wall, 2.00 s CPU` after the command's own output; the CPU time includes all
- * descendants. `tools/slowest.py` reads these lines. Exit status: that of the command; 128 + N if signal N ended it;
- * 126 if it could not be started. */
+ * Prints a TAP diagnostic `# time: 1.25 s wall, 2.00 s CPU` after the command's own output; the CPU time
+ * includes all descendants. `tools/slowest.py` reads these lines. Exit status: that of the command; 128 + N
+ * if signal N ended it; 126 if it could not be started. */
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>
@@ -30,8 +30,8 @@
 
 enum { GRACE_MS = 5000 };
 
-/* Environment variable: the read end of a pipe whose write end only `contain --suite` holds. It reports POLLHUP when
- * that process is gone. */
+/* Environment variable: the read end of a pipe whose write end only `contain --suite` holds. It reports
+ * POLLHUP when that process is gone. */
 #define LIFELINE "HEXAD_CONTAIN_FD"
 
 static double seconds_since(const struct timespec *start)

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* set_clock: preloaded into a program, adds to its clocks what a file says. The environment variable HEXAD_SET_CLOCK names
- * the file, which has three 64-bit integers of this host, in milliseconds: what is added to the wall clock; what is added to the
- * monotonic clock; what each reading of the monotonic clock adds to the later ones. A test changes them while the
- * program runs. tests/setclock.py builds it. */
+/* set_clock: preloaded into a program, adds to its clocks what a file says. The environment variable
+ * HEXAD_SET_CLOCK names the file, which has three 64-bit integers of this host, in milliseconds: what is
+ * added to the wall clock; what is added to the monotonic clock; what each reading of the monotonic clock
+ * adds to the later ones. A test changes them while the program runs. tests/setclock.py builds it. */
 #include <fcntl.h>
 #include <stdatomic.h>
 #include <stdint.h>

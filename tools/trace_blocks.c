@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* Records which basic blocks a program executes: a part of the traced build that tools/mutate.py makes.
  *
- * gcc's -fsanitize-coverage=trace-pc inserts a call of __sanitizer_cov_trace_pc into every basic block. The call sets
- * the byte of its return address in the file TRACE_DIRECTORY/PROGRAM, which is mapped when the program starts. Counts
- * of --coverage are written at exit; these bytes remain when a process is killed, calls _exit, or may write no files. */
+ * gcc's -fsanitize-coverage=trace-pc inserts a call of __sanitizer_cov_trace_pc into every basic block. The
+ * call sets the byte of its return address in the file TRACE_DIRECTORY/PROGRAM, which is mapped when the
+ * program starts. Counts of --coverage are written at exit; these bytes remain when a process is killed,
+ * calls _exit, or may write no files. */
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <stdio.h>

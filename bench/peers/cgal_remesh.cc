@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// CGAL's isotropic remeshing of triangles: cgal_remesh PREFIX COUNT SPACING SEED OUTPUT, as in volume.py. It draws
-// nothing at random, so that the seed is of no consequence.
+// CGAL's isotropic remeshing of triangles: cgal_remesh PREFIX COUNT SPACING SEED OUTPUT, as in volume.py. It
+// draws nothing at random, so that the seed is of no consequence.
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/remesh.h>
 #include <CGAL/Surface_mesh.h>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// CGAL's Surface_mesher, Delaunay refinement of the zero set of a volume: cgal_surface PREFIX COUNT SPACING SEED OUTPUT.
-// The arguments and files are those of volume.py; where PREFIX.spacing is there, SPACING is a factor to that volume.
+// CGAL's Surface_mesher, Delaunay refinement of the zero set of a volume: cgal_surface PREFIX COUNT SPACING
+// SEED OUTPUT. The arguments and files are those of volume.py; where PREFIX.spacing is there, SPACING is a
+// factor to that volume.
 #include <CGAL/Surface_mesh_default_triangulation_3.h>
 #include <CGAL/Surface_mesher/Standard_criteria.h>
 #include <CGAL/Complex_2_in_triangulation_3.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sample elimination of cyCodeBase (Yuksel 2015): sample_elimination CANDIDATES COUNT AREA ORDER OUTPUT. CANDIDATES and OUTPUT are
-// files of three doubles a point. ORDER is "none", or "progressive". Prints the CPU seconds of the elimination, without the files.
-// Compile it with -I and the folder of cySampleElim.h.
+// Sample elimination of cyCodeBase (Yuksel 2015): sample_elimination CANDIDATES COUNT AREA ORDER OUTPUT.
+// CANDIDATES and OUTPUT are files of three doubles a point. ORDER is "none", or "progressive". Prints the CPU
+// seconds of the elimination, without the files. Compile it with -I and the folder of cySampleElim.h.
 #include <cassert>
 #include <cstring>
 

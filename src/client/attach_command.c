@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* attach_command: the command attach of hexadctl, which places the points of a job on other frames of its meshes. */
+/* attach_command: the command attach of hexadctl, which places the points of a job on other frames of its
+ * meshes. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,8 +14,8 @@
 
 static const char points_name[] = "points.ply";
 
-/* The path of the list of results of a job, or of a frame of an array; the caller frees it. NULL, after a message,
- * if the arguments do not name one. */
+/* The path of the list of results of a job, or of a frame of an array; the caller frees it. NULL, after a
+ * message, if the arguments do not name one. */
 static char *list_path(client *c, const char *id, json_at job, const command_options *options)
 {
     const bool is_array = json_bool(json_member(&job, "array"), false);
@@ -34,8 +35,8 @@ static char *list_path(client *c, const char *id, json_at job, const command_opt
     return path;
 }
 
-/* Downloads the points to a temporary file and uploads them as an input. *path is the path of the input in a spec;
- * the caller frees it. */
+/* Downloads the points to a temporary file and uploads them as an input. *path is the path of the input in a
+ * spec; the caller frees it. */
 static int send_points(client *c, json_at item, char **path)
 {
     error e = {0};
@@ -89,7 +90,8 @@ static int send_result(client *c, const char *list, char **path)
     return code;
 }
 
-/* The spec of the new job as text, which the caller frees. NULL, after a message, if the job has no suitable spec. */
+/* The spec of the new job as text, which the caller frees. NULL, after a message, if the job has no
+ * suitable spec. */
 static char *new_spec(json_at job, const char *points, const command_options *options)
 {
     error e = {0};

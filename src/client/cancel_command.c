@@ -51,8 +51,8 @@ static int collect(client *c, const command_options *options, ids *list)
     return code;
 }
 
-/* Cancels a job of the list. *cancelled is incremented, unless the job has ended in the meantime or belongs to
- * another user. */
+/* Cancels a job of the list. *cancelled is incremented, unless the job has ended in the meantime or belongs
+ * to another user. */
 static int cancel_one(client *c, const char *id, size_t *cancelled)
 {
     error e = {0};

@@ -51,8 +51,8 @@ typedef struct command_options {
     const char *max_priority; /* of token add; NULL: any */
 } command_options;
 
-/* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Returns an exit
- * code. */
+/* `argument` is the path of a file or "-", the job's whole id, the token's user or id, or NULL. Returns an
+ * exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_attach, command_submit, command_validate, command_estimate, command_upload, command_inspect;
@@ -68,8 +68,8 @@ command command_token_add, command_token_list, command_token_revoke;
 
 /* ---- functions that commands share */
 
-/* The path below /v1/jobs for the id that a user gave; the caller frees it. NULL, after printing an error, if the
- * text cannot be an id. */
+/* The path below /v1/jobs for the id that a user gave; the caller frees it. NULL, after printing an error, if
+ * the text cannot be an id. */
 char *command_job_path(const char *id, const char *rest);
 
 /* Sends a request. Returns an exit code, after printing the reason of a refusal. On success *document is the
@@ -79,21 +79,22 @@ int command_ask(client *c, const char *method, const char *path, const char *bod
 /* Entries of a page that is requested, at most. */
 #define COMMAND_PAGE_MOST 500
 
-/* The next page of a job's tasks, a document that the caller frees. *after is TASKS_FROM_THE_FIRST before the first
- * page. NULL after the last page, or if *code is not COMMAND_OK. */
+/* The next page of a job's tasks, a document that the caller frees. *after is TASKS_FROM_THE_FIRST before the
+ * first page. NULL after the last page, or if *code is not COMMAND_OK. */
 #define TASKS_FROM_THE_FIRST (-1.0)
 json *command_next_tasks(client *c, const char *id, double *after, int *code);
 
-/* Prints frames of an array that has ended: those whose outcomes are unresolved or not_converged, a line for each outcome;
- * then a line for each frame with another outcome than converged, a rating other than good, or a warning, at most ten. */
+/* Prints frames of an array that has ended: those whose outcomes are unresolved or not_converged, a line for
+ * each outcome; then a line for each frame with another outcome than converged, a rating other than good,
+ * or a warning, at most ten. */
 int command_print_frame_outcomes(client *c, json_at job, FILE *file);
 
-/* Prints why jobs wait although workers are free: the queue is held, or the service drains. Prints nothing if the
- * service does not answer so. */
+/* Prints why jobs wait although workers are free: the queue is held, or the service drains. Prints nothing if
+ * the service does not answer so. */
 void command_explain_waiting(client *c, FILE *file);
 
-/* Prints the users that have all running attempts that the setting user_running permits: other jobs of them wait.
- * `owner`: this user only; NULL: all. */
+/* Prints the users that have all running attempts that the setting user_running permits: other jobs of them
+ * wait. `owner`: this user only; NULL: all. */
 void command_explain_user_limits(client *c, const char *owner, FILE *file);
 
 /* The same, from a document of /v1/workers. */

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* control_command: commands of hexadctl that control jobs and the service: pause, resume, retry, deliver, delete,
- * priority, watch, workers, usage, hold, release, drain and undrain.
+/* control_command: commands of hexadctl that control jobs and the service: pause, resume, retry, deliver,
+ * delete, priority, watch, workers, usage, hold, release, drain and undrain.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -116,8 +116,8 @@ static void warn_of_other_result(const char *directory, json_at results)
     free(path);
 }
 
-/* Fetches the files that the server lists, report.json last. Files of all frames go to `above`. On success *document
- * is the list; the caller frees it. */
+/* Fetches the files that the server lists, report.json last. Files of all frames go to `above`. On
+ * success *document is the list; the caller frees it. */
 static int fetch_list(client *c, const char *list, const char *directory, const char *above, bool quiet,
                       json **document)
 {

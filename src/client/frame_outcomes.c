@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The frames of an array whose results are not good: lists of frames by outcome, and the notes of the first ones. */
+/* The frames of an array whose results are not good: lists of frames by outcome, and the notes of the
+ * first ones. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -51,8 +52,8 @@ static void add_note(FILE *line, const char *text)
     terminal_text_put(line, text);
 }
 
-/* Writes the outcome of a frame, the ratings that are not good, why it is unresolved or not converged, and its warnings.
- * Returns whether there is more than the outcome converged. */
+/* Writes the outcome of a frame, the ratings that are not good, why it is unresolved or not converged, and
+ * its warnings. Returns whether there is more than the outcome converged. */
 static bool write_frame(json_at task, FILE *line)
 {
     json_at notes = json_member(&task, "notes"), ratings = json_member(&notes, "ratings"),

@@ -34,8 +34,8 @@ bool job_name_is_short(const char *name)
            (*name && strlen(name) < ID_LENGTH && strspn(name, ULID_ALPHABET) == strlen(name));
 }
 
-/* The earliest or the latest time of a job whose id begins with the text, in the form that a query of the list
- * accepts. */
+/* The earliest or the latest time of a job whose id begins with the text, in the form that a query of the
+ * list accepts. */
 static char *moment_of(const char *beginning, char filler, int64_t later_ms)
 {
     char id[ULID_SIZE], text[CLOCK_TEXT_SIZE];
@@ -56,8 +56,8 @@ static void take_matches(matches *m, json_at page)
     }
 }
 
-/* Collects the matches among the jobs that the options select. If `first_only`, stops at the first page with a
- * match. */
+/* Collects the matches among the jobs that the options select. If `first_only`, stops at the first page with
+ * a match. */
 static int collect(client *c, const command_options *chosen, bool first_only, matches *m)
 {
     char *cursor = NULL;

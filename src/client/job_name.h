@@ -9,16 +9,16 @@
 
 /* The newest job of the caller. */
 #define JOB_NAME_LATEST "latest"
-/* Minimum number of characters of an id that name a job. 8 characters are its time in units of 1024 ms; 7 would be
- * units of 33 s. */
+/* Minimum number of characters of an id that name a job. 8 characters are its time in units of 1024 ms; 7
+ * would be units of 33 s. */
 #define JOB_NAME_PREFIX_LEAST 8
 
 /* Whether the name is `latest`, or the beginning of an id without being a whole id. */
 bool job_name_is_short(const char *name);
 
-/* Sets *id to the id of the job, which the caller frees. The name is `latest` or the beginning of the id of exactly
- * one job of the caller. A whole id is copied without a check, since the service checks it. Returns an exit code,
- * after printing why there is no id. If several jobs match, they are printed. */
+/* Sets *id to the id of the job, which the caller frees. The name is `latest` or the beginning of the id of
+ * exactly one job of the caller. A whole id is copied without a check, since the service checks it. Returns
+ * an exit code, after printing why there is no id. If several jobs match, they are printed. */
 int job_name_resolve(client *c, const char *name, char **id);
 
 #endif

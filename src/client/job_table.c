@@ -71,7 +71,8 @@ static int print_frames(json_at tasks, char *text, size_t size)
                     number_of(tasks, "all"));
 }
 
-/* Prints the ended and the cancelled frames, "12/100, 88 cancelled"; of a running single job its share, "45%". */
+/* Prints the ended and the cancelled frames, "12/100, 88 cancelled"; of a running single job its share,
+ * "45%". */
 static void print_progress(json_at job, char *text, size_t size)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");

@@ -14,8 +14,8 @@ void job_table_add_attempt(table *t, json_at attempt);
 table job_table_new_frames(void);
 void job_table_add_frame(table *t, json_at task);
 
-/* Prints one job in full, without its spec. `dependents` is a page of the list of the jobs that depend on it, or no
- * value. */
+/* Prints one job in full, without its spec. `dependents` is a page of the list of the jobs that depend on it,
+ * or no value. */
 void job_table_print(json_at job, json_at dependents);
 
 #endif

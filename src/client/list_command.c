@@ -19,7 +19,8 @@
 /* Maximum number of dependent jobs that `show` prints. */
 #define DEPENDENTS_SHOWN 20
 
-/* A list that is read in pages. With --json its entries are collected in a document, otherwise as rows of a table. */
+/* A list that is read in pages. With --json its entries are collected in a document, otherwise as rows of
+ * a table. */
 typedef struct listing {
     const char *key; /* the member of a page that has the entries */
     void (*add)(table *t, json_at entry);
@@ -150,8 +151,8 @@ static int show_failures(client *c, const char *id, double left)
     return code;
 }
 
-/* The first page of the jobs that depend on this one, which the caller frees. NULL if the service is older and
- * cannot list them. */
+/* The first page of the jobs that depend on this one, which the caller frees. NULL if the service is older
+ * and cannot list them. */
 static json *list_dependents(client *c, const char *id)
 {
     error e = {0};

@@ -25,8 +25,8 @@ bool list_query_is_moment(const char *given)
     return seconds_of(given) >= 0 || (strspn(given, "0123456789") == 4 && given[4] == '-');
 }
 
-/* A time in the form that the server accepts; the caller frees it. "90m" and "90m ago" are 90 minutes before now.
- * Any other text is copied, since the server checks it. */
+/* A time in the form that the server accepts; the caller frees it. "90m" and "90m ago" are 90 minutes before
+ * now. Any other text is copied, since the server checks it. */
 static char *moment_of(const char *given)
 {
     char text[CLOCK_TEXT_SIZE];

@@ -5,11 +5,12 @@
 
 #include "client/command.h"
 
-/* The path of a page of the jobs that the options select; the caller frees it. `cursor` is the start of the page;
- * NULL: the first page. */
+/* The path of a page of the jobs that the options select; the caller frees it. `cursor` is the start of the
+ * page; NULL: the first page. */
 char *list_query_path(client *c, const command_options *options, const char *cursor);
 
-/* Whether the text may be a time: "90m", "90m ago", or a text that begins with a year. The server checks the rest. */
+/* Whether the text may be a time: "90m", "90m ago", or a text that begins with a year. The server checks
+ * the rest. */
 bool list_query_is_moment(const char *given);
 
 #endif

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit codes. Texts
- * of others are escaped by base/core/terminal_text; documents are printed as they are. One thread.
+/* print: prints answers, failures and notes for the commands of hexadctl, and returns the matching exit
+ * codes. Texts of others are escaped by base/core/terminal_text; documents are printed as they are. One
+ * thread.
  */
 #ifndef HEXAD_CLIENT_PRINT_H
 #define HEXAD_CLIENT_PRINT_H
@@ -17,7 +18,8 @@ int print_refused(const client_reply *reply);
 /* As print_refused, for a spec that was read from this file. */
 int print_refused_spec(const client_reply *reply, const char *file);
 
-/* Prints one line: id, state, outcome, the error if there is one, and the reason why the results were not delivered. */
+/* Prints one line: id, state, outcome, the error if there is one, and the reason why the results were not
+ * delivered. */
 void print_job(json_at job);
 /* As print_job, for a job whose results were copied again. */
 void print_delivered_job(json_at job);
@@ -25,8 +27,8 @@ void print_delivered_job(json_at job);
 /* Whether results of the job could not be copied to output.directory. */
 bool print_is_undelivered(json_at job);
 
-/* Prints the ratings of the notes of a job after the title, such as "packing: hex_fraction 0.937 good, edge_cv
- * 0.0559 good". Prints nothing if there are no ratings. */
+/* Prints the ratings of the notes of a job after the title, such as "packing: hex_fraction 0.937 good,
+ * edge_cv 0.0559 good". Prints nothing if there are no ratings. */
 void print_ratings(FILE *file, const char *title, json_at notes);
 /* Prints the notes of a job or task, or the warnings and advice of an estimate, one line each. */
 void print_notes(FILE *file, json_at notes);

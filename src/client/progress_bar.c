@@ -48,8 +48,8 @@ void progress_bar_show_count(progress_bar *b, int done, int frames)
     fflush(stderr);
 }
 
-/* Prints the number of ended frames of an array. Returns the completed share, including the running frame whose
- * progress is known. */
+/* Prints the number of ended frames of an array. Returns the completed share, including the running frame
+ * whose progress is known. */
 static double describe_array(json_at job, char *text, size_t size)
 {
     json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");

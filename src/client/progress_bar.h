@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* progress_bar: shows progress on standard error. On a terminal it is a bar that is redrawn. Otherwise a line is
- * printed for a job whenever its state, its phase or its number of ended frames changes. One thread.
+/* progress_bar: shows progress on standard error. On a terminal it is a bar that is redrawn. Otherwise a line
+ * is printed for a job whenever its state, its phase or its number of ended frames changes. One thread.
  */
 #ifndef HEXAD_CLIENT_PROGRESS_BAR_H
 #define HEXAD_CLIENT_PROGRESS_BAR_H

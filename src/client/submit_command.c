@@ -19,8 +19,8 @@
 
 #define SPEC_LIMIT_BYTES (64u << 20)
 
-/* Reads all of standard input; the caller frees the text. NULL if it cannot be read or is longer than the limit of a
- * spec. */
+/* Reads all of standard input; the caller frees the text. NULL if it cannot be read or is longer than the
+ * limit of a spec. */
 static char *read_input(size_t *length, error *e)
 {
     size_t capacity = 65536, used = 0, got;
@@ -46,8 +46,8 @@ static char *read_input(size_t *length, error *e)
 }
 
 #define JOBS "/v1/jobs"
-/* Maximum time, in ms, that a submission waits for the check of its inputs. Users do not notice this delay, and most
- * files can be opened in it. */
+/* Maximum time, in ms, that a submission waits for the check of its inputs. Users do not notice this delay,
+ * and most files can be opened in it. */
 #define FAULTS_WITHIN_MS 200
 
 static bool is_standard_input(const char *path)
@@ -71,8 +71,8 @@ static json *member_of_type(json *object, const char *pointer, json_type type)
     return json_type_of(json_root(found)) == type ? found : NULL;
 }
 
-/* Puts the options into the group `queue` of the spec. Members of a wrong type are unchanged; the server refuses
- * them. */
+/* Puts the options into the group `queue` of the spec. Members of a wrong type are unchanged; the server
+ * refuses them. */
 static bool apply_options(json *document, const command_options *options)
 {
     char *end = NULL;
@@ -89,8 +89,8 @@ static bool apply_options(json *document, const command_options *options)
     return true;
 }
 
-/* Reads the spec at the path, or takes the given text, and applies the options. Returns text that the caller frees;
- * NULL, after a message, on failure. */
+/* Reads the spec at the path, or takes the given text, and applies the options. Returns text that the caller
+ * frees; NULL, after a message, on failure. */
 static char *read_spec(const char *path, const char *given, const command_options *options, size_t *length)
 {
     error e = {0};
@@ -114,8 +114,8 @@ static char *read_spec(const char *path, const char *given, const command_option
     return text;
 }
 
-/* Checks that the key, if there is one, can be the value of a header; otherwise prints a message. The server checks
- * the rest. */
+/* Checks that the key, if there is one, can be the value of a header; otherwise prints a message. The server
+ * checks the rest. */
 static bool has_usable_key(const command_options *options)
 {
     const char *key = options->key;
@@ -124,7 +124,8 @@ static bool has_usable_key(const command_options *options)
     return usable;
 }
 
-/* Requests a check of the job's inputs before the job waits in the queue. The time for the answer is limited. */
+/* Requests a check of the job's inputs before the job waits in the queue. The time for the answer is
+ * limited. */
 static void look_for_faults(client *c, const char *body, size_t length, client_reply *found)
 {
     error e = {0};

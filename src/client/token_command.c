@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes them. */
+/* token_command: the command token of hexadctl, which adds tokens to a token file, lists them and revokes
+ * them. */
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -21,7 +22,8 @@
 
 #define TOKEN_ROW "%-12s  %-16s  %-25s  %-24s  %s\n"
 
-/* Maximum time, in ms, of the wait for another command that changes token files, and the interval of the tries. */
+/* Maximum time, in ms, of the wait for another command that changes token files, and the interval of the
+ * tries. */
 enum { LOCK_PATIENCE_MS = 10000, LOCK_TRY_MS = 20 };
 
 static const char default_scopes[] = "read,submit,cancel";
@@ -51,8 +53,8 @@ static bool is_denied(const char *path)
     return denied;
 }
 
-/* Prints the error about the token file. The commands in errors of auth are for the administrator of a service that
- * is denied access: for the user of hexadctl they would take the file from the service. */
+/* Prints the error about the token file. The commands in errors of auth are for the administrator of a
+ * service that is denied access: for the user of hexadctl they would take the file from the service. */
 static int fail_at_file(const command_options *options, const error *e)
 {
     if (!is_denied(options->file)) return fail(e);
@@ -72,8 +74,8 @@ static bool take_lock(int fd)
     return true;
 }
 
-/* Locks the directory of the file, so that of two concurrent changes none is lost; -1 and an error on failure. The
- * directory of the system service is made if it is missing. */
+/* Locks the directory of the file, so that of two concurrent changes none is lost; -1 and an error on
+ * failure. The directory of the system service is made if it is missing. */
 static int lock_file(const command_options *options, error *e)
 {
     char *directory = directory_of(options->file);

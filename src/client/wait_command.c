@@ -58,8 +58,8 @@ static int end_wait_for_copy(client *c, const json *document, const command_opti
     return print_is_undelivered(job) ? COMMAND_FAILED : COMMAND_OK;
 }
 
-/* What the wait is for, whether it shows the progress of the job, and the function that prints the job and returns
- * the exit code. */
+/* What the wait is for, whether it shows the progress of the job, and the function that prints the job and
+ * returns the exit code. */
 typedef struct goal {
     bool shows_progress;
     bool (*is_reached)(json_at job);

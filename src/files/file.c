@@ -17,8 +17,8 @@
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
 
-/* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a disk of
- * 350 MB/s; a whole file of 235 MB delays them by 120 ms. */
+/* Bytes that store_flush writes at a time. Pieces of 1 to 16 MB delay other flushes by at most 40 ms on a
+ * disk of 350 MB/s; a whole file of 235 MB delays them by 120 ms. */
 #define PIECE (8 << 20)
 #define WRITE_AND_WAIT (SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER)
 
@@ -136,8 +136,8 @@ void store_file_abort(store_file *file)
     *file = (store_file){0};
 }
 
-/* A stream stores that a write failed, without the cause. The cause is found by another failing write; the file is
- * discarded. */
+/* A stream stores that a write failed, without the cause. The cause is found by another failing write; the
+ * file is discarded. */
 static int find_cause(FILE *stream)
 {
     clearerr(stream);
@@ -253,8 +253,8 @@ bool store_file_check_private(int fd, const char *path, error *e)
     struct stat info;
     if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
         return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
-    /* With an access control list the group permissions are those of the list; the group is root, even if another
-     * one was set. */
+    /* With an access control list the group permissions are those of the list; the group is root, even if
+     * another one was set. */
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
     const bool is_ours = info.st_uid == geteuid() || info.st_uid == 0;
@@ -277,8 +277,9 @@ void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
 /* Bytes that are read at a time for a hash: a multiple of the blocks of hashed_stream. */
 enum { READ_BYTES = 64 * HASHED_STREAM_BLOCK };
 
-/* Compares `count` bytes, read from a multiple of the block's length, with the written ones. `bytes` has space for
- * whole blocks. Returns the first byte of the first block that differs; UINT64_MAX if none differs. */
+/* Compares `count` bytes, read from a multiple of the block's length, with the written ones. `bytes` has
+ * space for whole blocks. Returns the first byte of the first block that differs; UINT64_MAX if none
+ * differs. */
 static uint64_t first_difference(hashed_stream *written, uint64_t at, unsigned char *bytes, size_t count)
 {
     const size_t rest = count % HASHED_STREAM_BLOCK;

@@ -53,7 +53,8 @@ static void store_digest(hashed_stream *h)
     if (h->current == h->count) h->count++;
 }
 
-/* Makes a written block the current one. False: it is not as it was written, or cannot be read; errno is set. */
+/* Makes a written block the current one. False: it is not as it was written, or cannot be read; errno is
+ * set. */
 static bool load_block(hashed_stream *h, size_t index)
 {
     memset(h->block, 0, BLOCK);

@@ -24,8 +24,8 @@ static const char *below(const char *path, const char *root)
     return strncmp(path, root, length) == 0 && path[length] == '/' ? path + length : NULL;
 }
 
-/* Returns the next component of a path and advances. False at the end; *ok is false if the component is not a valid
- * name. */
+/* Returns the next component of a path and advances. False at the end; *ok is false if the component is not a
+ * valid name. */
 static bool next_part(const char **at, char name[NAME_MAX + 1], bool *ok)
 {
     *at += strspn(*at, "/");
@@ -123,8 +123,8 @@ static char *find_directory_of_user(const store_outputs *outputs, const char *pa
     return next_part(&rest, user, &ok) ? mem_strndup(path, (size_t)(rest - path)) : NULL;
 }
 
-/* Why a call failed for the path, as denial_explain. The service must not make the directory of a user: the user could
- * not delete what is in it. */
+/* Why a call failed for the path, as denial_explain. The service must not make the directory of a user: the
+ * user could not delete what is in it. */
 static char *explain(const store_outputs *outputs, const char *path, int fault)
 {
     char user[NAME_MAX + 1], *directory = find_directory_of_user(outputs, path, user);
@@ -137,7 +137,8 @@ static char *explain(const store_outputs *outputs, const char *path, int fault)
     return text;
 }
 
-/* Sets the error of a failed call. `outputs` NULL: the path is not one that store_output_check has accepted. */
+/* Sets the error of a failed call. `outputs` NULL: the path is not one that store_output_check has
+ * accepted. */
 static bool fail_below(const store_outputs *outputs, error *e, const char *what, const char *path)
 {
     const int fault = errno;
@@ -202,8 +203,8 @@ int store_output_open_root(const char *root, error *e)
     return fd;
 }
 
-/* Opens the directory. With MISSING_ENDS it opens the deepest existing directory on the path; *whole is true if this
- * is the directory itself. Returns -1 on failure. */
+/* Opens the directory. With MISSING_ENDS it opens the deepest existing directory on the path; *whole is true
+ * if this is the directory itself. Returns -1 on failure. */
 static int open_directory(const store_outputs *outputs, const char *path, missing way, bool *whole, error *e)
 {
     const char *root = outputs->roots[store_output_root_of(outputs, path)], *rest = below(path, root);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* output: copies results into directories of users, below configured roots. service/results/output_place has the rules for
- * that.
+/* output: copies results into directories of users, below configured roots. service/results/output_place has
+ * the rules for that.
  *
- * A copy is a set of files. Each file is written under a temporary name in its directory, flushed and renamed. The
- * last file marks the set as complete: it is removed first and written last. Missing directories are created.
- * Symbolic links below a root are not followed. Other files in the directory are not changed. The functions keep no
- * state; any thread may call them.
+ * A copy is a set of files. Each file is written under a temporary name in its directory, flushed and
+ * renamed. The last file marks the set as complete: it is removed first and written last. Missing directories
+ * are created. Symbolic links below a root are not followed. Other files in the directory are not changed.
+ * The functions keep no state; any thread may call them.
  */
 #ifndef HEXAD_FILES_OUTPUT_H
 #define HEXAD_FILES_OUTPUT_H
@@ -21,7 +21,8 @@ typedef struct store_outputs {
     size_t root_count;
     mode_t mode; /* of files; created directories have execute permission wherever there is read permission */
     gid_t group; /* (gid_t)-1: stays */
-    /* For each root, whether a user may use only the directory below it that has the user's name. NULL: no root is such. */
+    /* For each root, whether a user may use only the directory below it that has the user's name. NULL: no
+     * root is such. */
     const bool *of_user;
 } store_outputs;
 
@@ -38,30 +39,33 @@ size_t store_output_root_of(const store_outputs *outputs, const char *path);
 /* Opens a root. Returns -1 and the error output_unwritable if the root does not exist. */
 int store_output_open_root(const char *root, error *e);
 
-/* Opens the directory and makes missing directories. On failure returns -1 and an error: path_forbidden (also for a
- * symbolic link on the way), output_unwritable (permissions, a read-only file system, no root), storage_full,
- * storage_failed or internal. */
+/* Opens the directory and makes missing directories. On failure returns -1 and an error: path_forbidden (also
+ * for a symbolic link on the way), output_unwritable (permissions, a read-only file system, no root),
+ * storage_full, storage_failed or internal. */
 int store_output_open(const store_outputs *outputs, const char *path, error *e);
 
 /* Opens the directory or, if it does not exist, its nearest existing parent. *whole: the directory itself was
  * opened. */
 int store_output_open_nearest(const store_outputs *outputs, const char *path, bool *whole, error *e);
 
-/* The path of an open directory with symbolic links resolved, or NULL if it cannot be read. The caller frees it. */
+/* The path of an open directory with symbolic links resolved, or NULL if it cannot be read. The caller
+ * frees it. */
 char *store_output_name(int directory);
 
-/* Checks that files can be made in an open directory: makes a file without a name. On a file system that has no such files, it
- * makes a hidden one and removes it. `path`, below a root or with `outputs` NULL, is for the message. */
+/* Checks that files can be made in an open directory: makes a file without a name. On a file system that has
+ * no such files, it makes a hidden one and removes it. `path`, below a root or with `outputs` NULL, is for
+ * the message. */
 bool store_output_try(const store_outputs *outputs, int directory, const char *path, error *e);
 
-/* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages. `temporary`
- * is a plain name that no other file in the directory has. A process that is killed leaves at most a file of this
- * name. Copies into one directory must not overlap. Errors are those of store_output_open. */
+/* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages.
+ * `temporary` is a plain name that no other file in the directory has. A process that is killed leaves at
+ * most a file of this name. Copies into one directory must not overlap. Errors are those of
+ * store_output_open. */
 bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
                        int to, const char *path, const char *temporary, error *e);
 
-/* Removes the temporary file of an interrupted copy. If the file is missing, returns true. If the directory is
- * missing, returns false and an error, because the directory may be on a disk that is not mounted. */
+/* Removes the temporary file of an interrupted copy. If the file is missing, returns true. If the directory
+ * is missing, returns false and an error, because the directory may be on a disk that is not mounted. */
 bool store_output_clear(const store_outputs *outputs, const char *path, const char *temporary, error *e);
 
 #endif

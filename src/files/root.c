@@ -332,8 +332,9 @@ static int open_below(const store_roots *roots, const root *r, const char *path,
     return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path, flags) : fd;
 }
 
-/* The path of a frame has a number in place of the pattern, so a path that still has the pattern names no frame. A
- * relative path is often a path on the client's machine. `sent`: the path is the name of an uploaded file. */
+/* The path of a frame has a number in place of the pattern, so a path that still has the pattern names no
+ * frame. A relative path is often a path on the client's machine. `sent`: the path is the name of an
+ * uploaded file. */
 static void set_missing(const char *path, const char *where, bool sent, int why, error *e)
 {
     const bool denied = why == EACCES;

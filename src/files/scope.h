@@ -27,8 +27,8 @@ enum {
 /* The name of a single scope, such as "read". */
 const char *scope_name(unsigned scope);
 
-/* Parses a list such as "read,submit". admin includes the other scopes. False, with *scopes unchanged, if the list
- * is empty or a name is unknown or repeated. */
+/* Parses a list such as "read,submit". admin includes the other scopes. False, with *scopes unchanged, if the
+ * list is empty or a name is unknown or repeated. */
 bool scope_parse(const char *text, unsigned *scopes);
 
 /* Prints the list in the form that scope_parse reads; writes to `text` and returns it. */

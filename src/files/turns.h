@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* turns: threads that work in the same directory take turns.
  *
- * A directory is identified by its device and inode, so different paths to it are equal. Turns exclude threads of
- * one process only. Any thread may call.
+ * A directory is identified by its device and inode, so different paths to it are equal. Turns exclude
+ * threads of one process only. Any thread may call.
  */
 #ifndef HEXAD_FILES_TURNS_H
 #define HEXAD_FILES_TURNS_H
@@ -23,7 +23,8 @@ typedef struct store_turn {
     ino_t inode;
 } store_turn;
 
-/* Waits until no other thread has a turn in this open directory, then takes the turn. False if fstat fails. */
+/* Waits until no other thread has a turn in this open directory, then takes the turn. False if fstat
+ * fails. */
 bool store_turns_take(store_turns *t, int directory, store_turn *turn, error *e);
 void store_turns_end(store_turns *t, store_turn turn);
 

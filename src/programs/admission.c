@@ -233,8 +233,8 @@ static bool remove_drop_in(const change *w, error *e)
     return true;
 }
 
-/* Sets the mode of the existing socket, because systemd applies the mode of the unit only when it creates a socket.
- * A symbolic link is not followed, because the directory may belong to the service's user. */
+/* Sets the mode of the existing socket, because systemd applies the mode of the unit only when it creates a
+ * socket. A symbolic link is not followed, because the directory may belong to the service's user. */
 static bool set_socket_mode(const change *w, mode_t mode, error *e)
 {
     struct stat info;
@@ -296,8 +296,8 @@ static char *show_property(const char *words)
     return text;
 }
 
-/* The settings file of hexad.service: the first --config of its ExecStart=, with symbolic links resolved. The caller
- * frees it. NULL: there is none, or systemd does not answer. */
+/* The settings file of hexad.service: the first --config of its ExecStart=, with symbolic links resolved. The
+ * caller frees it. NULL: there is none, or systemd does not answer. */
 static char *find_file_of_unit(void)
 {
     static const char option[] = "--config ";
@@ -339,7 +339,8 @@ static void obey(const char *words, char **failed)
     *failed = all;
 }
 
-/* Makes the service read the settings, and systemd the drop-in. If one command fails, the other is still run. */
+/* Makes the service read the settings, and systemd the drop-in. If one command fails, the other is still
+ * run. */
 static bool reload_both(const change *w, bool drop_in_changed, error *e)
 {
     char *failed = mem_strdup("");
@@ -433,8 +434,8 @@ static bool change_units(const change *w, error *e)
     return reload_both(w, w->allow || ours != has_drop_in(w), set ? e : NULL) && set;
 }
 
-/* The first directory of the socket's path that the admitted user cannot search, which the caller frees; NULL: there
- * is none. */
+/* The first directory of the socket's path that the admitted user cannot search, which the caller frees;
+ * NULL: there is none. */
 static char *find_closed_directory(const change *w, mode_t *mode)
 {
     struct stat info;
@@ -472,8 +473,8 @@ static void tell_reach(const change *w)
     free(closed);
 }
 
-/* Prints the error. What a user other than root may not do, such as writing the settings file, root may; wrong names and
- * settings (spec_invalid) stay wrong. */
+/* Prints the error. What a user other than root may not do, such as writing the settings file, root may;
+ * wrong names and settings (spec_invalid) stay wrong. */
 static void print_failure(const config *settings, config_action action, const error *e)
 {
     const size_t length = strlen(e->message);

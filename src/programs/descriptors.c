@@ -7,8 +7,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-/* Opens closed standard descriptors. Otherwise the next opened file would get such a number, and log lines would be
- * written to the queue. */
+/* Opens closed standard descriptors. Otherwise the next opened file would get such a number, and log lines
+ * would be written to the queue. */
 static void open_standard_descriptors(void)
 {
     int fd;

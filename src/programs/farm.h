@@ -12,12 +12,13 @@
 
 struct slurm;
 
-/* The absolute path of work_dir, which the caller frees. The directory is created if it is missing. NULL and an
- * error on failure. */
+/* The absolute path of work_dir, which the caller frees. The directory is created if it is missing. NULL and
+ * an error on failure. */
 char *farm_work_directory(const config *c, const char *state_dir, error *e);
 
-/* Opens the engine for Slurm, whose tasks are added to the runner. *opened is NULL with engine = local. The settings must outlive it. Errors:
- * spec_invalid; not_supported in a build without Slurm; those of slurm_open. */
+/* Opens the engine for Slurm, whose tasks are added to the runner. *opened is NULL with engine = local. The
+ * settings must outlive it. Errors: spec_invalid; not_supported in a build without Slurm; those of
+ * slurm_open. */
 bool farm_open(config *c, const char *work_dir, runner *to, struct slurm **opened, error *e);
 void farm_close(struct slurm *farm); /* accepts NULL */
 

@@ -180,8 +180,8 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
-/* Checks that a sequence has the number of one frame, and any other spec has none. If values depend on the frame, *s
- * becomes the spec of that frame, which still lists the numbers of all frames. */
+/* Checks that a sequence has the number of one frame, and any other spec has none. If values depend on the
+ * frame, *s becomes the spec of that frame, which still lists the numbers of all frames. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
     spec *whole = *s;
@@ -216,8 +216,9 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     return true;
 }
 
-/* Sets the error for an option that getopt_long refused. `answer` is its result: ':' for an option without its
- * value; '?' with an optopt for an option with a value that it does not accept; otherwise the option is unknown. */
+/* Sets the error for an option that getopt_long refused. `answer` is its result: ':' for an option without
+ * its value; '?' with an optopt for an option with a value that it does not accept; otherwise the option
+ * is unknown. */
 static bool refuse_option(int answer, const char *word, const struct option *options, error *e)
 {
     if (answer == ':')
@@ -382,8 +383,8 @@ static void start_timer(double seconds)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
-/* Opens the files of the command line, and enters the sandbox. With a sandbox and without input roots no input file
- * can be read. */
+/* Opens the files of the command line, and enters the sandbox. With a sandbox and without input roots no
+ * input file can be read. */
 static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous,
                     error *e)
 {
@@ -507,7 +508,8 @@ static bool draw_preview(const json *inspection, const run_options *options, con
     return ok;
 }
 
-/* The path of the file to inspect: the argument, or a member of the object on standard input. The caller frees it. */
+/* The path of the file to inspect: the argument, or a member of the object on standard input. The caller
+ * frees it. */
 static char *read_path(const char *argument, error *e)
 {
     size_t length;
@@ -525,8 +527,8 @@ static char *read_path(const char *argument, error *e)
     return path;
 }
 
-/* Prints the inspection. With an output directory the document also contains the text, so that clients need not
- * print it themselves. */
+/* Prints the inspection. With an output directory the document also contains the text, so that clients need
+ * not print it themselves. */
 static bool show_inspection(const arguments *a, json *inspection, error *e)
 {
     char *page = NULL;

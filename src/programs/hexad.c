@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It is the one
- * list of what ends when: first checks and requests, then jobs, then background work, then what they used. */
+/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It
+ * is the one list of what ends when: first checks and requests, then jobs, then background work, then what
+ * they used. */
 #include <errno.h>
 #include <grp.h>
 #include <limits.h>
@@ -380,8 +381,8 @@ static bool check_reach(const service *s, const char *token_file, error *e)
                      where, token_file, token_file);
 }
 
-/* The path of the token file, which the caller frees: the setting, otherwise a file in the configuration directory
- * of the unit, otherwise in the state directory. */
+/* The path of the token file, which the caller frees: the setting, otherwise a file in the configuration
+ * directory of the unit, otherwise in the state directory. */
 static char *token_file_of(const service *s)
 {
     const char *directory =
@@ -776,8 +777,8 @@ static size_t other_descriptors(const config *c)
            calls * DESCRIPTORS_OF_CALL + DESCRIPTORS_OF_OTHERS;
 }
 
-/* Lowers the limit of connections to the number for which descriptors remain. The other parts of the service get at
- * most half of those that remain, since they rarely need all at once. */
+/* Lowers the limit of connections to the number for which descriptors remain. The other parts of the service
+ * get at most half of those that remain, since they rarely need all at once. */
 static void limit_connections(const config *c, connections_settings *limits)
 {
     const size_t limit = descriptors_limit(), open = descriptors_open(), others = other_descriptors(c);
@@ -939,7 +940,8 @@ static bool loops_advance(service *s)
     return supervising && serving;
 }
 
-/* Pings the watchdog of the service manager, unless a loop is stuck. The missing ping makes the service manager act.
+/* Pings the watchdog of the service manager, unless a loop is stuck. The missing ping makes the service
+ * manager act.
  */
 static void tell_manager(service *s)
 {

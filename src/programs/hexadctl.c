@@ -202,8 +202,8 @@ typedef struct line {
     size_t given_count;
 } line;
 
-/* The option's value: the text after `=`, or the next word; *index then advances. NULL, after a message, if there is
- * none. */
+/* The option's value: the text after `=`, or the next word; *index then advances. NULL, after a message, if
+ * there is none. */
 static const char *take_value(int argc, char **argv, int *index)
 {
     const char *equals = strchr(argv[*index], '=');
@@ -414,8 +414,8 @@ static void set_default_tokens(command_options *options)
     options->file_group = group ? group->gr_gid : TOKEN_NO_GROUP;
 }
 
-/* Finds the ids of the jobs that the arguments name, or prints an error. A command that cannot be undone accepts a
- * short name only with --yes. */
+/* Finds the ids of the jobs that the arguments name, or prints an error. A command that cannot be undone
+ * accepts a short name only with --yes. */
 static int resolve_jobs(client *c, const line *l, char **ids)
 {
     bool final = has_word(l->entry->options, "--yes");

@@ -28,7 +28,8 @@ static int fail(const error *e)
     return EXIT_FAILURE;
 }
 
-/* Checks that the state directory exists. Otherwise sets an error: the daemon's settings were probably not given. */
+/* Checks that the state directory exists. Otherwise sets an error: the daemon's settings were probably not
+ * given. */
 static bool check_state_directory(const config *c, error *e)
 {
     struct stat info;
@@ -41,8 +42,8 @@ static bool check_state_directory(const config *c, error *e)
 
 /* ---- requests to a running daemon */
 
-/* The address of the daemon, which the caller frees: from HEXAD_SERVER, otherwise from port_file, otherwise the
- * setting listen, otherwise the usual socket. */
+/* The address of the daemon, which the caller frees: from HEXAD_SERVER, otherwise from port_file, otherwise
+ * the setting listen, otherwise the usual socket. */
 static char *find_server(const config *c)
 {
     const char *named = getenv("HEXAD_SERVER");
@@ -101,8 +102,8 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
 
 /* ---- a copy, made by a daemon or by this process */
 
-/* Copies the database to an empty file. *lock is the lock of the directory, which the caller closes; -1: a daemon
- * holds it. */
+/* Copies the database to an empty file. *lock is the lock of the directory, which the caller closes; -1: a
+ * daemon holds it. */
 static bool copy(const config *c, FILE *stream, const char *path, int *lock, error *e)
 {
     bool in_use = false;
@@ -129,7 +130,8 @@ static bool check_whole(const char *path, error *e)
     return whole;
 }
 
-/* Checks that the daemon that made the copy serves this state directory. HEXAD_SERVER may name another daemon. */
+/* Checks that the daemon that made the copy serves this state directory. HEXAD_SERVER may name another
+ * daemon. */
 static bool check_instance(const config *c, const char *path, error *e)
 {
     size_t length = 0;

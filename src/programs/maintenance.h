@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* maintenance: the commands `hexad --backup` and `hexad --check`. They copy the database, or check the whole state
- * directory, and exit. Both work with and without a running daemon; a running daemon makes the copy.
+/* maintenance: the commands `hexad --backup` and `hexad --check`. They copy the database, or check the whole
+ * state directory, and exit. Both work with and without a running daemon; a running daemon makes the copy.
  */
 #ifndef HEXAD_PROGRAMS_MAINTENANCE_H
 #define HEXAD_PROGRAMS_MAINTENANCE_H

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* attach_spec: the spec of a result, turned into one that places its points on other meshes (sampling.attach). Pure functions but for
- * allocation. */
+/* attach_spec: the spec of a result, turned into one that places its points on other meshes
+ * (sampling.attach). Pure functions but for allocation. */
 #ifndef HEXAD_SPEC_ATTACH_SPEC_H
 #define HEXAD_SPEC_ATTACH_SPEC_H
 
@@ -13,9 +13,10 @@
 #define ATTACH_SPEC_SOURCE_ADVICE \
     "sample it again with attributes [{\"from\": \"geometry\", \"name\": \"source\"}]"
 
-/* `sampled`: the spec of the result. `points`: the path of its points.ply. `mesh`: one path for each mesh of the surface, in the order of
- * the spec. Members that concern the computation of points are removed, as is the queue. NULL: spec_invalid (the surface has another number of
- * meshes) or attribute_missing (the points have no attribute source). The caller frees the document. */
+/* `sampled`: the spec of the result. `points`: the path of its points.ply. `mesh`: one path for each mesh of
+ * the surface, in the order of the spec. Members that concern the computation of points are removed, as is
+ * the queue. NULL: spec_invalid (the surface has another number of meshes) or attribute_missing (the
+ * points have no attribute source). The caller frees the document. */
 json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
                        error *e);
 

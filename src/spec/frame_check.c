@@ -97,7 +97,8 @@ static void empty(reading *r, const spec_row *row)
     }
 }
 
-/* Reads a member of a surface again, and checks it against the others of its group. The shape says which others there are. */
+/* Reads a member of a surface again, and checks it against the others of its group. The shape says which
+ * others there are. */
 static void read_target(reading *r, const target *t, const json *document)
 {
     json_at place[JSON_MAX_DEPTH];

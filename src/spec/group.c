@@ -156,8 +156,8 @@ static bool share_known(reading *r, const spec_row *row)
     return true;
 }
 
-/* A member of a part that is not built may ask for nothing: it may be absent, false or an empty array. The normalised document
- * has no such member, so that a worker that reads the document finds what was given. */
+/* A member of a part that is not built may ask for nothing: it may be absent, false or an empty array. The
+ * normalised document has no such member, so that a worker that reads the document finds what was given. */
 static void read_missing_part(reading *r, const json_at *at, const spec_row *row, const char *why)
 {
     const bool asks = at->node && !(json_type_of(*at) == JSON_BOOL && !json_bool(*at, true)) &&
@@ -167,8 +167,8 @@ static void read_missing_part(reading *r, const json_at *at, const spec_row *row
         *(bool *)reading_target(r, offsetof(spec, preview_left_out)) = true;
 }
 
-/* Whether the solver's method has the member. Else notes a fault if it is given. A method that is absent is one of
- * SPEC_DEFAULT_METHODS. */
+/* Whether the solver's method has the member. Else notes a fault if it is given. A method that is absent is
+ * one of SPEC_DEFAULT_METHODS. */
 static bool has_method(reading *r, const json_at *at, const spec_row *row)
 {
     const char *const *words = spec_row_find("/solver", "method")->words;

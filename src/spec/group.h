@@ -10,7 +10,8 @@
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 
-/* Reads the members of a group ("" is the whole spec). A place without a node stands for an object without members. */
+/* Reads the members of a group ("" is the whole spec). A place without a node stands for an object without
+ * members. */
 void group_read(reading *r, const json_at *at, const char *group, json *normal);
 
 /* Reads one member of the group at this place, or its default. */

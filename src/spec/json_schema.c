@@ -213,8 +213,8 @@ static json *describe(const spec_row *row, json_schema_use use)
     return schema;
 }
 
-/* The rows of one choice among the members of a group: an object for each, of which exactly one is to hold; or, where
- * none may be given, for each pair that is not to be given. */
+/* The rows of one choice among the members of a group: an object for each, of which exactly one is to hold;
+ * or, where none may be given, for each pair that is not to be given. */
 static void put_choice(json *all, const char *group, spec_choice choice)
 {
     const spec_row *member[16];
@@ -238,7 +238,8 @@ static void put_choice(json *all, const char *group, spec_choice choice)
     }
 }
 
-/* The members of a group, of those that belong to some shapes only those of `shape`; -1: of a group without shapes. */
+/* The members of a group, of those that belong to some shapes only those of `shape`; -1: of a group
+ * without shapes. */
 static void put_members(json *schema, const char *group, int shape, json_schema_use use)
 {
     json *properties = json_put_object(schema, "properties"), *required = NULL;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* reading: a spec while it is being read from a document, and the faults found in it so far.
  *
- * Reading has two phases. In the first, groups are read one after another, and all faults within them are noted. The
- * spec and its surfaces are incomplete then: their types have no definition, so that they cannot be given to a function
- * that takes a spec or a surface. Code of this phase reaches single members by reading_target. The second phase
- * (spec/relations.h) begins only if there is no fault: reading_whole then returns the spec.
+ * Reading has two phases. In the first, groups are read one after another, and all faults within them are
+ * noted. The spec and its surfaces are incomplete then: their types have no definition, so that they cannot
+ * be given to a function that takes a spec or a surface. Code of this phase reaches single members by
+ * reading_target. The second phase (spec/relations.h) begins only if there is no fault: reading_whole then
+ * returns the spec.
  *
  * Private to src/spec. A reading belongs to one thread.
  */
@@ -23,7 +24,8 @@ enum { READING_SHOWN_MAX = 64 }; /* bytes of a given text that a message repeats
 typedef struct partial_spec partial_spec;       /* a spec that is being read: no definition */
 typedef struct partial_surface partial_surface; /* likewise its surface, or a part of it */
 
-/* A member that is absent and whose default depends on other members. The normalised document has null in its place. */
+/* A member that is absent and whose default depends on other members. The normalised document has null in
+ * its place. */
 typedef struct absent_member {
     const spec_row *row;
     partial_surface *surface; /* that the row belongs to, if it is a surface's */
@@ -32,8 +34,9 @@ typedef struct absent_member {
 
 typedef struct reading {
     partial_spec *partial;
-    const spec *
-        known; /* another frame of the same sequence: surfaces and the queue are not read, but borrowed from it; or NULL */
+    const spec
+        *known; /* another frame of the same sequence: surfaces and the queue are not read, but borrowed
+                 * from it; or NULL */
     partial_surface *surface; /* the spec's, or the part of it that is being read */
     int depth;                /* surfaces within surfaces */
     size_t surfaces;          /* read so far */
@@ -48,8 +51,8 @@ typedef struct reading {
     size_t absent_count;
 } reading;
 
-/* Begins to read into the spec, which stays the caller's. `known` may be NULL. reading_close frees what the reading
- * holds besides the spec. */
+/* Begins to read into the spec, which stays the caller's. `known` may be NULL. reading_close frees what the
+ * reading holds besides the spec. */
 void reading_open(reading *r, spec *s, const spec *known);
 void reading_close(reading *r);
 

@@ -168,7 +168,8 @@ static bool has_mesh(const spec_surface *s)
     return found;
 }
 
-/* Points that are attached are not computed: what concerns their number, their neighbours or their order is refused. */
+/* Points that are attached are not computed: what concerns their number, their neighbours or their order
+ * is refused. */
 static void check_attach(reading *r, const json_at *at, const spec *s)
 {
     static const char *const excluded[][2] = {

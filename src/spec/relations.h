@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* relations: the second phase of reading a spec: defaults and rules that depend on several groups.
  *
- * Neither function does anything if a group has a fault: the values of a group that was not read are not known. They
- * are the only code of src/spec that gives a spec to other functions before it is complete.
+ * Neither function does anything if a group has a fault: the values of a group that was not read are not
+ * known. They are the only code of src/spec that gives a spec to other functions before it is complete.
  *
  * Private to src/spec.
  */

@@ -17,7 +17,8 @@
 #include "spec/surface_spec.h"
 #include "spec/frame_values.h"
 
-/* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
+/* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the
+ * picture. */
 static const double UPRIGHT_LEAST = 1e-6;
 
 static size_t depth(const char *pointer)
@@ -27,8 +28,8 @@ static size_t depth(const char *pointer)
     return steps;
 }
 
-/* A member of the group with nearly that name. Else the member of that name elsewhere with the fewest steps in its
- * pointer, if it is the only one. Else NULL. */
+/* A member of the group with nearly that name. Else the member of that name elsewhere with the fewest steps
+ * in its pointer, if it is the only one. Else NULL. */
 static const char *suggestion(const char *group, const char *key)
 {
     const char *elsewhere = NULL;

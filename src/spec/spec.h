@@ -89,7 +89,8 @@ typedef struct spec_mesh {
 } spec_mesh;
 
 /* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis
- * (0, 0, 1), as that of others; rounding 0; a cone's top radius 0; the quartic's r 0.13; the gyroid's size (1, 1, 1). */
+ * (0, 0, 1), as that of others; rounding 0; a cone's top radius 0; the quartic's r 0.13; the gyroid's size
+ * (1, 1, 1). */
 typedef struct spec_analytic {
     spec_shape shape;
     vec3 center;
@@ -97,8 +98,8 @@ typedef struct spec_analytic {
     vec3 axis; /* torus, cylinder, cone, capsule; halfspace: out of it; not zero; need not be a unit vector */
     double major_radius, minor_radius; /* torus, 0 < minor < major */
     vec3 half_size;                    /* box, > 0 */
-    double
-        height; /* cylinder, cone: along the axis, about the centre; capsule: between the centres of its ends; > 0 */
+    double height; /* cylinder, cone: along the axis, about the centre; capsule: between the centres of its
+                    * ends; > 0 */
     double top_radius; /* cone, >= 0 */
     double rounding;   /* box, 0 <= rounding <= smallest half size; cylinder, likewise */
     vec3 radii;        /* ellipsoid, > 0 */
@@ -243,9 +244,9 @@ typedef struct spec {
     bool has_control;
     spec_control control;
     double time_s; /* of the whole job */
-    char *
-        attach; /* points.ply of a result whose points are placed on the surface's meshes; NULL: the surface is sampled */
-    bool resolve; /* as many points as the features take */
+    char *attach;  /* points.ply of a result whose points are placed on the surface's meshes; NULL: the
+                    * surface is sampled */
+    bool resolve;  /* as many points as the features take */
     spec_pattern pattern;
     bool has_feature;
     spec_feature feature; /* beside none of the rules for the spacing, curvature or grid */
@@ -321,8 +322,8 @@ typedef struct spec {
     char **after_frames; /* likewise */
     size_t after_frames_count;
     unsigned accept; /* outcomes for which dependents start: a bit for each spec_outcome */
-    char *
-        frames; /* as given, or FRAMES_ALL; NULL: the job is not a sequence. Their numbers, none for FRAMES_ALL: */
+    char *frames;    /* as given, or FRAMES_ALL; NULL: the job is not a sequence. Their numbers, none for
+                      * FRAMES_ALL: */
     int *frame;
     size_t frame_count;
     bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */
@@ -359,11 +360,12 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e);
 
 void spec_free(spec *s);
 
-/* The spec of the index-th frame of a spec with queue.by_frame: with that frame's values, and as a sequence of this frame alone.
- * Fails as spec_parse does; a fault at a value names its place in queue.by_frame. */
+/* The spec of the index-th frame of a spec with queue.by_frame: with that frame's values, and as a sequence
+ * of this frame alone. Fails as spec_parse does; a fault at a value names its place in queue.by_frame. */
 spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e);
 
-/* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not valid. */
+/* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not
+ * valid. */
 bool spec_check_frames(const spec *s, spec_faults *faults, error *e);
 
 /* Whether the requested spacing varies by place. */
@@ -375,8 +377,8 @@ static inline bool spec_is_graded(const spec *s)
 /* Which axis of the surface is up, y or z: as output.preview.up says, else as files of its kind have it. */
 bool spec_y_up(const spec *s);
 
-/* Whether that is sure: the spec says it, or all files of the kind are so. It is always certain for sequences, so that
- * frames do not differ. */
+/* Whether that is sure: the spec says it, or all files of the kind are so. It is always certain for
+ * sequences, so that frames do not differ. */
 bool spec_up_is_certain(const spec *s);
 
 /* Whether other files than points.ply and the report are requested. */
@@ -395,8 +397,8 @@ bool spec_attribute_has_file(const spec_attribute *a);
 /* The index-th of the files that a job reads; false when there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);
 
-/* Inserts the frame number into the paths of the input files. The normalised document does not change. Call it before
- * another thread reads the spec. */
+/* Inserts the frame number into the paths of the input files. The normalised document does not change. Call
+ * it before another thread reads the spec. */
 void spec_set_frame(spec *s, int frame);
 
 /* Whether the surface is bounded, by its parts: a halfspace is unbounded, and so is a union with one. */
@@ -408,9 +410,9 @@ const char *spec_surface_kind_name(spec_surface_kind kind);
 /* The word of an energy, as energy_find takes it. */
 const char *spec_energy_name(spec_energy energy);
 
-/* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit, meaning).
- * `member` is a JSON Pointer, or a part of some that ends and begins with whole names ("count", "sampling/count"): only these
- * parameters and their members; NULL: all. Returns the number of paragraphs. */
+/* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit,
+ * meaning). `member` is a JSON Pointer, or a part of some that ends and begins with whole names ("count",
+ * "sampling/count"): only these parameters and their members; NULL: all. Returns the number of paragraphs. */
 size_t spec_print_help(FILE *file, const char *member);
 
 #endif

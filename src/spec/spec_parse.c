@@ -20,7 +20,8 @@ static void sum_up(const spec_faults *faults, size_t total, error *e)
         error_set(e, fault->code, "%s: %s", where, fault->detail);
 }
 
-/* Reads a document that has the values of the index-th frame of `w` (NULL: it has no values by frame) in it. */
+/* Reads a document that has the values of the index-th frame of `w` (NULL: it has no values by frame) in
+ * it. */
 static spec *parse(const json *document, const frame_values *w, size_t index, spec_faults *faults, error *e)
 {
     reading r;

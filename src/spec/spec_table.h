@@ -27,11 +27,13 @@ typedef enum spec_type {
     SPEC_TYPE_TRIPLE,   /* three integers: int[3]; the bounds hold for each */
     SPEC_TYPE_NUMBERS,  /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
     SPEC_TYPE_INTEGERS, /* array of integers: spec_list; the bounds hold for each */
-    SPEC_TYPE_LISTS, /* array of arrays of integers: spec_list * and, at `has`, their number; the bounds hold for each integer */
-    SPEC_TYPE_SIZE, /* pixels: one integer or [width, height]; two ints */
-    SPEC_TYPE_SURFACE, /* an object with the members of /surface, one more part of the surface; or stored, a spec_surface * */
-    SPEC_TYPE_SURFACES,     /* an array of such, from low to high of them */
-    SPEC_TYPE_GROUPS,       /* an array of objects with members of their own, from low to high of them */
+    SPEC_TYPE_LISTS,    /* array of arrays of integers: spec_list * and, at `has`, their number; the bounds
+                         * hold for each integer */
+    SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
+    SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface; or stored,
+                         * a spec_surface * */
+    SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
+    SPEC_TYPE_GROUPS,   /* an array of objects with members of their own, from low to high of them */
     SPEC_TYPE_FRAME_VALUES, /* members by frame, see spec/frame_values.h; a bool, whether it was given */
     SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
@@ -61,7 +63,8 @@ enum {
     SPEC_DEPENDENT = 64 /* the default depends on other members: spec/relations.c chooses it */
 };
 
-/* What /solver/method may be by default; it depends on other groups. A member of one of these methods belongs to all. */
+/* What /solver/method may be by default; it depends on other groups. A member of one of these methods
+ * belongs to all. */
 #define SPEC_DEFAULT_METHODS (1u << SPEC_METHOD_SIZED | 1u << SPEC_METHOD_PAPER)
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */
@@ -92,7 +95,8 @@ extern const size_t spec_row_count;
 /* The row of a group's member, NULL if there is none. `group` is a pointer ("" is the root). */
 const spec_row *spec_row_find(const char *group, const char *key);
 
-/* The rows of a group's members in their order, for any group that a row names, and for "". NULL: there is no such group. */
+/* The rows of a group's members in their order, for any group that a row names, and for "". NULL: there is
+ * no such group. */
 const spec_row *const *spec_rows_of(const char *group, size_t *count);
 
 /* Whether the row is a direct member of the group. */

@@ -242,7 +242,8 @@ typedef enum spec_interpolation {
 
 typedef enum spec_isa { SPEC_ISA_LIST(WORDS_ENUMERATOR, SPEC_ISA) SPEC_ISA_COUNT } spec_isa;
 
-/* /outcome/require: the measures of the report that a job may bound (doc/report.md); the last column: the bound is a minimum */
+/* /outcome/require: the measures of the report that a job may bound (doc/report.md); the last column: the
+ * bound is a minimum */
 #define SPEC_REQUIRE_LIST(ENTRY, prefix)                      \
     ENTRY(prefix, HEX_FRACTION, hex_fraction, true)           \
     ENTRY(prefix, EDGE_CV, edge_cv, false)                    \

@@ -10,8 +10,8 @@ enum {
     SURFACE_SPEC_MOST_NAME_BYTES = 32 << 20 /* of their file names, which are made for each slice */
 };
 
-/* Reads the count from `slices`, and the first number and the step. False unless it is FIRST-LAST or FIRST-LASTxSTEP with
- * FIRST < LAST. */
+/* Reads the count from `slices`, and the first number and the step. False unless it is FIRST-LAST or
+ * FIRST-LASTxSTEP with FIRST < LAST. */
 bool surface_spec_parse_slices(spec_exr *x, int *from, int *step);
 
 /* Makes the numbers and the file names. False unless `path` has exactly one place for a number. */
@@ -20,7 +20,8 @@ bool surface_spec_name_slices(spec_exr *x, int from, int step);
 /* Inserts the frame number into the paths of the surface and its parts. */
 void surface_spec_set_frame(spec_surface *s, int frame);
 
-/* Finds file number *index of the surface and its parts. If there are fewer, *index decreases by their number. */
+/* Finds file number *index of the surface and its parts. If there are fewer, *index decreases by their
+ * number. */
 bool surface_spec_input_at(const spec_surface *s, size_t *index, spec_input *out);
 
 /* Frees everything the surface points to, including its parts. */

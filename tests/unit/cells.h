@@ -8,7 +8,8 @@
 #include "close.h"
 #include "surface/field/field.h"
 
-/* Checks that the centre of a cell is the centre of its corners, and that its radius reaches the farthest corner. */
+/* Checks that the centre of a cell is the centre of its corners, and that its radius reaches the farthest
+ * corner. */
 static inline void check_middle(const field *f, size_t k, const field_cell *cell)
 {
     double radius, farthest = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* close: comparison in double precision (cmocka's assert_float_equal compares floats). Include after cmocka. */
+/* close: comparison in double precision (cmocka's assert_float_equal compares floats). Include after
+ * cmocka. */
 #ifndef HEXAD_TESTS_CLOSE_H
 #define HEXAD_TESTS_CLOSE_H
 

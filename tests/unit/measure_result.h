@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* measure_result: the measures of points on a scanned surface (sampling/measures/measures.h), for tests of the solver.
- * Include after cmocka.
+/* measure_result: the measures of points on a scanned surface (sampling/measures/measures.h), for tests of
+ * the solver. Include after cmocka.
  */
 #ifndef HEXAD_TESTS_MEASURE_RESULT_H
 #define HEXAD_TESTS_MEASURE_RESULT_H

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* measured_scene: surfaces of few triangles with points, and their measures. Include after cmocka.
  *
- * A point lies on every triangle within SCENE_ON of it. It has a copy for each different normal of these triangles.
- * Points with several normals, and points on borders, are on curves, as in a solve.
+ * A point lies on every triangle within SCENE_ON of it. It has a copy for each different normal of these
+ * triangles. Points with several normals, and points on borders, are on curves, as in a solve.
  */
 #ifndef HEXAD_TESTS_MEASURED_SCENE_H
 #define HEXAD_TESTS_MEASURED_SCENE_H
@@ -33,8 +33,8 @@ void scene_random_points(scene *s, size_t count, rng *r); /* uniform on the tria
 void scene_remove(scene *s, bool (*drop)(vec3 x, const void *context), const void *context);
 void scene_set_spacing(scene *s, double h);
 
-/* Adds rows of points of spacing 1 along the unit vector `along`, sqrt(3) / 2 apart along `up`. Row 0 begins at
- * `origin` and has n + 1 points. Odd rows begin half a spacing later and have n points. */
+/* Adds rows of points of spacing 1 along the unit vector `along`, sqrt(3) / 2 apart along `up`. Row 0 begins
+ * at `origin` and has n + 1 points. Odd rows begin half a spacing later and have n points. */
 void scene_rows(scene *s, vec3 origin, vec3 along, vec3 up, int n, int rows);
 
 /* A triangle with n spacings per side, with its lattice of points. */

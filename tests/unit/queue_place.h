@@ -39,8 +39,8 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
     return SQLITE_OK;
 }
 
-/* Whether a step of a plan costs the same with 100 000 jobs as with one. Owners are those with unfinished jobs;
- * partial indexes have running, delayed and expiring rows. */
+/* Whether a step of a plan costs the same with 100 000 jobs as with one. Owners are those with unfinished
+ * jobs; partial indexes have running, delayed and expiring rows. */
 static inline bool is_cheap(const char *sql, const char *step)
 {
     static const char *const harmless[] = {"SCAN owner USING INDEX owner_turn",

@@ -13,7 +13,8 @@
 #include "base/core/rng.h"
 #include "surface/volume/samples.h"
 
-/* A cube of `side` blocks per axis, beginning at `low`. With `gaps`, the fourth of each seven blocks is missing. */
+/* A cube of `side` blocks per axis, beginning at `low`. With `gaps`, the fourth of each seven blocks is
+ * missing. */
 static inline samples samples_fixture(int side, int low, bool gaps, rng *r)
 {
     samples s = {0};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* set_clock: replaces the clocks of a test program by clocks that the test sets. Include it in one file of the
- * program.
+/* set_clock: replaces the clocks of a test program by clocks that the test sets. Include it in one file of
+ * the program.
  */
 #ifndef HEXAD_TESTS_SET_CLOCK_H
 #define HEXAD_TESTS_SET_CLOCK_H
@@ -12,11 +12,12 @@
 #include <time.h>
 #include <unistd.h>
 
-/* Added to the time of the kernel, or to a fixed time after stop_clocks(). `passed_ms` is added to both clocks. */
+/* Added to the time of the kernel, or to a fixed time after stop_clocks(). `passed_ms` is added to both
+ * clocks. */
 static _Atomic int64_t stepped_ms, passed_ms;
 static atomic_bool clocks_are_stopped;
-/* The value of `passed_ms` at the thread's last reading of the wall clock, for its next reading of the time since
- * boot. A program that reads both clocks in turn then sees no difference. */
+/* The value of `passed_ms` at the thread's last reading of the wall clock, for its next reading of the time
+ * since boot. A program that reads both clocks in turn then sees no difference. */
 static _Thread_local int64_t passed_at_wall_ms = -1;
 
 static int64_t clock_ahead_ms(clockid_t clock)
@@ -49,8 +50,8 @@ int clock_gettime(clockid_t clock, struct timespec *now)
     return 0;
 }
 
-/* From now on only step_wall() and pass() change the wall clock and the time since boot. The duration of the test
- * itself then does not affect its measurements. */
+/* From now on only step_wall() and pass() change the wall clock and the time since boot. The duration of the
+ * test itself then does not affect its measurements. */
 static inline void stop_clocks(void)
 {
     clocks_are_stopped = true;

@@ -28,7 +28,8 @@ static const analytic_params shapes[SHAPE_COUNT] = {
 static const char *const shape_names[SHAPE_COUNT] = {"sphere",    "torus",   "box",
                                                      "ellipsoid", "quartic", "gyroid"};
 
-/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one. It is printed, so that a failure can be reproduced. */
+/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one. It is printed, so that a failure can be
+ * reproduced. */
 static inline uint64_t test_seed(void)
 {
     const char *text = getenv("HEXAD_TEST_SEED");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* solve_fixture: complete solves of small surfaces, and checks of their points by brute force. Include after cmocka. */
+/* solve_fixture: complete solves of small surfaces, and checks of their points by brute force. Include
+ * after cmocka. */
 #ifndef HEXAD_TESTS_SOLVE_FIXTURE_H
 #define HEXAD_TESTS_SOLVE_FIXTURE_H
 
@@ -86,8 +87,8 @@ static inline double solve_least_distance(const solver_points *p)
     return least;
 }
 
-/* The largest distance from the surface to the nearest point, in requested spacings. It is sampled at the centres of
- * the triangles of every `stride`-th cell. */
+/* The largest distance from the surface to the nearest point, in requested spacings. It is sampled at the
+ * centres of the triangles of every `stride`-th cell. */
 static inline double solve_largest_gap(const solve *x, size_t stride)
 {
     double largest = 0;

@@ -216,7 +216,8 @@ static void frustums_are_distances(void **state)
     }
 }
 
-/* Faces move along their normals and a tip moves down. Nothing remains beyond the radius of the inscribed ball. */
+/* Faces move along their normals and a tip moves down. Nothing remains beyond the radius of the inscribed
+ * ball. */
 static void frustums_shrink(void **state)
 {
     (void)state;

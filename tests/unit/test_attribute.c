@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Attributes from grids of every readable type, which Debian's pyopenvdb cannot write: values at samples and between
- * them. tests/service/test_attributes.py compares the interpolation with scipy.
+/* Attributes from grids of every readable type, which Debian's pyopenvdb cannot write: values at samples and
+ * between them. tests/service/test_attributes.py compares the interpolation with scipy.
  */
 #include <math.h>
 #include <setjmp.h>

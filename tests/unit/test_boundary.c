@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Boundaries of open surfaces: particles lie along every curve in which a face cuts the surface, with no particle
- * outside and no gap. The curves are traced here from F on the face only.
+/* Boundaries of open surfaces: particles lie along every curve in which a face cuts the surface, with no
+ * particle outside and no gap. The curves are traced here from F on the face only.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -18,8 +18,8 @@
 #include "shapes.h"
 #include "sampling/solver/curves/boundary.h"
 
-/* A particle closer to a face than ON_FACE h is on it. A particle farther from a curve than ON_CURVE h belongs to
- * another curve. */
+/* A particle closer to a face than ON_FACE h is on it. A particle farther from a curve than ON_CURVE h
+ * belongs to another curve. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;
 /* Squares of a face per h, and maximum number along a side. */
 enum { SQUARES_PER_SPACING = 6, SQUARES_MOST = 1500 };
@@ -87,7 +87,8 @@ static void look_at_square(face *f, int64_t i, int64_t j)
     }
     if (count == 2) join(f, crossed[0], crossed[1]);
     if (count < 4) return;
-    /* a saddle: the sign at the centre decides which corners are connected; edge `first` follows corner `first` */
+    /* a saddle: the sign at the centre decides which corners are connected; edge `first` follows corner
+     * `first` */
     bool middle = c[0] + c[1] + c[2] + c[3] < 0, apart = middle != (c[(first + 1) % 4] < 0);
     join(f, crossed[0], crossed[apart ? 1 : 3]);
     join(f, crossed[2], crossed[apart ? 3 : 1]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* B-splines against the sum of their basis functions, derivatives against finite differences and across knots, the
- * convention of knots, open faces, areas.
+/* B-splines against the sum of their basis functions, derivatives against finite differences and across
+ * knots, the convention of knots, open faces, areas.
  */
 #include <math.h>
 #include <setjmp.h>

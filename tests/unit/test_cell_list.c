@@ -121,7 +121,8 @@ static void all_within_reach_are_visited_once(void **state)
     free(seen);
 }
 
-/* Points of two distant clusters share cells; points of a plane do not. The nearest point is found in both cases. */
+/* Points of two distant clusters share cells; points of a plane do not. The nearest point is found in both
+ * cases. */
 static void over_dense_points_are_detected(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Roots on the edges of cells: each lies on the surface and is found once, with equal results one at a time and in
- * lanes.
+/* Roots on the edges of cells: each lies on the surface and is found once, with equal results one at a time
+ * and in lanes.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -67,8 +67,8 @@ static bool nowhere(const field *f, vec3 x, field_order order, field_sample *out
     return false;
 }
 
-/* A group is reused. A root without a normal must not get the normal of an earlier edge, which would depend on the
- * thread. */
+/* A group is reused. A root without a normal must not get the normal of an earlier edge, which would depend
+ * on the thread. */
 static void a_root_without_a_normal_does_not_reuse_an_earlier_normal(void **state)
 {
     (void)state;
@@ -93,7 +93,8 @@ static void a_root_without_a_normal_does_not_reuse_an_earlier_normal(void **stat
     root_group_free(g);
 }
 
-/* Kuhn's tetrahedra have 19 edges. A plane through the centre of a cell crosses only the edges between its sides. */
+/* Kuhn's tetrahedra have 19 edges. A plane through the centre of a cell crosses only the edges between its
+ * sides. */
 static void a_plane_crosses_the_edges_between_its_sides(void **state)
 {
     (void)state;
@@ -101,8 +102,8 @@ static void a_plane_crosses_the_edges_between_its_sides(void **state)
         field_cell cell = {.bend = FIELD_FLAT};
         crossed_edge edge[CELL_EDGES];
         for (int k = 0; k < 8; k++) cell.value[k] = k >> axis & 1 ? 1 : -1;
-        /* 4 along the axis, 4 diagonals of the adjacent faces, and the diagonal of the cell; edges within a side are
-         * not crossed */
+        /* 4 along the axis, 4 diagonals of the adjacent faces, and the diagonal of the cell; edges within a
+         * side are not crossed */
         assert_int_equal(cell_crossed_edges(&cell, edge), 9);
         for (int i = 0; i < 9; i++)
             assert_true(cell.value[edge[i].inside] < 0 && cell.value[edge[i].outside] > 0);

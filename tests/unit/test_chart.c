@@ -52,7 +52,8 @@ static bool rows_of(const canvas *c, int x, int *first, int *last)
     return *first >= 0;
 }
 
-/* A straight line from the lower left to the upper right; the same for powers of ten on a logarithmic axis. */
+/* A straight line from the lower left to the upper right; the same for powers of ten on a logarithmic
+ * axis. */
 static void lines_are_straight(void **state)
 {
     (void)state;

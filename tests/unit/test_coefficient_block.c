@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Coefficient blocks that are made at the first access equal those that are made in advance. Their flat cells equal
- * those that hidden_crossing finds for many cells at once.
+/* Coefficient blocks that are made at the first access equal those that are made in advance. Their flat cells
+ * equal those that hidden_crossing finds for many cells at once.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -25,7 +25,8 @@ typedef struct looking {
     atomic_int wrong;
 } looking;
 
-/* Whether the coefficients of a cell of a coefficient block that is not stored are those of its coefficient block. */
+/* Whether the coefficients of a cell of a coefficient block that is not stored are those of its
+ * coefficient block. */
 static bool cell_is(const coefficient_blocks *b, uint32_t n, size_t k, const float *coefficients)
 {
     float buffer[COEFFICIENT_BLOCK_CELL];
@@ -140,8 +141,8 @@ static field_bend bend_of_cell(const float *first, double aspect)
                                                                            : FIELD_BENT;
 }
 
-/* Blocks with a bent plane and local noise: cells that are nearly flat, or nearly not. Adds the numbers of flat and
- * of gentle cells. */
+/* Blocks with a bent plane and local noise: cells that are nearly flat, or nearly not. Adds the numbers of
+ * flat and of gentle cells. */
 static void check_bends(rng *r, block_map *map, threads *pool, size_t *flat, size_t *gentle)
 {
     float coefficients[COEFFICIENT_BLOCK_SIZE];

@@ -155,8 +155,9 @@ static void an_empty_combination_is_an_error(void **state)
     analytic_free(inner);
 }
 
-/* A ball of a fiftieth of the radius on a large one, and one beside it: each part has cells of the size it needs,
- * and no part is lost or merged. Uniform cells of the smallest size would be a hundred times as many. */
+/* A ball of a fiftieth of the radius on a large one, and one beside it: each part has cells of the size it
+ * needs, and no part is lost or merged. Uniform cells of the smallest size would be a hundred times as
+ * many. */
 static void cells_are_as_large_as_their_part_needs(void **state)
 {
     (void)state;
@@ -223,9 +224,9 @@ static double lens(double depth)
     return 2 * M_PI * depth; /* two caps of a sphere of radius 1, each half as deep */
 }
 
-/* Walls and slits thinner than the parts' own cells are complete. Without cells of their own, the areas of the shell
- * and of the lenses would differ from their closed forms by more than the tolerance. A wall thinner than the
- * smallest cell is counted as missing. */
+/* Walls and slits thinner than the parts' own cells are complete. Without cells of their own, the areas of
+ * the shell and of the lenses would differ from their closed forms by more than the tolerance. A wall thinner
+ * than the smallest cell is counted as missing. */
 static void walls_thinner_than_cells_are_whole(void **state)
 {
     (void)state;
@@ -266,9 +267,9 @@ static size_t cells_of(combination_kind kind, const field *a, const field *b, in
     return cells;
 }
 
-/* An edge of 34 degrees is not a wall and has no additional cells. An edge of 16 degrees has at most 3 times as
- * many. A lens of 1/30 is a wall; memory limits its cells. A lens that is the whole surface has cells, or is an
- * error. */
+/* An edge of 34 degrees is not a wall and has no additional cells. An edge of 16 degrees has at most 3 times
+ * as many. A lens of 1/30 is a wall; memory limits its cells. A lens that is the whole surface has cells, or
+ * is an error. */
 static void cells_in_walls_are_bounded(void **state)
 {
     (void)state;
@@ -315,8 +316,8 @@ static void faces_in_one_plane_are_not_thin(void **state)
     analytic_free(b);
 }
 
-/* A lens remains beside a small ball, in a union of two balls and in another one. If it is narrower than cells, it
- * has some cells of its own, or is reported. */
+/* A lens remains beside a small ball, in a union of two balls and in another one. If it is narrower than
+ * cells, it has some cells of its own, or is reported. */
 static void a_lens_narrower_than_cells_is_not_lost(void **state)
 {
     (void)state;

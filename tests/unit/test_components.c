@@ -275,8 +275,8 @@ static void scattered_parts_are_counted_separately(void **state)
     assert_int_equal(parts_of(&p), 1 + 2 * (FEW / 3));
 }
 
-/* If coordinates are so large that the centres of distant cells do not give the number of cells between them, or if
- * this number is large, components are still complete. */
+/* If coordinates are so large that the centres of distant cells do not give the number of cells between them,
+ * or if this number is large, components are still complete. */
 static void parts_far_away_are_whole(void **state)
 {
     (void)state;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Global control (6.1): particles are inserted and deleted until the bounds of their number and of the support hold. */
+/* Global control (6.1): particles are inserted and deleted until the bounds of their number and of the
+ * support hold. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -173,8 +174,8 @@ static void release(solved *x)
     analytic_free(x->a);
 }
 
-/* The solve has converged, both bounds hold, and the number of particles is the smallest possible: a packing with
- * the support max_sigma has 6 A / (sqrt 3 max_sigma^2) points. */
+/* The solve has converged, both bounds hold, and the number of particles is the smallest possible: a packing
+ * with the support max_sigma has 6 A / (sqrt 3 max_sigma^2) points. */
 static void expect_bounds(const solved *x, size_t min_count, double max_sigma)
 {
     double direct = 6 * x->scan->area / (sqrt(3) * max_sigma * max_sigma);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Cases in which control groups are not available. `make bootcheck` checks in a virtual machine that the kernel
- * enforces their limits.
+/* Cases in which control groups are not available. `make bootcheck` checks in a virtual machine that the
+ * kernel enforces their limits.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Overlapping coplanar faces: the remaining area is correct, and closed meshes stay closed, in any position. */
+/* Overlapping coplanar faces: the remaining area is correct, and closed meshes stay closed, in any
+ * position. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -80,7 +81,8 @@ static double shared(double a, double b, double c, double d)
     return fmax(0, fmin(b, d) - fmax(a, c));
 }
 
-/* Boxes on a table, beside and across its boundary, and on each other: where two touch, neither face remains. */
+/* Boxes on a table, beside and across its boundary, and on each other: where two touch, neither face
+ * remains. */
 static void faces_in_contact_of_solids_are_removed(void **state)
 {
     (void)state;
@@ -112,7 +114,8 @@ static void faces_in_contact_of_solids_are_removed(void **state)
     }
 }
 
-/* Rectangles of many triangles, rotated in their plane: the overlap is kept once, whatever the orientations. */
+/* Rectangles of many triangles, rotated in their plane: the overlap is kept once, whatever the
+ * orientations. */
 static void overlapping_open_faces_are_kept_once(void **state)
 {
     (void)state;
@@ -141,9 +144,10 @@ static void overlapping_open_faces_are_kept_once(void **state)
     assert_true(unfinished <= 5);
 }
 
-/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner. The cut
- * there leaves a triangle whose blunt corner is the second one; the shared corner is within rounding of the side
- * beyond. A cut there would give the flat triangle back. The third triangle only sets the size of coordinates. */
+/* A small triangle lies in a flat one and shares a corner. Its second corner is on a side, near that corner.
+ * The cut there leaves a triangle whose blunt corner is the second one; the shared corner is within rounding
+ * of the side beyond. A cut there would give the flat triangle back. The third triangle only sets the size
+ * of coordinates. */
 static void cuts_beside_a_blunt_corner_end(void **state)
 {
     (void)state;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Distances of the surface from points: gaps of known size, and the nearest of random points against all points. */
+/* Distances of the surface from points: gaps of known size, and the nearest of random points against all
+ * points. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,7 +15,8 @@
 #include "shapes.h"
 #include "sampling/solver/particles/coverage.h"
 
-/* Points on a sphere in a spiral whose turns are one spacing apart, without those within `bald` of the pole. */
+/* Points on a sphere in a spiral whose turns are one spacing apart, without those within `bald` of the
+ * pole. */
 static size_t spiral(size_t count, double bald, vec3 *out)
 {
     size_t kept = 0;
@@ -86,8 +88,8 @@ static void distances_are_in_spacings(void **state)
     threads_free(pool);
 }
 
-/* Spacings that differ by a factor of 10 across a seam. The search is skipped by the smallest spacing around a
- * place. */
+/* Spacings that differ by a factor of 10 across a seam. The search is skipped by the smallest spacing around
+ * a place. */
 static void a_gap_is_found_beside_fine_points(void **state)
 {
     (void)state;

@@ -131,8 +131,8 @@ static void combinations(void **state)
     solid_push_shape(s, &s->inside, &along, HERE, false);
     solid_push_shape(s, &s->inside, &higher, HERE, false);
     solid_join(s, &s->inside, true);
-    /* each extends beyond the other: areas of 40 and 38, less the parts inside the other; edges of the first, the
-     * second, both */
+    /* each extends beyond the other: areas of 40 and 38, less the parts inside the other; edges of the first,
+     * the second, both */
     check("crossed", s, combination_field(d), everywhere,
           (expected){12, 16 + 12 + 8, 24, 40 - 8 + 38 - 8, 12 + 16 + 32 + 16, 1e-9});
     combination_free(u);

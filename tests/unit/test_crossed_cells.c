@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* crossed_cells: each cell is returned with its place, its block and F at its corners, for any set of cells. */
+/* crossed_cells: each cell is returned with its place, its block and F at its corners, for any set of
+ * cells. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

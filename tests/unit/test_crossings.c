@@ -36,8 +36,8 @@ static void add_tile(vdb_grid *g, const int32_t block[3], int32_t side, float va
     *t = (vdb_tile){{SIDE * block[0], SIDE * block[1], SIDE * block[2]}, side, value, false};
 }
 
-/* Blocks of two signs in clumps of 2^3, so that most have equal neighbours: tiles, no tile where the background is,
- * and leaves. */
+/* Blocks of two signs in clumps of 2^3, so that most have equal neighbours: tiles, no tile where the
+ * background is, and leaves. */
 static void divide(builder *b, const int32_t low[3])
 {
     double clump[TILE / 2][TILE / 2][TILE / 2];

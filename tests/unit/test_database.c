@@ -208,7 +208,8 @@ static void check_integrity(place *p)
     reopen(p);
 }
 
-/* A process with eight threads is killed after this number of acknowledgements. All acknowledged jobs are stored. */
+/* A process with eight threads is killed after this number of acknowledgements. All acknowledged jobs are
+ * stored. */
 static void test_a_killed_process_loses_nothing(void **state)
 {
     place *p = *state;
@@ -464,8 +465,8 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     assert_false(wanted);
 }
 
-/* Version 4 did not record removed events; their numbers are missing. Of three jobs with one event each, the given
- * number of newest ones is removed, or the middle one. */
+/* Version 4 did not record removed events; their numbers are missing. Of three jobs with one event each, the
+ * given number of newest ones is removed, or the middle one. */
 static void test_removed_events_are_found_in_version_4(void **state)
 {
     place *p = *state;
@@ -532,7 +533,8 @@ static void test_usage_is_added_to_version_8(void **state)
     assert_string_equal(id, failed);
 }
 
-/* In version 11 a job with a directory succeeded only if its result was copied. Reports of equal jobs were one file. */
+/* In version 11 a job with a directory succeeded only if its result was copied. Reports of equal jobs were
+ * one file. */
 static void test_jobs_of_version_11_count_as_copied(void **state)
 {
     place *p = *state;

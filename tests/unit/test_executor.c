@@ -230,8 +230,8 @@ static void test_free_space_is_that_of_the_state_directory_too(void **state)
     assert_true(free_bytes > 0 && free_bytes < size);
 }
 
-/* The worker has ended, but the disk is faulty: the result cannot be moved to results/. The job waits, and succeeds
- * once the move is possible. */
+/* The worker has ended, but the disk is faulty: the result cannot be moved to results/. The job waits, and
+ * succeeds once the move is possible. */
 static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
@@ -623,8 +623,8 @@ static void test_jobs_from_a_larger_host_run_or_fail(void **state)
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
-/* A worker that the kernel killed at its limit would need the same memory again. A worker that another process
- * killed may succeed. */
+/* A worker that the kernel killed at its limit would need the same memory again. A worker that another
+ * process killed may succeed. */
 static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
 {
     (void)state;
@@ -645,8 +645,8 @@ static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
     assert_int_equal(s.state, QUEUE_CANCELLED);
 }
 
-/* The message about a signal from a fault of the program asks for a report. For a signal of another process it
- * refers to the logs. */
+/* The message about a signal from a fault of the program asks for a report. For a signal of another process
+ * it refers to the logs. */
 static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
 {
     (void)state;
@@ -729,8 +729,8 @@ static void test_waits_double(void **state)
     }
 }
 
-/* A wait of 20 ms ends soon, although the wall clock is set back by an hour while the daemon runs and before it
- * starts. */
+/* A wait of 20 ms ends soon, although the wall clock is set back by an hour while the daemon runs and before
+ * it starts. */
 static void test_a_clock_that_is_set_back_delays_no_retry(void **state)
 {
     place *p = *state;

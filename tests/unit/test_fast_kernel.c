@@ -134,8 +134,8 @@ static void sums_are_those_in_double(void **state)
     }
 }
 
-/* After the end of a particle's list another list follows, which may have entries close to the particle. These must
- * not produce denormal numbers, which some processors compute slowly. */
+/* After the end of a particle's list another list follows, which may have entries close to the particle.
+ * These must not produce denormal numbers, which some processors compute slowly. */
 static void entries_after_the_end_of_a_list_are_not_computed(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Feature sizes of shapes of known medial axis, and an alternative measure: half the distance to the nearest place
- * of an opposite surface.
+/* Feature sizes of shapes of known medial axis, and an alternative measure: half the distance to the nearest
+ * place of an opposite surface.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -56,7 +56,8 @@ static double half_distance(const measured *m, size_t k)
     return 0.5 * sqrt(nearest2);
 }
 
-/* The mean relative error of both measures, and of the chosen measure also the 999th of 1000 largest errors. */
+/* The mean relative error of both measures, and of the chosen measure also the 999th of 1000 largest
+ * errors. */
 static void compare(const char *name, const field *f, truth *of, double mean_bound, double most_bound)
 {
     measured m = measure(f, 2);
@@ -176,8 +177,8 @@ static void a_shell_is_half_as_wide_as_thick(void **state)
     analytic_free(b);
 }
 
-/* Two unit balls, 0.1 apart along x. The ball between them that touches one under the angle a from the axis has its
- * centre in the plane between: (1.05 - cos a) / cos a. */
+/* Two unit balls, 0.1 apart along x. The ball between them that touches one under the angle a from the axis
+ * has its centre in the plane between: (1.05 - cos a) / cos a. */
 static double pair_truth(vec3 x, vec3 normal)
 {
     double cosine = x.x < 0 ? normal.x : -normal.x;

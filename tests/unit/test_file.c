@@ -195,8 +195,8 @@ static bool write_text(FILE *stream, void *context, error *e)
            error_set(e, ERROR_STORAGE_FULL, "no room");
 }
 
-/* With and without a thread, the file exists at the end and its hash is returned. A failure is returned at the end,
- * too. A failure to write leaves no file. */
+/* With and without a thread, the file exists at the end and its hash is returned. A failure is returned at
+ * the end, too. A failure to write leaves no file. */
 static void test_late_commits(void **state)
 {
     (void)state;
@@ -234,7 +234,8 @@ static void test_late_commits(void **state)
     drop_place(base);
 }
 
-/* Writes in order, over two written blocks, and beyond the end. The bytes that the file must have are in `want`. */
+/* Writes in order, over two written blocks, and beyond the end. The bytes that the file must have are in
+ * `want`. */
 static void write_out_of_order(FILE *stream, char *want)
 {
     for (int k = 0; k < 10000; k++) want[k] = (char)(k * k >> 5);
@@ -291,7 +292,8 @@ static void test_verified_files(void **state)
     }
 }
 
-/* Changes the file behind its writer, as a disk does that fails: at `at`, or its length if `at` is negative. */
+/* Changes the file behind its writer, as a disk does that fails: at `at`, or its length if `at` is
+ * negative. */
 static void damage(const store_file *file, int at)
 {
     const int fd = open(file->temporary, O_RDWR | O_CLOEXEC);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The registry of file formats: each format is recognised, and tables of functions and pages agree with it. */
+/* The registry of file formats: each format is recognised, and tables of functions and pages agree with
+ * it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -209,7 +210,8 @@ static void page_of_formats_has_the_table(void **state)
     free(page);
 }
 
-/* Whether a line of a table in the text names the format in its first cell and has the other text behind it. */
+/* Whether a line of a table in the text names the format in its first cell and has the other text behind
+ * it. */
 static bool has_row(const char *text, const char *format, const char *rest)
 {
     const size_t length = strcspn(format, "(");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Areas of flat cells: of planes in oblique cells against the exact intersection, and of a ball in small cells. */
+/* Areas of flat cells: of planes in oblique cells against the exact intersection, and of a ball in small
+ * cells. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -134,7 +135,8 @@ static void a_ball_of_flat_cells_has_its_area(void **state)
     assert_close(add_up_ball(radius, cube, false).area, exact, 3e-5 * exact);
 }
 
-/* At the limit of FIELD_GENTLE_MOST, and at twice the limit; by distances, by another function, in oblique cells. */
+/* At the limit of FIELD_GENTLE_MOST, and at twice the limit; by distances, by another function, in oblique
+ * cells. */
 static void the_area_missing_from_gentle_cells_is_estimated(void **state)
 {
     static const vec3 oblique[3] = {{0.9, 0.1, -0.2}, {0.3, 0.8, 0}, {-0.2, 0.2, 0.7}};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Triangles without area that have three distinct corners: meshes damaged with them are repaired to closed meshes of
- * the same shape.
+/* Triangles without area that have three distinct corners: meshes damaged with them are repaired to closed
+ * meshes of the same shape.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,8 @@
 
 enum { SEED = 20261127 };
 
-/* ---- damage: each function adds flat triangles to a mesh of sufficient capacity, and returns their number */
+/* ---- damage: each function adds flat triangles to a mesh of sufficient capacity, and returns their
+ * number */
 
 static mesh with_room(mesh m, size_t more)
 {
@@ -53,7 +54,8 @@ static vec3 between(const mesh *m, uint32_t a, uint32_t b, double s)
     return vec3_axpy(s, vec3_sub(m->vertex[b], m->vertex[a]), m->vertex[a]);
 }
 
-/* Splits triangle n into a fan at points on its side from a to b. Flat triangles connect these points to the side. */
+/* Splits triangle n into a fan at points on its side from a to b. Flat triangles connect these points to
+ * the side. */
 static size_t sliver_at_side(mesh *m, size_t n, size_t places, bool zigzag)
 {
     const uint32_t a = m->triangle[n][0], b = m->triangle[n][1], c = m->triangle[n][2];
@@ -207,7 +209,8 @@ static void damaged_solids_come_back_closed(void **state)
     }
 }
 
-/* If the height of thin triangles exceeds the rounding of the coordinates, the mesh is unchanged bit by bit. */
+/* If the height of thin triangles exceeds the rounding of the coordinates, the mesh is unchanged bit by
+ * bit. */
 static void thin_triangles_with_area_are_kept(void **state)
 {
     (void)state;

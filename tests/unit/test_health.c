@@ -200,8 +200,8 @@ static void test_the_checker_finds_damage_that_no_statement_reads(void **state)
     assert_string_equal(known.found_by, "quick_check");
 }
 
-/* Number of further reads of the database by this thread that fail in the queue's VFS. Other threads checkpoint
- * pages of the log. */
+/* Number of further reads of the database by this thread that fail in the queue's VFS. Other threads
+ * checkpoint pages of the log. */
 static _Thread_local int faults;
 static int (*real_open)(sqlite3_vfs *vfs, const char *name, sqlite3_file *file, int flags, int *out);
 static const sqlite3_io_methods *real_methods;
@@ -226,7 +226,8 @@ static int open_with_faults(sqlite3_vfs *vfs, const char *name, sqlite3_file *fi
     return code;
 }
 
-/* A failed read may be a temporary fault of the disk: changes are refused until a check has read everything. */
+/* A failed read may be a temporary fault of the disk: changes are refused until a check has read
+ * everything. */
 static void test_a_read_error_is_cleared_by_a_check(void **state)
 {
     place *p = *state;
@@ -254,7 +255,8 @@ static void test_a_read_error_is_cleared_by_a_check(void **state)
     vfs->xOpen = real_open;
 }
 
-/* Number of further reads of this thread that fail with EIO, which SQLite reports as damage while a statement runs. */
+/* Number of further reads of this thread that fail with EIO, which SQLite reports as damage while a
+ * statement runs. */
 static _Thread_local int disk_faults;
 
 /* Replaces the function of the C library, for SQLite. */

@@ -81,8 +81,8 @@ static void take(place *p)
 
 static const int frames[] = {0, 3};
 
-/* Submits a job and runs this number of attempts of each task. The last one ends the task with `end`, unless the
- * task waits. */
+/* Submits a job and runs this number of attempts of each task. The last one ends the task with `end`, unless
+ * the task waits. */
 static void put(place *p, bool array, int attempts, queue_state end, char id[ULID_SIZE])
 {
     queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 9};

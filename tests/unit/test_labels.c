@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Segmentations in OpenVDB files, which Debian's pyopenvdb cannot write: the choice of the grid, its transform, its
- * background, volumes under the majority filter, and thin parts. tests/service/test_labels.py tests other labels.
+/* Segmentations in OpenVDB files, which Debian's pyopenvdb cannot write: the choice of the grid, its
+ * transform, its background, volumes under the majority filter, and thin parts. tests/service/test_labels.py
+ * tests other labels.
  */
 #include <math.h>
 #include <setjmp.h>

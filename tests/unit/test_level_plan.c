@@ -10,8 +10,8 @@
 #include "sampling/solver/level_plan.h"
 #include "sampling/solver/passes/refine.h"
 
-/* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
- * has b edges, so refining doubles it. */
+/* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b
+ * particles has b edges, so refining doubles it. */
 static void corrected_plans_match_the_refined_counts(void **state)
 {
     (void)state;

@@ -29,7 +29,8 @@ static vec3 random_point(uint64_t *seed, double scale)
     return (vec3){scale * (x - 0.5), scale * (y - 0.5), scale * (z - 0.5)};
 }
 
-/* The smallest distance from a grid of points of the triangle. It exceeds the true distance by at most half a step. */
+/* The smallest distance from a grid of points of the triangle. It exceeds the true distance by at most
+ * half a step. */
 static double sampled_distance(const triangle *t, vec3 p, int steps)
 {
     double least = INFINITY;
@@ -49,7 +50,8 @@ static void distance_from_triangles(void **state)
     enum { CASES = 2000, STEPS = 60 };
     for (int k = 0; k < CASES; k++) {
         triangle t = {random_point(&seed, 2), random_point(&seed, 2), random_point(&seed, 2)};
-        /* slivers: the third corner lies on the line of the others, exactly or nearly, between or beyond them */
+        /* slivers: the third corner lies on the line of the others, exactly or nearly, between or beyond
+         * them */
         if (k % 4 == 1) t.c = vec3_axpy(3 * fixture_random(&seed) - 1, vec3_sub(t.b, t.a), t.a);
         if (k % 4 == 2)
             t.c = vec3_add(vec3_axpy(3 * fixture_random(&seed) - 1, vec3_sub(t.b, t.a), t.a),
@@ -691,8 +693,8 @@ static mesh mesh_of(const vec3 *corners, size_t corner_count, const uint32_t (*f
     return m;
 }
 
-/* The one-sided projective plane of six vertices. The middle of one face is a separate triangle, which comes first
- * and is joined last, after the contradiction was found. */
+/* The one-sided projective plane of six vertices. The middle of one face is a separate triangle, which comes
+ * first and is joined last, after the contradiction was found. */
 static void one_sided_shells_are_reported(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Perfect lattices on surfaces whose measures are known from geometry, and transformations that must not change the
- * measures.
+/* Perfect lattices on surfaces whose measures are known from geometry, and transformations that must not
+ * change the measures.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -35,9 +35,9 @@ static void check_represented(const measures *m, double coverage, double toleran
     assert_true(m->parts_without_points == 0 && m->empty_area_share == 0 && m->unmeasured_share == 0);
 }
 
-/* On a zigzag side between m odd and m - 1 even rows, points of even rows lie on the side and have 3 neighbours
- * instead of 4, and points of odd rows have 5 instead of 6. Corners have 2 neighbours and an angle of 90 degrees;
- * 2.5 is ideal. */
+/* On a zigzag side between m odd and m - 1 even rows, points of even rows lie on the side and have 3
+ * neighbours instead of 4, and points of odd rows have 5 instead of 6. Corners have 2 neighbours and an angle
+ * of 90 degrees; 2.5 is ideal. */
 static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **state)
 {
     (void)state;
@@ -104,7 +104,8 @@ static void a_triangle_of_a_lattice_is_perfect(void **state)
 }
 
 /* Points on the edges of the rims have neighbours on the opposite wall: 5 of 6 along rows, 4 of 6 on zigzags,
- * corners 3 of 4.5. Points of odd rows half a spacing from a zigzag have 6, including those of the opposite wall. */
+ * corners 3 of 4.5. Points of odd rows half a spacing from a zigzag have 6, including those of the
+ * opposite wall. */
 static double plate_hex_fraction(int n, int m)
 {
     const int count = (m + 1) * (n + 1) + m * n, irregular = 2 * (n - 1) + 2 * (m - 1) + 4;
@@ -156,8 +157,8 @@ static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **stat
     scene_free(&s);
 }
 
-/* Distances in space are exactly 1. Cells on the faces of a prism have equal areas, except in the two rings at the
- * ends. */
+/* Distances in space are exactly 1. Cells on the faces of a prism have equal areas, except in the two rings
+ * at the ends. */
 static void an_open_tube_has_ideal_measures(void **state)
 {
     (void)state;
@@ -170,7 +171,8 @@ static void an_open_tube_has_ideal_measures(void **state)
     assert_close(got.area_cv, 0, 5e-3);
 }
 
-/* On the outer equator a triangle has a base of 1.28 and a height below .87, so its circumradius is below .68. */
+/* On the outer equator a triangle has a base of 1.28 and a height below .87, so its circumradius is below
+ * .68. */
 static void a_torus_has_six_neighbours_everywhere(void **state)
 {
     (void)state;
@@ -184,8 +186,8 @@ static void a_torus_has_six_neighbours_everywhere(void **state)
     check_represented(&got, 0.62, 0.06);
 }
 
-/* A corner has an angle of 180 degrees and 3 neighbours. The midpoint of an edge has 6: two corners, and the four
- * midpoints that share a face with it. */
+/* A corner has an angle of 180 degrees and 3 neighbours. The midpoint of an edge has 6: two corners, and the
+ * four midpoints that share a face with it. */
 static void the_ten_points_of_a_tetrahedron_are_perfect(void **state)
 {
     (void)state;
@@ -240,8 +242,8 @@ static void three_half_planes_have_an_edge_of_three_faces(void **state)
     check_half_planes(angle, 3);
 }
 
-/* The shells are .15 apart. Points of two components are neither close nor neighbours. The distance of a place from
- * the nearest point includes all components. */
+/* The shells are .15 apart. Points of two components are neither close nor neighbours. The distance of a
+ * place from the nearest point includes all components. */
 static void nested_shells_are_measured_apart(void **state)
 {
     (void)state;
@@ -283,8 +285,8 @@ static double fine_above(const void *context, vec3 x)
     return x.z > 1 ? 0.5 : 1;
 }
 
-/* A square with sides of 3 spacings needs 10.4 points; 0.65 if the requested spacing is four times as large. A
- * square of .8 needs 0.74; 3 if it is half as large. */
+/* A square with sides of 3 spacings needs 10.4 points; 0.65 if the requested spacing is four times as large.
+ * A square of .8 needs 0.74; 3 if it is half as large. */
 static void a_piece_lacks_points_if_the_request_there_is_for_one_or_more(void **state)
 {
     (void)state;
@@ -305,8 +307,8 @@ static void a_piece_lacks_points_if_the_request_there_is_for_one_or_more(void **
     }
 }
 
-/* Of the cells of random points in a plane, a fraction of .295 has six sides (Poisson-Voronoi). MEASURES.md gives
- * .26, which was found by a program that misses short sides, and a coverage of 1.6. */
+/* Of the cells of random points in a plane, a fraction of .295 has six sides (Poisson-Voronoi). MEASURES.md
+ * gives .26, which was found by a program that misses short sides, and a coverage of 1.6. */
 static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
 {
     (void)state;
@@ -326,8 +328,8 @@ static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
 
 enum { SCENES = 6, RANDOM_POINTS = 60 };
 
-/* Random points leave gaps, on thin walls, several components and edges of four faces. Points of lattices lie on
- * edges and corners. */
+/* Random points leave gaps, on thin walls, several components and edges of four faces. Points of lattices lie
+ * on edges and corners. */
 static void make_scenes(scene out[SCENES])
 {
     const double angle[] = {0, M_PI / 2, M_PI, 1.5 * M_PI};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Random points on random meshes: the measures against a program that compares all triangles, points and places with
- * each other.
+/* Random points on random meshes: the measures against a program that compares all triangles, points and
+ * places with each other.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -16,8 +16,8 @@
 #include "shapes.h"
 
 enum { MOST_POINTS = 96, MOST_CORNERS = 3 + MOST_POINTS, PLACES = 24 };
-/* Cosine up to which a place and a point are on opposite walls, minimum length of a side, and distance of a missing
- * place (MEASURES.md). */
+/* Cosine up to which a place and a point are on opposite walls, minimum length of a side, and distance of a
+ * missing place (MEASURES.md). */
 static const double OPPOSITE = -0.4, SIDE = 1e-4, MISSING = 1.2;
 
 /* ---- the exhaustive program */
@@ -258,7 +258,8 @@ static void look_at_place(const brute *b, vec3 x, vec3 n, double area, double ra
     if (facing + radius > MISSING) g->most_area += area;
 }
 
-/* With one spacing for all points, the distance of a place changes at most by the displacement of the place. */
+/* With one spacing for all points, the distance of a place changes at most by the displacement of the
+ * place. */
 static void compare_gaps(const brute *b, const measures *got)
 {
     const scene *s = b->s;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Mesh files: through the reading process to a volume. The test program is its own reader. For a file with the
- * extension "fakeN" it returns an invalid answer of kind N.
+/* Mesh files: through the reading process to a volume. The test program is its own reader. For a file with
+ * the extension "fakeN" it returns an invalid answer of kind N.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -79,8 +79,8 @@ static vec3 random_direction(uint64_t *seed)
     return (vec3){r * cos(angle), r * sin(angle), u};
 }
 
-/* Points of the zero set are on the ball, with outward normals. The ball of triangles is up to 8e-4 of the radius
- * inside the sphere, a fiftieth of a voxel at this resolution. */
+/* Points of the zero set are on the ball, with outward normals. The ball of triangles is up to 8e-4 of the
+ * radius inside the sphere, a fiftieth of a voxel at this resolution. */
 static void assert_ball(const volume *v, vec3 center, double radius, double side)
 {
     const field *f = volume_field(v);
@@ -125,7 +125,8 @@ static void balls_of_every_format(void **state)
         }
 }
 
-/* Maps and machines have coordinates of millions: in single precision this ball has a diameter of 24 steps. */
+/* Maps and machines have coordinates of millions: in single precision this ball has a diameter of 24
+ * steps. */
 static void positions_far_from_the_origin_keep_their_precision(void **state)
 {
     (void)state;
@@ -266,8 +267,8 @@ static void files_that_are_no_meshes_are_refused(void **state)
         expect_error(cases[k].path, cases[k].text, strlen(cases[k].text), cases[k].code, cases[k].message);
 }
 
-/* A file that is truncated anywhere, or has any bytes changed, gives an error or a mesh, and the program does not
- * fail. A fuzzer tests many more such files. */
+/* A file that is truncated anywhere, or has any bytes changed, gives an error or a mesh, and the program does
+ * not fail. A fuzzer tests many more such files. */
 static void damaged_files(void **state)
 {
     (void)state;
@@ -422,8 +423,8 @@ static void assert_same_mesh(const mesh *a, const mesh *b)
     assert_memory_equal(a->triangle, b->triangle, a->triangle_count * sizeof *a->triangle);
 }
 
-/* If a mesh only needs joined vertices, it is welded once. Any other mesh is welded by its user, who also gets the
- * notes. */
+/* If a mesh only needs joined vertices, it is welded once. Any other mesh is welded by its user, who also
+ * gets the notes. */
 static void clean_meshes_are_welded_once(void **state)
 {
     (void)state;
@@ -550,7 +551,8 @@ static void fans_are_welded_too(void **state)
     mesh_free(&m);
 }
 
-/* A box with every face twice, one of them reversed: the two cancel, but without both the box would have a hole. */
+/* A box with every face twice, one of them reversed: the two cancel, but without both the box would have a
+ * hole. */
 static void faces_that_cancel_leave_no_hole(void **state)
 {
     (void)state;

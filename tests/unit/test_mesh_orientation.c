@@ -87,8 +87,8 @@ static void mixed_faces_of_closed_parts_get_outward_normals(void **state)
     }
 }
 
-/* A shell in another one: with inward normals it is a cavity, with outward normals another solid. Both are kept if
- * the whole file is inside out. */
+/* A shell in another one: with inward normals it is a cavity, with outward normals another solid. Both are
+ * kept if the whole file is inside out. */
 static void an_inner_shell_keeps_its_relative_orientation(void **state)
 {
     (void)state;

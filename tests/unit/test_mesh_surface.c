@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Meshes as fields of patches: zero on their triangles, with the normals and curvatures of the approximated surface. */
+/* Meshes as fields of patches: zero on their triangles, with the normals and curvatures of the
+ * approximated surface. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -106,7 +107,8 @@ static void test_newton_ends_on_mesh(void **state)
     mesh_surface_free(s);
 }
 
-/* Places in lanes, with the hint of the previous one or without a hint, give the results of single samples. */
+/* Places in lanes, with the hint of the previous one or without a hint, give the results of single
+ * samples. */
 static void test_lanes_of_patches_equal_single_samples(void **state)
 {
     (void)state;
@@ -147,8 +149,8 @@ static void test_lanes_of_patches_equal_single_samples(void **state)
     mesh_surface_free(s);
 }
 
-/* A ball of triangles: F is the distance from it, and normals and curvatures are those of the sphere, to the size of
- * the triangles. */
+/* A ball of triangles: F is the distance from it, and normals and curvatures are those of the sphere, to the
+ * size of the triangles. */
 static void test_ball(void **state)
 {
     (void)state;
@@ -174,8 +176,8 @@ static void test_ball(void **state)
     mesh_surface_free(s);
 }
 
-/* Touching blocks, so that many places have the same distance from two patches: the whole field equals the first of
- * the nearest patches. */
+/* Touching blocks, so that many places have the same distance from two patches: the whole field equals the
+ * first of the nearest patches. */
 static void test_the_whole_field_equals_the_nearest_patch(void **state)
 {
     (void)state;
@@ -286,7 +288,8 @@ static void test_a_spacing_beyond_memory_is_refused(void **state)
     }
 }
 
-/* The elements of one patch in cubes with several patches: those of a walk along all of them, in the same order. */
+/* The elements of one patch in cubes with several patches: those of a walk along all of them, in the same
+ * order. */
 static void test_elements_of_a_patch(void **state)
 {
     (void)state;
@@ -322,8 +325,8 @@ static void test_elements_of_a_patch(void **state)
     mesh_surface_free(s);
 }
 
-/* Two flat pyramids with a common base, of eight triangles. Interpolated normals would rotate over whole faces and
- * be oblique near the edge. The medial axis is the common base. */
+/* Two flat pyramids with a common base, of eight triangles. Interpolated normals would rotate over whole
+ * faces and be oblique near the edge. The medial axis is the common base. */
 static void test_feature_sizes_use_face_normals(void **state)
 {
     (void)state;
@@ -423,8 +426,8 @@ static void test_hints_do_not_change_results(void **state)
     assert_hints_change_nothing(make(mesh_fixture_sheet(60, 6, mesh_fixture_moebius), 0, 0.2), 0.05);
 }
 
-/* Between two sheets of a patch, a sample with a hint is of the sheet of the hint, also if the other one is nearer;
- * without a hint it is of the nearest sheet. */
+/* Between two sheets of a patch, a sample with a hint is of the sheet of the hint, also if the other one is
+ * nearer; without a hint it is of the nearest sheet. */
 static void test_a_hint_stays_on_its_side_of_a_fold(void **state)
 {
     (void)state;
@@ -446,8 +449,8 @@ static vec3 level(double u, double v)
     return vec3_make(u, v, 0);
 }
 
-/* A vertex of a level sheet is moved beyond its neighbours, which reverses triangles. The normals at these triangles
- * remain those of the sheet around them. */
+/* A vertex of a level sheet is moved beyond its neighbours, which reverses triangles. The normals at these
+ * triangles remain those of the sheet around them. */
 static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
 {
     (void)state;
@@ -475,8 +478,8 @@ static void test_normals_in_a_small_fold_equal_those_around_it(void **state)
     mesh_surface_free(s);
 }
 
-/* Patches are refined where they are curved. They still share the same sides along their curves, and the area is
- * unchanged. */
+/* Patches are refined where they are curved. They still share the same sides along their curves, and the area
+ * is unchanged. */
 static void test_refined_patches_meet(void **state)
 {
     (void)state;

@@ -47,8 +47,8 @@ static void coincident_points_keep_their_order(void **state)
     assert_true(order[0] == 0 && order[1] == 1);
 }
 
-/* There are enough points for several threads: each point occurs once, cells ascend, and points of a cell keep their
- * order. */
+/* There are enough points for several threads: each point occurs once, cells ascend, and points of a cell
+ * keep their order. */
 static void order_does_not_depend_on_threads(void **state)
 {
     (void)state;

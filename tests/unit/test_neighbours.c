@@ -86,8 +86,8 @@ static void lists_hold_every_pair_within_its_own_cutoff(void **state)
     threads_free(pool);
 }
 
-/* Enough points to fill many bins of each level, in a plane, with the density of a packing; sizes of 1 to 1.9, 9 or
- * 40. */
+/* Enough points to fill many bins of each level, in a plane, with the density of a packing; sizes of 1 to
+ * 1.9, 9 or 40. */
 static void lists_of_many_graded_points_hold_every_pair(void **state)
 {
     (void)state;

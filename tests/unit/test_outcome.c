@@ -152,8 +152,8 @@ static scene with_row(scene s, vec3 from, int count)
 
 /* ---- one result for each criterion, which no other criterion detects */
 
-/* Four points around the midpoint of an edge are missing: the nearest point is at sqrt(7) / 2, and the area of the
- * hole is 0.02 of a cell. */
+/* Four points around the midpoint of an edge are missing: the nearest point is at sqrt(7) / 2, and the area
+ * of the hole is 0.02 of a cell. */
 static void a_hole_in_a_lattice_fails_coverage(void **state)
 {
     (void)state;

@@ -177,8 +177,8 @@ static void test_users_at_a_limit_accumulate_no_turns(void **state)
     assert_int_equal(count_turns(p, &one_each, "ann", 21), 11); /* ann is first */
 }
 
-/* A task that does not fit is overtaken at most QUEUE_OVERTAKE_MOST times, also by users that come later, and then
- * has its turn. */
+/* A task that does not fit is overtaken at most QUEUE_OVERTAKE_MOST times, also by users that come later, and
+ * then has its turn. */
 static void test_newcomers_do_not_starve_a_large_task(void **state)
 {
     place *p = *state;

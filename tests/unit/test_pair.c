@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The pair kernel against the functions of the potential, pair by pair, and against differences of the energy. */
+/* The pair kernel against the functions of the potential, pair by pair, and against differences of the
+ * energy. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

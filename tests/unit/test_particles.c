@@ -62,7 +62,8 @@ static void test_new_particles_have_unit_amplitude_and_size(void **state)
     particles_free(p);
 }
 
-/* Uniform particles have no arrays of ones until these are requested. They grow and are copied like other particles. */
+/* Uniform particles have no arrays of ones until these are requested. They grow and are copied like other
+ * particles. */
 static void test_uniform_particles_have_no_arrays_of_ones(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Surfaces of patches that meet in curves, from the random start to the triangles. The faces are flat, so that curves
- * and corners are known.
+/* Surfaces of patches that meet in curves, from the random start to the triangles. The faces are flat, so
+ * that curves and corners are known.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -178,8 +178,8 @@ static size_t count_on_patch(const solved *x, uint32_t patch)
     return count;
 }
 
-/* Two squares so close to each other that their points could not be distinguished without the numbers of their
- * patches. */
+/* Two squares so close to each other that their points could not be distinguished without the numbers of
+ * their patches. */
 static void close_parallel_patches_do_not_interact(void **state)
 {
     (void)state;
@@ -225,7 +225,8 @@ static void three_patches_share_the_samples_of_their_edge(void **state)
     release(&x);
 }
 
-/* The method of the paper, from random positions and with insertion: curve samples become denser as the count rises. */
+/* The method of the paper, from random positions and with insertion: curve samples become denser as the
+ * count rises. */
 static void curve_samples_follow_the_count(void **state)
 {
     (void)state;
@@ -351,8 +352,8 @@ static void loops_and_short_curves_have_samples(void **state)
     assert_int_equal(rows.corners, 4 + 1);
     assert_int_equal(rows.count, 4 * 10 + 13 + 1);
     assert_int_equal(rows.copies, rows.count); /* where a patch meets itself, there is one copy */
-    /* halves of cells beside the samples, those of the slit twice, less an Euler characteristic of 2 - 2.5 loops;
-     * the single sample of the slit occupies a cell */
+    /* halves of cells beside the samples, those of the slit twice, less an Euler characteristic of 2 - 2.5
+     * loops; the single sample of the slit occupies a cell */
     assert_close(rows.border[0], 0.5 * (4 * 10 + 13) + 0.5 - (2 - 2.5), 1e-9);
     curve_samples_free(&rows);
     request.most = 7;
@@ -424,8 +425,8 @@ static void curve_samples_of_a_low_step_are_merged(void **state)
     curve_samples_free(&rows);
 }
 
-/* Four corners of each of two squares that no curve connects are too many for one sample. The curves then have no
- * samples, because a part of them would lie on one side of the surface. */
+/* Four corners of each of two squares that no curve connects are too many for one sample. The curves then
+ * have no samples, because a part of them would lie on one side of the surface. */
 static void too_many_corners_have_no_samples(void **state)
 {
     (void)state;
@@ -479,8 +480,8 @@ static void curves_with_a_small_angle_share_their_first_samples(void **state)
     curve_samples_free(&rows);
 }
 
-/* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. The curve from a to c
- * then joins a and b. */
+/* A cut that ends in a hook: c is joined to both a and b by short curves and merged into b. The curve from a
+ * to c then joins a and b. */
 static void corners_connected_through_a_merged_corner_are_merged(void **state)
 {
     (void)state;
@@ -545,7 +546,8 @@ static void ends_of_creases_keep_their_distance(void **state)
     curve_samples_free(&rows);
 }
 
-/* Curves on a scan bend irregularly: a corner at which two of them continue is treated like the samples between. */
+/* Curves on a scan bend irregularly: a corner at which two of them continue is treated like the samples
+ * between. */
 static void bends_of_rough_curves_are_no_corners(void **state)
 {
     (void)state;
@@ -660,8 +662,8 @@ static void make_circles(circles *c, size_t count, uint32_t places, const double
     c->in = (near_curves_input){4, count, c->closed, c->end, c->first, c->spacing, c->half, false};
 }
 
-/* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls. After
- * the edge of the wedge was merged, both have copies for both faces of the wedge. */
+/* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls.
+ * After the edge of the wedge was merged, both have copies for both faces of the wedge. */
 static void curve_samples_at_a_wedge_between_opposite_walls_are_merged(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* OBJ, PLY and STL: exact numbers, polygons, and the positions in refusals. OFF and glTF: features that are left to
- * the library.
+/* OBJ, PLY and STL: exact numbers, polygons, and the positions in refusals. OFF and glTF: features that are
+ * left to the library.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -360,8 +360,8 @@ static void zeros_after_a_text_are_ignored(void **state)
     assert_non_null(strstr(m.text, "byte 26 of the file is 0"));
 }
 
-/* Each polygon has its corners in the order of the file, also a polygon without a triangle, and one in a mirrored
- * part. */
+/* Each polygon has its corners in the order of the file, also a polygon without a triangle, and one in a
+ * mirrored part. */
 static void polygons_are_kept_on_request(void **state)
 {
     (void)state;

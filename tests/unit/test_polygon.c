@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Polygons as triangles: simple planar polygons are covered once, whatever their shape; the work is bounded. */
+/* Polygons as triangles: simple planar polygons are covered once, whatever their shape; the work is
+ * bounded. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -120,8 +121,8 @@ static void triangle_across(const double a[3], const double b[3], const double c
     }
 }
 
-/* Each side of the polygon belongs to one triangle, in its direction. Each other side belongs to two triangles, in
- * both directions. */
+/* Each side of the polygon belongs to one triangle, in its direction. Each other side belongs to two
+ * triangles, in both directions. */
 static void assert_sides(size_t count, const uint32_t (*out)[3])
 {
     signed char *sides = calloc(count * count, 1);
@@ -141,7 +142,8 @@ static void assert_sides(size_t count, const uint32_t (*out)[3])
     free(sides);
 }
 
-/* Moves the polygon to a plane in space and back: the triangles add up to the polygon, and none is reversed. */
+/* Moves the polygon to a plane in space and back: the triangles add up to the polygon, and none is
+ * reversed. */
 static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
 {
     double(*place)[3] = malloc(o->count * sizeof *place), axis[3][3];
@@ -210,7 +212,8 @@ static bool is_clear(const outline *o, size_t at, const double tip[2])
     return true;
 }
 
-/* Adds a spike without area at a corner: it continues the side before or after it, and returns to the corner. */
+/* Adds a spike without area at a corner: it continues the side before or after it, and returns to the
+ * corner. */
 static bool put_spike(outline *o, size_t at, rng *r)
 {
     const bool is_before = rng_uniform(r) < 0.5;
@@ -226,7 +229,8 @@ static bool put_spike(outline *o, size_t at, rng *r)
     return true;
 }
 
-/* Such spikes occur where triangles without area were joined with their neighbours, inside the polygon or outside. */
+/* Such spikes occur where triangles without area were joined with their neighbours, inside the polygon or
+ * outside. */
 static void spikes_have_no_area(void **state)
 {
     (void)state;

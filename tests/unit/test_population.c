@@ -65,7 +65,8 @@ static void test_the_bias_selects_the_requested_energies(void **state)
     for (int i = 0; i < COUNT; i++) assert_true(random[i] > 0); /* each particle is chosen */
 }
 
-/* With varying amplitudes the energy is large where they are large; the energy relative to the surroundings decides. */
+/* With varying amplitudes the energy is large where they are large; the energy relative to the
+ * surroundings decides. */
 static void test_amplitudes_do_not_affect_the_choice(void **state)
 {
     (void)state;

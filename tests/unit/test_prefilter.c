@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The prefilter of known voxels: the spline has their values, is extrapolated as a parabola, and leaves other voxels
- * unchanged. Extrapolation of a band by any number of threads.
+/* The prefilter of known voxels: the spline has their values, is extrapolated as a parabola, and leaves other
+ * voxels unchanged. Extrapolation of a band by any number of threads.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -231,8 +231,8 @@ static void extrapolation_does_not_depend_on_threads(void **state)
     assert_true(filled > 1000);
 }
 
-/* The band of a plane of any direction, three voxels on either side: extrapolation is exact for it. Voxels of every
- * adjacent block get its values, within the permitted range. */
+/* The band of a plane of any direction, three voxels on either side: extrapolation is exact for it. Voxels of
+ * every adjacent block get its values, within the permitted range. */
 static void a_plane_is_extrapolated(void **state)
 {
     (void)state;

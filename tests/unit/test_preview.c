@@ -229,8 +229,9 @@ static void test_large_discs_show_the_packing_and_small_ones_grow_together(void 
     if (!(large > 0.12 && large < 0.35 && small < 0.03)) fail_msg("gaps: %g and %g", large, small);
 }
 
-/* A turntable around a long set that is not centred at the origin: the whole set stays in the frame at a constant
- * distance. The first picture is that of the still camera. A given camera rotates around its target. */
+/* A turntable around a long set that is not centred at the origin: the whole set stays in the frame at a
+ * constant distance. The first picture is that of the still camera. A given camera rotates around its
+ * target. */
 static void test_turntables(void **state)
 {
     (void)state;
@@ -266,8 +267,8 @@ static void test_turntables(void **state)
     point_set_free(&s);
 }
 
-/* A pipe along the line of sight is shown from its side, whatever the up axis and its direction. A set as deep as
- * wide is not rotated. */
+/* A pipe along the line of sight is shown from its side, whatever the up axis and its direction. A set as
+ * deep as wide is not rotated. */
 static void test_pipes_are_shown_from_the_side(void **state)
 {
     (void)state;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Progressive order: every point is nearly the farthest from the points before it, by a computation over all pairs. */
+/* Progressive order: every point is nearly the farthest from the points before it, by a computation over
+ * all pairs. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -87,7 +88,8 @@ static double distance(const cloud *c, size_t i, size_t j)
     return are_near(c, i, j) ? far : PROGRESSIVE_ORDER_APART * far;
 }
 
-/* Each point comes once, and its distance from the points before it is at least BATCH times the largest of the rest. */
+/* Each point comes once, and its distance from the points before it is at least BATCH times the largest of
+ * the rest. */
 static void check(const cloud *c)
 {
     static uint32_t order[MOST];

@@ -24,8 +24,8 @@ static void ends_on_the_surface(void **state)
             field_sample s;
             if (!field_sample_at(&a->base, x, FIELD_GRADIENT, &s) ||
                 fabs(s.value) > 0.02 * a->base.extent * vec3_norm(s.gradient) ||
-                /* the centre of the quartic is a zero without a gradient: it is not on a surface, and Newton's
-                 * method converges slowly */
+                /* the centre of the quartic is a zero without a gradient: it is not on a surface, and
+                 * Newton's method converges slowly */
                 (shapes[k].shape == ANALYTIC_QUARTIC && vec3_norm(vec3_sub(x, shapes[k].center)) < 0.2))
                 continue;
             done++;

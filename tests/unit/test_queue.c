@@ -425,8 +425,8 @@ static void test_dependents_start_with_accepted_outcomes_only(void **state)
     claim(p, second);
 }
 
-/* first <- second <- third. A job of bob depends on the first, which only administrators learn and retry; the last one
- * depends on it and on a job that is not retried. */
+/* first <- second <- third. A job of bob depends on the first, which only administrators learn and retry; the
+ * last one depends on it and on a job that is not retried. */
 static void test_a_retry_includes_failed_dependents(void **state)
 {
     place *p = *state;
@@ -1143,8 +1143,8 @@ static void step_chunks(place *p, const char *id, chunk_model *m, rng *r)
     assert_true(accepted);
 }
 
-/* Any order of ends, retries and restarts: a claim takes the first task that can start of a chunk without a running
- * task. */
+/* Any order of ends, retries and restarts: a claim takes the first task that can start of a chunk without a
+ * running task. */
 static void test_chunks_in_any_order(void **state)
 {
     place *p = *state;

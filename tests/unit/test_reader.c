@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Unit tests of base/core/reader: no process remains after a failed start; findings of sanitizers in the process of the
- * reader.
+/* Unit tests of base/core/reader: no process remains after a failed start; findings of sanitizers in the
+ * process of the reader.
  */
 #include <setjmp.h>
 #include <stdarg.h>

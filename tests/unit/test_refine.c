@@ -125,8 +125,8 @@ static bool sample_in_band(const field *f, vec3 x, field_order order, field_samp
     return fabs(away) < BAND && whole->sample(f, x, order, out);
 }
 
-/* Refines with `more` particles than there are edges, and checks that each span gets the expected number: none, one
- * or two. */
+/* Refines with `more` particles than there are edges, and checks that each span gets the expected number:
+ * none, one or two. */
 static void try_refining(int more, bool narrow)
 {
     ball b;

@@ -60,8 +60,8 @@ static void tear_down(bench *b)
     analytic_free(b->a);
 }
 
-/* Pairs are symmetric, and a step is accepted only if it lowers the particle's own energy. The energy of the system
- * therefore cannot rise: not with unequal amplitudes, not across creases, not while lists age. */
+/* Pairs are symmetric, and a step is accepted only if it lowers the particle's own energy. The energy of the
+ * system therefore cannot rise: not with unequal amplitudes, not across creases, not while lists age. */
 static void energy_never_rises(void **state)
 {
     (void)state;
@@ -74,7 +74,8 @@ static void energy_never_rises(void **state)
             if (sweep % 3 == 0)
                 assert_true(relax_build(b.r, b.p, b.params.sigma, 0.4 * b.params.spacing, &e));
             double energy = relax_mean_energy(b.r, b.p, b.params.sigma);
-            /* a step along a normal that is wrong by a Newton step may cost energy that `gain` does not include */
+            /* a step along a normal that is wrong by a Newton step may cost energy that `gain` does not
+             * include */
             if (energy > before * (1 + 1e-7))
                 fail_msg("%s, sweep %d: %.12g after %.12g", shape_names[shape], sweep, energy, before);
             before = energy;
@@ -108,8 +109,8 @@ static void coincident_points_do_not_set_the_support(void **state)
     tear_down(&b);
 }
 
-/* No particle moves farther from its position at the build of the lists than they permit, nor off the surface; also
- * if they were built for a smaller support. */
+/* No particle moves farther from its position at the build of the lists than they permit, nor off the
+ * surface; also if they were built for a smaller support. */
 static void check_lists_stay_valid(const fast_kernel *forces, double smaller)
 {
     error e = {0};
@@ -270,8 +271,9 @@ static void energies_are_returned_with_the_remaining_steps(void **state)
     tear_down(&b);
 }
 
-/* A particle that fewer than three neighbours hold may drift without end at almost no energy, for example on a
- * droplet. Its step does not count for convergence, however many particles beyond the support are in its list. */
+/* A particle that fewer than three neighbours hold may drift without end at almost no energy, for example on
+ * a droplet. Its step does not count for convergence, however many particles beyond the support are in its
+ * list. */
 static void particles_free_to_drift_have_no_remaining_step(void **state)
 {
     (void)state;
@@ -322,7 +324,8 @@ static void divergent_share_is_that_of_all_pairs_within_the_lists(void **state)
     }
 }
 
-/* The steps of displaced particles and of those near them are reported separately until displacements are cleared. */
+/* The steps of displaced particles and of those near them are reported separately until displacements are
+ * cleared. */
 static void steps_of_displaced_particles_are_reported_separately(void **state)
 {
     (void)state;
@@ -349,8 +352,8 @@ static void steps_of_displaced_particles_are_reported_separately(void **state)
     tear_down(&b);
 }
 
-/* Particles near convergence are skipped by sweeps that permit it, until a neighbour has moved far. They are counted
- * with their last energies. */
+/* Particles near convergence are skipped by sweeps that permit it, until a neighbour has moved far. They are
+ * counted with their last energies. */
 static void converged_particles_are_skipped(void **state)
 {
     (void)state;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Over-dense points and gaps in a plane: which points are relocated to which places, and what must not change. */
+/* Over-dense points and gaps in a plane: which points are relocated to which places, and what must not
+ * change. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -93,7 +94,8 @@ static void displaced_points_of_a_lattice_return_to_its_holes(void **state)
     free(place);
 }
 
-/* Random points: the least distance never decreases below RELOCATION_GAP or its former value, and passes end. */
+/* Random points: the least distance never decreases below RELOCATION_GAP or its former value, and passes
+ * end. */
 static void relocation_separates_random_points(void **state)
 {
     (void)state;
@@ -119,8 +121,8 @@ static void relocation_separates_random_points(void **state)
     free(place);
 }
 
-/* Relocations do not depend on the search method: many points far away make cells over-dense, so that a tree is
- * used. */
+/* Relocations do not depend on the search method: many points far away make cells over-dense, so that a tree
+ * is used. */
 static void points_far_away_change_nothing(void **state)
 {
     (void)state;
@@ -158,7 +160,8 @@ static void points_far_away_change_nothing(void **state)
     free(near);
 }
 
-/* A square lattice of slightly too small spacing, none of whose points is over-dense, beside a strip without points. */
+/* A square lattice of slightly too small spacing, none of whose points is over-dense, beside a strip
+ * without points. */
 static void a_second_limit_fills_a_strip_beside_a_lattice(void **state)
 {
     (void)state;

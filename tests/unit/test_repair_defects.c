@@ -155,8 +155,8 @@ static solved solve(const ball *b, bool mend, int workers)
     return out;
 }
 
-/* The number of points is unchanged, they have converged, and they are nearer to the requested spacing. The result
- * does not depend on the number of threads. */
+/* The number of points is unchanged, they have converged, and they are nearer to the requested spacing. The
+ * result does not depend on the number of threads. */
 static void defects_are_repaired(void **state)
 {
     (void)state;

@@ -89,8 +89,8 @@ static void a_wall_below_a_half_leaves_the_other_half_resolved(void **state)
     const int rows = SIDE / 2;
     const resolution whole = measure_plate(10, rows), half = measure_plate(1, rows);
     assert_true(whole.resolved == 1);
-    /* Two spacings from a boundary are three rows: three on each side of the lattice, three of the wall. Two to six
-     * rows beyond the wall are unresolved. */
+    /* Two spacings from a boundary are three rows: three on each side of the lattice, three of the wall. Two
+     * to six rows beyond the wall are unresolved. */
     const double measured = (SIDE - 6) + (rows - 3), beyond = SIDE - rows - 3;
     assert_true(half.resolved <= (beyond - 2) / measured && half.resolved >= (beyond - 6) / measured);
 }

@@ -206,7 +206,8 @@ static void test_expired_jobs_are_deleted(void **state)
     assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
 }
 
-/* Whatever the wall clock, an ended job is kept for ten hours of running time, and an uploaded file for KEEP_S. */
+/* Whatever the wall clock, an ended job is kept for ten hours of running time, and an uploaded file for
+ * KEEP_S. */
 static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
 {
     place *p = *state;

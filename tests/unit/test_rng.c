@@ -9,7 +9,8 @@
 #include "base/core/rng.h"
 #include "close.h"
 
-/* The first outputs of xoshiro256++ from the state 1, 2, 3, 4, by hand from its definition: rotl(s0 + s3, 23) + s0. */
+/* The first outputs of xoshiro256++ from the state 1, 2, 3, 4, by hand from its definition: rotl(s0 +
+ * s3, 23) + s0. */
 static void test_the_generator_is_the_published_one(void **state)
 {
     (void)state;

@@ -253,8 +253,8 @@ static void test_a_root_may_be_a_single_file(void **state)
     free(file);
 }
 
-/* Links like `latest` on render farms: absolute, through another link, out of the root and back, and to another
- * root. */
+/* Links like `latest` on render farms: absolute, through another link, out of the root and back, and to
+ * another root. */
 static void test_links_may_lead_below_a_root(void **state)
 {
     place *p = *state;

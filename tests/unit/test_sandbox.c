@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The permissions of a process in the sandbox. Each probe is a separate process that enters the sandbox and tries an
- * operation.
+/* The permissions of a process in the sandbox. Each probe is a separate process that enters the sandbox and
+ * tries an operation.
  */
 #include <setjmp.h>
 #include <stdarg.h>

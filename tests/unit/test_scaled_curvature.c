@@ -86,8 +86,8 @@ static void torus_has_its_curvatures_with_their_signs(void **state)
     analytic_free(a);
 }
 
-/* An edge of any sharpness turns by a right angle. At a scale of 0.1 its curvature with a radius of 0.002 is about
- * that with a radius of 0.01. A distant face is flat. */
+/* An edge of any sharpness turns by a right angle. At a scale of 0.1 its curvature with a radius of 0.002 is
+ * about that with a radius of 0.01. A distant face is flat. */
 static void edges_bend_over_the_scale(void **state)
 {
     (void)state;
@@ -107,8 +107,8 @@ static void edges_bend_over_the_scale(void **state)
     assert_close(at_edge[1] / at_edge[0], 1, 0.1);
 }
 
-/* A sphere of radius 0.35 in samples with errors of up to a tenth of their distance: the curvature of the field
- * itself is noise. */
+/* A sphere of radius 0.35 in samples with errors of up to a tenth of their distance: the curvature of the
+ * field itself is noise. */
 static void noise_averages_out(void **state)
 {
     (void)state;

@@ -32,8 +32,8 @@ static void levels_have_fewer_sweeps_the_more_particles_they_have(void **state)
     assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
 }
 
-/* Over-relaxation never increases during the sweeps of a level. It begins above 2, far from a plain step, and ends
- * below 1.3. The paper's method and continued solves use a constant factor. */
+/* Over-relaxation never increases during the sweeps of a level. It begins above 2, far from a plain step, and
+ * ends below 1.3. The paper's method and continued solves use a constant factor. */
 static void over_relaxation_follows_the_sweeps(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Allocations that fail while a surface is made and sampled: the caller gets the error limit_memory. The linker
- * replaces mem_array (--wrap).
+/* Allocations that fail while a surface is made and sampled: the caller gets the error limit_memory. The
+ * linker replaces mem_array (--wrap).
  */
 #include <setjmp.h>
 #include <stdarg.h>

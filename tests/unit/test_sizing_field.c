@@ -199,7 +199,8 @@ static double unpainted_above(const void *context, vec3 x)
     return x.z > 0 ? NAN : *(const double *)context;
 }
 
-/* A map that is undefined in a part leaves it to the growth limit. A map that is undefined everywhere is refused. */
+/* A map that is undefined in a part leaves it to the growth limit. A map that is undefined everywhere is
+ * refused. */
 static void maps_with_holes(void **state)
 {
     (void)state;
@@ -258,8 +259,8 @@ static void result_does_not_depend_on_threads(void **state)
     release(&many);
 }
 
-/* A shape that is thin at one end: a ratio of the feature size bounds the spacing. The resulting number of points is
- * a possible count, and a copy for another count has that count. */
+/* A shape that is thin at one end: a ratio of the feature size bounds the spacing. The resulting number of
+ * points is a possible count, and a copy for another count has that count. */
 static void features_bound_the_spacing(void **state)
 {
     (void)state;
@@ -291,8 +292,8 @@ static void features_bound_the_spacing(void **state)
     release(&s);
 }
 
-/* The tip of a cone is small: with the usual share of the area at the fine end, the growth limit leaves 5.9 of a
- * ratio of 10. */
+/* The tip of a cone is small: with the usual share of the area at the fine end, the growth limit leaves 5.9
+ * of a ratio of 10. */
 static void a_finer_end_compensates_the_growth_limit(void **state)
 {
     (void)state;
@@ -324,8 +325,8 @@ static void a_finer_end_without_effect_is_discarded(void **state)
     release(&s);
 }
 
-/* A curve around the outside of the tube and one across it: the share there, growth with the distance, and the
- * count. */
+/* A curve around the outside of the tube and one across it: the share there, growth with the distance, and
+ * the count. */
 static void curves_are_finer_than_the_surface(void **state)
 {
     (void)state;

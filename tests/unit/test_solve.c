@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Complete solves on smooth surfaces: their levels, and the values of each point in the result, which are recomputed
- * by brute force.
+/* Complete solves on smooth surfaces: their levels, and the values of each point in the result, which are
+ * recomputed by brute force.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -67,8 +67,8 @@ static void check_residuals(const solve *x)
     assert_close(x->points->max_residual, largest, 1e-6 * largest);
 }
 
-/* E_i = sum of w_ij (s_ij / s_i)^2 phi(r_ij / (s_ij sigma)): s are the sizes, s_ij their mean, and w_ij is the mean
- * amplitude of the two points. Neighbours are the points with r_ij < s_ij sigma. */
+/* E_i = sum of w_ij (s_ij / s_i)^2 phi(r_ij / (s_ij sigma)): s are the sizes, s_ij their mean, and w_ij is
+ * the mean amplitude of the two points. Neighbours are the points with r_ij < s_ij sigma. */
 static void check_energies(const solve *x)
 {
     const solver_points *p = x->points;
@@ -92,8 +92,8 @@ static void check_energies(const solve *x)
     assert_close(p->mean_neighbours, neighbours / (double)p->count, 0.01);
 }
 
-/* Unit normals along the gradient, and the curvatures of a torus. Points are within 1e-9 h of the surface, which
- * changes the curvature by 1e-9 h / MINOR^2 < 2e-9. */
+/* Unit normals along the gradient, and the curvatures of a torus. Points are within 1e-9 h of the surface,
+ * which changes the curvature by 1e-9 h / MINOR^2 < 2e-9. */
 static void check_torus_geometry(const solve *x)
 {
     for (size_t i = 0; i < x->points->count; i++) {
@@ -248,8 +248,8 @@ static void given_start(const solve *x, solver_params *params)
     params->given_place = x->points->patch_points.place;
 }
 
-/* Lost points are moved to places where the distance to the nearest point is large. All other points keep their
- * positions. */
+/* Lost points are moved to places where the distance to the nearest point is large. All other points keep
+ * their positions. */
 static void lost_points_get_new_places(void **state)
 {
     (void)state;
@@ -291,8 +291,8 @@ static void lost_points_get_new_places(void **state)
     analytic_free(a);
 }
 
-/* Only one side of the torus remains, which is too small for some points: these are lost. Each end of the solve
- * searches for places again. */
+/* Only one side of the torus remains, which is too small for some points: these are lost. Each end of the
+ * solve searches for places again. */
 static void lost_points_are_those_off_the_surface(void **state)
 {
     (void)state;
@@ -456,8 +456,8 @@ static void threads_do_not_change_a_multilevel_solve(void **state)
 
 /* ---- surfaces that the count does not resolve */
 
-/* Separate spheres: for each its centre, its radius, and the edge of its cells, which is a power of two times the
- * smallest edge. */
+/* Separate spheres: for each its centre, its radius, and the edge of its cells, which is a power of two times
+ * the smallest edge. */
 enum { SPHERES_MOST = 64, CELLS_MOST = 20000 };
 
 typedef struct sphere_part {
@@ -575,8 +575,8 @@ static void make_lattice(int side, spheres *out)
     finish_spheres(out);
 }
 
-/* The number of spheres is near the number of points or above it: the points are distributed evenly in space, over
- * as many spheres as possible. */
+/* The number of spheres is near the number of points or above it: the points are distributed evenly in space,
+ * over as many spheres as possible. */
 static void unresolved_surface_is_covered_evenly(void **state)
 {
     (void)state;

@@ -277,7 +277,8 @@ static size_t nearest_free(const solve *x, vec3 at)
     return best;
 }
 
-/* Moves the free point nearest to `from` to `to` on the face z = 0.5, and finalizes. *as_it_is: the points before. */
+/* Moves the free point nearest to `from` to `to` on the face z = 0.5, and finalizes. *as_it_is: the points
+ * before. */
 static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, solve *out, size_t *moved)
 {
     solver_params params = solve_defaults;
@@ -313,7 +314,8 @@ static void put_beside_edge(size_t count, vec3 from, vec3 to, solve *as_it_is, s
     check_faces(out);
 }
 
-/* A free point on a curve moves to a gap of its patch. The patch has few points, so that random draws find a gap. */
+/* A free point on a curve moves to a gap of its patch. The patch has few points, so that random draws find
+ * a gap. */
 static void point_on_a_curve_moves_to_a_gap(void **state)
 {
     (void)state;
@@ -333,8 +335,8 @@ static void point_on_a_curve_moves_to_a_gap(void **state)
     solve_free(&out);
 }
 
-/* Without a gap it moves 0.3 spacings away from the curve, towards the inside of its patch. A point that is 0.3
- * spacings from the curve keeps its position. */
+/* Without a gap it moves 0.3 spacings away from the curve, towards the inside of its patch. A point that is
+ * 0.3 spacings from the curve keeps its position. */
 static void point_on_a_curve_without_a_gap_moves_inwards(void **state)
 {
     (void)state;
@@ -368,8 +370,8 @@ static void point_on_a_curve_without_a_gap_moves_inwards(void **state)
 
 /* ---- points on curves */
 
-/* Corners, curves and faces of a cube: each point has a copy for each patch that meets there, and the mean of their
- * normals. */
+/* Corners, curves and faces of a cube: each point has a copy for each patch that meets there, and the mean of
+ * their normals. */
 static void points_on_curves_have_a_copy_for_each_patch(void **state)
 {
     (void)state;
@@ -504,8 +506,8 @@ static void points_of_a_mesh_at_one_place_are_separated(void **state)
     mesh_surface_free(s);
 }
 
-/* Eight squares of about one cell each. No support gives the only two interacting points the ideal energy while they
- * coincide. The result is completed nevertheless. */
+/* Eight squares of about one cell each. No support gives the only two interacting points the ideal energy
+ * while they coincide. The result is completed nevertheless. */
 static void points_without_the_ideal_energy_are_separated(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The complete solver on formulas: exact counts, points on the surface, convergence, equal results for any number of
- * threads, and a packing as good as that of the paper's method.
+/* The complete solver on formulas: exact counts, points on the surface, convergence, equal results for any
+ * number of threads, and a packing as good as that of the paper's method.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -155,8 +155,8 @@ static void every_shape_converges(void **state)
     }
 }
 
-/* Section 4 and Table 1: the characteristic length of the Gaussian leaves a worse packing than the cotangent, with
- * both descents. */
+/* Section 4 and Table 1: the characteristic length of the Gaussian leaves a worse packing than the cotangent,
+ * with both descents. */
 static void cotangent_packs_better_than_gaussian(void **state)
 {
     (void)state;
@@ -350,8 +350,9 @@ static void tiny_counts_work(void **state)
     }
 }
 
-/* Convergence applies to the delivered points: their Newton steps are as short as those of the last sweep. Particles
- * whose trial steps were refused because of a wrong normal moved by damped steps, up to 0.01 h from convergence. */
+/* Convergence applies to the delivered points: their Newton steps are as short as those of the last sweep.
+ * Particles whose trial steps were refused because of a wrong normal moved by damped steps, up to 0.01 h
+ * from convergence. */
 static void delivered_points_have_converged(void **state)
 {
     (void)state;

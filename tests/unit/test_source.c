@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Surfaces that are opened from a spec: files, regions, combinations, offsets and transforms, and the projection of
- * points from the level set of a mesh onto its triangles.
+/* Surfaces that are opened from a spec: files, regions, combinations, offsets and transforms, and the
+ * projection of points from the level set of a mesh onto its triangles.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -130,7 +130,8 @@ static void offset_moves_formulas_outwards(void **state)
     assert_on_surface(OFFSET(-0.5, SPHERE(1, 2)), vec3_make(2.5, 0, 0), x);
     assert_on_surface(OFFSET(0.25, TORUS), vec3_make(2.75, 0, 0), x);
     assert_on_surface(OFFSET(0.5, BOX), vec3_make(0, 0, 3.5), z);
-    /* rounding increases with the offset: the sphere of radius 0.75 at the corner is centred at (0.75, 1.75, 2.75) */
+    /* rounding increases with the offset: the sphere of radius 0.75 at the corner is centred at (0.75,
+     * 1.75, 2.75) */
     assert_on_surface(OFFSET(0.5, BOX),
                       vec3_axpy(0.75 / sqrt(3), vec3_make(1, 1, 1), vec3_make(0.75, 1.75, 2.75)),
                       vec3_make(1, 1, 1));
@@ -336,7 +337,8 @@ static void places_go_onto_the_nearest_triangles(void **state)
     mesh_free(&ball);
 }
 
-/* F of the mesh projection is the distance from the triangles, and its gradient a unit vector away from them. */
+/* F of the mesh projection is the distance from the triangles, and its gradient a unit vector away from
+ * them. */
 static void mesh_projection_field_is_the_distance_from_the_triangles(void **state)
 {
     (void)state;
@@ -495,8 +497,8 @@ static void places_of_other_parts_stay(void **state)
     close_surface(&x);
 }
 
-/* If two balls of one mesh overlap, the triangles inside are hidden and receive no points. F of the mesh projection
- * is the distance from all triangles. */
+/* If two balls of one mesh overlap, the triangles inside are hidden and receive no points. F of the mesh
+ * projection is the distance from all triangles. */
 static void hidden_triangles_receive_no_places(void **state)
 {
     (void)state;

@@ -1222,7 +1222,8 @@ static void test_stacks_of_a_spec_have_a_limit_together(void **state)
     }
 }
 
-/* Checks that spec_check_frames, which does not parse each frame, finds the same faults as parsing each frame. */
+/* Checks that spec_check_frames, which does not parse each frame, finds the same faults as parsing each
+ * frame. */
 static void expect_same_as_each(const char *surface, const char *rest, const char *by_frame)
 {
     char *text = mem_printf("{\"version\":1,\"surface\":%s,%s,\"queue\":{\"frames\":\"1-3\",\"coherent\":%s,"

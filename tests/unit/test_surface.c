@@ -68,8 +68,8 @@ static void areas_of_awkward_shapes(void **state)
     }
 }
 
-/* A sphere in cells nearly as large as its radius: the faster estimate of a scan is close to the area of the cell's
- * parts. */
+/* A sphere in cells nearly as large as its radius: the faster estimate of a scan is close to the area of the
+ * cell's parts. */
 static void half_as_many_parts_give_nearly_the_same_area(void **state)
 {
     (void)state;
@@ -99,8 +99,8 @@ static void half_as_many_parts_give_nearly_the_same_area(void **state)
     analytic_free(a);
 }
 
-/* Balls smaller than a cell on one side, a gyroid of three cells on the other, and nothing between: all cells are
- * bent. */
+/* Balls smaller than a cell on one side, a gyroid of three cells on the other, and nothing between: all cells
+ * are bent. */
 typedef struct two_kinds {
     field base;
     size_t count;
@@ -157,8 +157,8 @@ static void cell_of_kinds(const field *f, size_t k, field_cell *out)
     fill_cell(((const two_kinds *)f)->cell[k], out);
 }
 
-/* Only some of many bent cells are measured by their parts. The estimate for the others depends on the kind of the
- * surface there. */
+/* Only some of many bent cells are measured by their parts. The estimate for the others depends on the kind
+ * of the surface there. */
 static void mixed_bent_cells_have_their_areas(void **state)
 {
     (void)state;
@@ -204,7 +204,8 @@ static void area_does_not_depend_on_threads(void **state)
     for (int k = 0; k < SHAPE_COUNT; k++) assert_true(scan_area(k, 1) == scan_area(k, 3));
 }
 
-/* Above a plane the fraction of the points equals the fraction of the sphere's area (Archimedes: uniform in z). */
+/* Above a plane the fraction of the points equals the fraction of the sphere's area (Archimedes: uniform
+ * in z). */
 static void points_follow_area(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Triangles between points on a mesh. They have its topology where opposite surfaces are closer than the points, and
- * where these meet in an edge as sharp as that of a blade.
+/* Triangles between points on a mesh. They have its topology where opposite surfaces are closer than the
+ * points, and where these meet in an edge as sharp as that of a blade.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -28,7 +28,8 @@ typedef struct scattered {
     uint32_t name[MOST];
 } scattered;
 
-/* Points drawn from the mesh by area. No point on the same side of the triangle is closer than .7 spacings. */
+/* Points drawn from the mesh by area. No point on the same side of the triangle is closer than .7
+ * spacings. */
 static scattered *scatter_with(const mesh *m, double spacing, uint64_t seed, int trials)
 {
     scattered *s = calloc(1, sizeof *s);
@@ -161,8 +162,8 @@ static void drop_point(scattered *s, size_t k)
     s->normal[k] = s->normal[s->count];
 }
 
-/* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. The edges
- * of its sides are kept. */
+/* A fin as wide as the spacing: cells reach around it, so that front and back would have the same edges. The
+ * edges of its sides are kept. */
 static void fins_are_closed(void **state)
 {
     (void)state;
@@ -221,7 +222,8 @@ static void thorns_of_rings_are_closed(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* A ring around two points that share the tip: they have the ring and each other as neighbours, and no fourth. */
+/* A ring around two points that share the tip: they have the ring and each other as neighbours, and no
+ * fourth. */
 static void tips_of_two_points_are_closed(void **state)
 {
     (void)state;
@@ -281,8 +283,8 @@ static void necks_are_tubes(void **state)
     assert_whole(m, s, NULL, 0, 2);
 }
 
-/* The same bar with points at its ends: their cells meet there and have no third neighbour, or have a neighbour that
- * meets both. */
+/* The same bar with points at its ends: their cells meet there and have no third neighbour, or have a
+ * neighbour that meets both. */
 static void bars_of_few_points_are_tubes(void **state)
 {
     (void)state;

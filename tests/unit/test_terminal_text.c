@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Texts from others as terminals show them. The list tests/terminal_text.tsv is also the list of tests/service/test_terminal_text.py. */
+/* Texts from others as terminals show them. The list tests/terminal_text.tsv is also the list of
+ * tests/service/test_terminal_text.py. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

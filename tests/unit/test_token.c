@@ -280,7 +280,8 @@ static void test_peers_and_tokens(void **state)
     close(pair[1]);
 }
 
-/* The file changes while no descriptor is available: the known tokens are kept, and the file is read later. */
+/* The file changes while no descriptor is available: the known tokens are kept, and the file is read
+ * later. */
 static void test_tokens_stay_while_their_file_cannot_be_read(void **state)
 {
     (void)state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The triangle filter against a test of single triangles in double precision: flat, bent and creased neighbourhoods,
- * opposite walls, uniform and varying spacing.
+/* The triangle filter against a test of single triangles in double precision: flat, bent and creased
+ * neighbourhoods, opposite walls, uniform and varying spacing.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -87,7 +87,8 @@ static int by_distance(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Points on a wall that is bent or creased along x; in some rounds with an opposite wall above or below it. */
+/* Points on a wall that is bent or creased along x; in some rounds with an opposite wall above or below
+ * it. */
 static void scatter(around *s, rng *r)
 {
     const double bend = 1.5 * (rng_uniform(r) - 0.5), roof = rng_uniform(r) < 0.3 ? rng_uniform(r) : 0;

@@ -51,8 +51,8 @@ static void assert_block(const triangle_groups *g, const int32_t origin[3], doub
     }
 }
 
-/* Few and many triangles, small and large compared with the voxels, on planes of voxels and off them, in narrow and
- * wide bands. */
+/* Few and many triangles, small and large compared with the voxels, on planes of voxels and off them, in
+ * narrow and wide bands. */
 static void voxels_are_as_far_as_the_nearest_triangle(void **state)
 {
     (void)state;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* triangulation: closed where the points resolve the surface, open at boundaries and holes, with correct facts. */
+/* triangulation: closed where the points resolve the surface, open at boundaries and holes, with correct
+ * facts. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -78,8 +79,8 @@ static void spheres_are_closed(void **state)
 
 enum { SIDE = 20 };
 
-/* A plane of equilateral triangles with an edge of 1, for points with the spacing `spacing`, without those closer
- * than `hole` to its centre. */
+/* A plane of equilateral triangles with an edge of 1, for points with the spacing `spacing`, without those
+ * closer than `hole` to its centre. */
 static point_set make_sheet(double spacing, double hole)
 {
     point_set s = point_set_new(SIDE * SIDE);

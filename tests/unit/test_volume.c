@@ -49,7 +49,8 @@ static const double *const transforms[] = {fixture_uniform, fixture_nonuniform, 
 static void the_spline_goes_through_the_samples(void **state)
 {
     (void)state;
-    /* Noise is the hardest case: its coefficients are ten times its values. Floats have a precision of 6e-8 of them. */
+    /* Noise is the hardest case: its coefficients are ten times its values. Floats have a precision of
+     * 6e-8 of them. */
     const double tolerance = 3e-6;
     print_message("# seed %u\n", SEED);
     for (size_t t = 0; t < TRANSFORMS; t++) {
@@ -118,8 +119,8 @@ static double cube(vec3 p)
     return 1e-6 * round(1e6 * (fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 1));
 }
 
-/* The spline oscillates about such a face by less than the threshold: except at the edges, no cell beyond it belongs
- * to the surface. */
+/* The spline oscillates about such a face by less than the threshold: except at the edges, no cell beyond it
+ * belongs to the surface. */
 static void a_face_in_a_plane_of_voxels_is_in_one_layer_of_cells(void **state)
 {
     (void)state;
@@ -299,8 +300,8 @@ static double near_zero(vec3 p)
     return -64 * ball(p);
 }
 
-/* Voxels of drafts are floats, which represent values near 1e6 to 1/16. Both volumes have such values, and one
- * isovalue is between two floats. */
+/* Voxels of drafts are floats, which represent values near 1e6 to 1/16. Both volumes have such values, and
+ * one isovalue is between two floats. */
 static void the_isovalue_is_subtracted_before_doubles_become_floats(void **state)
 {
     (void)state;
@@ -329,7 +330,8 @@ static void the_isovalue_is_subtracted_before_doubles_become_floats(void **state
 static void a_clamped_band_does_not_ring(void **state)
 {
     (void)state;
-    /* The same ball with a band of 3 voxels and with one of 9, which includes all values that have an effect. */
+    /* The same ball with a band of 3 voxels and with one of 9, which includes all values that have an
+     * effect. */
     const double tolerance_vox = 1e-4, curvature_tolerance = 0.01;
     fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3),
             wide = fixture_make(fixture_uniform, 22, ball, 0.9);
@@ -434,9 +436,10 @@ static double thin_box(vec3 p)
 static void errors_at_edges_and_thin_walls_are_bounded(void **state)
 {
     (void)state;
-    /* The interior is 6.6 voxels thick, so both bands nearly meet there. At sharp edges a cubic spline rounds and
-     * overshoots by a part of a voxel, most in cells that it enters between their corners. The kink in the middle
-     * contributes at most 0.268^3.3 of its bend at the faces. Runs of known voxels end beside it. */
+    /* The interior is 6.6 voxels thick, so both bands nearly meet there. At sharp edges a cubic spline rounds
+     * and overshoots by a part of a voxel, most in cells that it enters between their corners. The kink in
+     * the middle contributes at most 0.268^3.3 of its bend at the faces. Runs of known voxels end beside
+     * it. */
     fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
     volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(v);
@@ -457,7 +460,8 @@ static void errors_at_edges_and_thin_walls_are_bounded(void **state)
 static void smoothing_blurs_by_what_theory_says(void **state)
 {
     (void)state;
-    /* Samples used as coefficients add the Laplacian / 6: 2/R/6 of a voxel for a ball of R = 10 voxels, inwards. */
+    /* Samples used as coefficients add the Laplacian / 6: 2/R/6 of a voxel for a ball of R = 10 voxels,
+     * inwards. */
     fixture g = fixture_make(fixture_uniform, 16, ball, 0.4);
     volume *v = fixture_volume(&g, NAN, VOLUME_SMOOTHING);
     const field *f = volume_field(v);
@@ -584,8 +588,8 @@ static void outside_the_coefficient_blocks_there_is_no_field(void **state)
     fixture_free(&g);
 }
 
-/* The area of the zero set by the co-area formula: the mean of |grad F| where |F| is below the band, at random
- * points. */
+/* The area of the zero set by the co-area formula: the mean of |grad F| where |F| is below the band, at
+ * random points. */
 static double area_by_chance(const field *f, double band, int draws)
 {
     uint64_t r = SEED;
@@ -601,8 +605,8 @@ static double area_by_chance(const field *f, double band, int draws)
     return sum / draws * size.x * size.y * size.z / (2 * band);
 }
 
-/* Waves of three voxels on a ball: without the cells that the surface crosses between their corners, 1 % of the area
- * is missing. */
+/* Waves of three voxels on a ball: without the cells that the surface crosses between their corners, 1 % of
+ * the area is missing. */
 static double ripples(vec3 p)
 {
     return 1.1 - vec3_norm(p) +
@@ -634,8 +638,8 @@ static double torus(vec3 p)
     return hypot(hypot(p.x, p.y) - 0.1 * major, p.z) - 0.1 * minor;
 }
 
-/* For any fraction of gentle cells: all, some, and none. Only with areas by roots next to areas without, the error
- * exceeds a hundredth of a percent. */
+/* For any fraction of gentle cells: all, some, and none. Only with areas by roots next to areas without, the
+ * error exceeds a hundredth of a percent. */
 static void areas_are_right_however_cells_bend(void **state)
 {
     static const double radii[][2] = {{0, 8},  {0, 10}, {0, 11}, {0, 12}, {0, 13},
@@ -695,8 +699,8 @@ static void draw_lanes(const field *f, uint64_t *seed, vec3_lanes *x, bool *defi
     }
 }
 
-/* Sixteen samples in lanes, in single precision, equal those of `sample` to rounding. They do not depend on the
- * instruction set or on the other lanes. */
+/* Sixteen samples in lanes, in single precision, equal those of `sample` to rounding. They do not depend on
+ * the instruction set or on the other lanes. */
 static void lanes_equal_samples_in_single_precision(void **state)
 {
     (void)state;
@@ -769,8 +773,8 @@ static void the_example_is_a_knot(void **state)
     close(fd);
 }
 
-/* The largest distance of a surface from the points of a ball, one of which is missing, in spacings; the spacings
- * may differ. */
+/* The largest distance of a surface from the points of a ball, one of which is missing, in spacings; the
+ * spacings may differ. */
 static double farthest_without(const surface *s, int left_out, bool is_graded)
 {
     enum { POINTS = 14 };

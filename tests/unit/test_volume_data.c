@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Real files: every volume of the shared data, and every hostile one, gives its points or its error. If the data are
- * missing, the tests are skipped with a message.
+/* Real files: every volume of the shared data, and every hostile one, gives its points or its error. If the
+ * data are missing, the tests are skipped with a message.
  */
 #include <setjmp.h>
 #include <stdarg.h>

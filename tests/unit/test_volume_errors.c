@@ -143,7 +143,8 @@ static void volumes_without_a_surface(void **state)
     fixture_free(&fog);
 }
 
-/* Fogs with a constant value around and inside, which is the isovalue: oscillations of the spline are no surface. */
+/* Fogs with a constant value around and inside, which is the isovalue: oscillations of the spline are no
+ * surface. */
 static void plateaus_are_no_surface(void **state)
 {
     (void)state;
@@ -229,7 +230,8 @@ static double box_on_voxels(vec3 p)
     return fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 0.8;
 }
 
-/* A box whose faces lie on voxels, also on the faces of blocks: samples of 0 with other samples beyond them. */
+/* A box whose faces lie on voxels, also on the faces of blocks: samples of 0 with other samples beyond
+ * them. */
 static void zeros_on_the_surface_are_no_plateau(void **state)
 {
     (void)state;
@@ -390,8 +392,8 @@ static void the_limit_of_memory(void **state)
     fixture_free(&g);
 }
 
-/* The memory of a volume is within the smallest limit with which it opens, also if a fifth of its leaves is unused
- * but kept. */
+/* The memory of a volume is within the smallest limit with which it opens, also if a fifth of its leaves is
+ * unused but kept. */
 static void memory_use_is_within_the_limit(void **state)
 {
     (void)state;
@@ -497,8 +499,8 @@ static unsigned char *find_bytes(unsigned char *bytes, size_t size, const void *
     return found;
 }
 
-/* Values by which the library would allocate memory or recurse: the type of a transform, and of a transform within
- * another. */
+/* Values by which the library would allocate memory or recurse: the type of a transform, and of a transform
+ * within another. */
 static void names_of_transforms(void **state)
 {
     (void)state;
@@ -553,7 +555,8 @@ static void versions_of_the_format(void **state)
     fixture_free(&g);
 }
 
-/* A boolean of nine bytes: the library reads one byte, and would interpret the others as the length of a name. */
+/* A boolean of nine bytes: the library reads one byte, and would interpret the others as the length of a
+ * name. */
 static void lengths_of_metadata(void **state)
 {
     (void)state;

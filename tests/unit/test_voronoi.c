@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* One-rings from polygons against one-rings from triangles, and symmetry of neighbours: on uniform, perturbed, bent,
- * creased and degenerate sets.
+/* One-rings from polygons against one-rings from triangles, and symmetry of neighbours: on uniform,
+ * perturbed, bent, creased and degenerate sets.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -59,8 +59,8 @@ static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_
     }
 }
 
-/* Checks that the triangles of a one-ring, whose number follows from the counts of its neighbours, surround the
- * point, and that the other corners have them, too. */
+/* Checks that the triangles of a one-ring, whose number follows from the counts of its neighbours, surround
+ * the point, and that the other corners have them, too. */
 static void compare_corners(uint32_t a, const voronoi_star *stars)
 {
     const voronoi_star *star = &stars[a];
@@ -184,8 +184,8 @@ static void bent_sheets_agree(void **state)
     free(s);
 }
 
-/* All inner points of a hexagonal lattice are clear, even if slightly perturbed. No points of a square lattice are,
- * because their diagonals are equal. */
+/* All inner points of a hexagonal lattice are clear, even if slightly perturbed. No points of a square
+ * lattice are, because their diagonals are equal. */
 static void hexagonal_lattices_are_clear_and_square_ones_are_not(void **state)
 {
     (void)state;
@@ -240,7 +240,8 @@ static void shapes_agree(void **state)
     free(s);
 }
 
-/* Coincident points, collinear points and a single point: none has a clear one-ring, and there is no failure. */
+/* Coincident points, collinear points and a single point: none has a clear one-ring, and there is no
+ * failure. */
 static void degenerate_sets_agree(void **state)
 {
     (void)state;
@@ -255,8 +256,8 @@ static void degenerate_sets_agree(void **state)
     free(s);
 }
 
-/* The corners of a hole wider than the reach of the lists are joined by a triangulation of it, or not across it at
- * all. */
+/* The corners of a hole wider than the reach of the lists are joined by a triangulation of it, or not across
+ * it at all. */
 static void holes_are_triangulated_or_left_open(void **state)
 {
     (void)state;
@@ -309,7 +310,8 @@ static void put_apart(set *s, vec3 x, vec3 normal)
     s->spacing[s->count++] = 1;
 }
 
-/* Points of a cube at its corners, on its edges and on its faces, at least 0.75 spacings apart, as many as fit. */
+/* Points of a cube at its corners, on its edges and on its faces, at least 0.75 spacings apart, as many as
+ * fit. */
 static void cover_cube(set *s, double half, rng *r)
 {
     s->count = 0;
@@ -323,10 +325,10 @@ static void cover_cube(set *s, double half, rng *r)
     }
 }
 
-/* At edges and corners, where the normals of neighbours differ by right angles, the triangles form one surface:
- * every edge belongs to two of them, 6 - degree sums to 12, and the cells have the area of the cube except for the
- * parts cut off at its edges. Random points are sometimes so unfavourable that an edge belongs to four triangles:
- * one in a hundred is permitted. */
+/* At edges and corners, where the normals of neighbours differ by right angles, the triangles form one
+ * surface: every edge belongs to two of them, 6 - degree sums to 12, and the cells have the area of the cube
+ * except for the parts cut off at its edges. Random points are sometimes so unfavourable that an edge belongs
+ * to four triangles: one in a hundred is permitted. */
 static void corners_are_closed(void **state)
 {
     (void)state;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The method of 1994: its formulas against finite differences and a lattice, and the statements of the paper of 2005
- * about it in section 3. It is homogeneous for uniform targets. For varying targets, insertion and deletion form an
- * endless cycle or, with more hysteresis, the result is homogeneous nevertheless.
+/* The method of 1994: its formulas against finite differences and a lattice, and the statements of the paper
+ * of 2005 about it in section 3. It is homogeneous for uniform targets. For varying targets, insertion and
+ * deletion form an endless cycle or, with more hysteresis, the result is homogeneous nevertheless.
  */
 #include <math.h>
 #include <setjmp.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vdb_points_reader: reads a points grid with OpenVDB and compares it with the points. It uses the library's reader and
- * shares no code with the writer (io/vdb/vdb_points.cc). */
+/* vdb_points_reader: reads a points grid with OpenVDB and compares it with the points. It uses the library's
+ * reader and shares no code with the writer (io/vdb/vdb_points.cc). */
 #include "vdb_points_reader.h"
 
 #include <algorithm>

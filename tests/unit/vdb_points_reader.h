@@ -9,7 +9,8 @@
 extern "C" {
 #endif
 
-/* Reads a file from its beginning. Error: internal (it differs; the message has the point and the attribute). */
+/* Reads a file from its beginning. Error: internal (it differs; the message has the point and the
+ * attribute). */
 bool vdb_points_compare(int fd, const vdb_points *points, error *e);
 
 #ifdef __cplusplus

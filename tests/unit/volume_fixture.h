@@ -29,8 +29,9 @@ extern const double fixture_nonuniform[16]; /* voxels 0.1 x 0.15 x 0.08, shifted
 extern const double fixture_rotated[16];    /* the same, rotated about an oblique axis */
 extern const double fixture_mirrored[16];   /* the same, mirrored: the determinant is negative */
 
-/* Voxels from -half to +half on each axis. With a band, a level set: values are clamped to +-band and inactive
- * there, and voxels outside of the band are missing. With band 0, a fog volume in which all voxels are active. */
+/* Voxels from -half to +half on each axis. With a band, a level set: values are clamped to +-band and
+ * inactive there, and voxels outside of the band are missing. With band 0, a fog volume in which all
+ * voxels are active. */
 fixture fixture_make(const double matrix[16], int half, fixture_function f, double band);
 void fixture_free(fixture *g);
 /* Sets an existing voxel of the fixture. */

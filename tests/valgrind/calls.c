@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* calls: loaded in front of what runs under valgrind (3.19), for what that does not do, so that workers are started.
+/* calls: loaded in front of what runs under valgrind (3.19), for what that does not do, so that workers are
+ * started.
  *
- * It keeps descriptors for itself and lets nobody lower their limit (EPERM): here that is said to be done. It does
- * not know pidfd_open (ENOSYS): here a descriptor becomes readable when a thread has seen the process end. And it
- * dies of an execve that fails: here one fails before, where a script's interpreter is missing. */
+ * It keeps descriptors for itself and lets nobody lower their limit (EPERM): here that is said to be done. It
+ * does not know pidfd_open (ENOSYS): here a descriptor becomes readable when a thread has seen the process
+ * end. And it dies of an execve that fails: here one fails before, where a script's interpreter is
+ * missing. */
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* build_part: the parts of hexad that configure can leave out.
  *
- * A build without a part still parses the members of a spec and the settings that belong to it. A request for the part
- * fails with not_supported and a message that names the option of configure. Any thread.
+ * A build without a part still parses the members of a spec and the settings that belong to it. A request for
+ * the part fails with not_supported and a message that names the option of configure. Any thread.
  */
 #ifndef HEXAD_BASE_CORE_BUILD_PART_H
 #define HEXAD_BASE_CORE_BUILD_PART_H

@@ -16,7 +16,8 @@
 #include "base/core/memory.h"
 
 #define ROOT "/sys/fs/cgroup"
-/* systemd (from version 251) sets this attribute of a group that it has delegated to an unprivileged service. */
+/* systemd (from version 251) sets this attribute of a group that it has delegated to an unprivileged
+ * service. */
 #define DELEGATED "user.delegate"
 /* The subgroup of this process, and the prefix of the names of other subgroups. */
 #define OWN_GROUP "service"
@@ -73,7 +74,8 @@ static bool has_word(const char *list, const char *word)
     return false;
 }
 
-/* Removes groups of earlier runs. Only empty groups can be removed, and no group is being created: none is in use. */
+/* Removes groups of earlier runs. Only empty groups can be removed, and no group is being created: none is
+ * in use. */
 static void sweep(const control_groups *groups)
 {
     int fd = openat(groups->directory, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);

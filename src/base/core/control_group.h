@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* control_group: memory limits enforced by the kernel (control groups, version 2) for processes that this one starts.
+/* control_group: memory limits enforced by the kernel (control groups, version 2) for processes that this one
+ * starts.
  *
- * systemd may delegate the group of a service to it (Delegate=memory). This process then moves to a subgroup, since
- * only groups without processes may have limited subgroups, and creates a group for each process that it starts. If the
- * memory of a group reaches its limit, the kernel kills all of its processes, and no others. Any thread; each
- * control_group belongs to one thread at a time.
+ * systemd may delegate the group of a service to it (Delegate=memory). This process then moves to a subgroup,
+ * since only groups without processes may have limited subgroups, and creates a group for each process that
+ * it starts. If the memory of a group reaches its limit, the kernel kills all of its processes, and no
+ * others. Any thread; each control_group belongs to one thread at a time.
  */
 #ifndef HEXAD_BASE_CORE_CONTROL_GROUP_H
 #define HEXAD_BASE_CORE_CONTROL_GROUP_H
@@ -17,8 +18,8 @@
 typedef struct control_groups control_groups;
 typedef struct control_group control_group;
 
-/* *groups is NULL, without an error, if no group with a memory controller was delegated to this process. Error:
- * internal (the delegated group cannot be used). */
+/* *groups is NULL, without an error, if no group with a memory controller was delegated to this process.
+ * Error: internal (the delegated group cannot be used). */
 bool control_groups_open(control_groups **groups, error *e);
 
 /* control_groups_open for the group at a directory; for tests. */

@@ -32,7 +32,8 @@ static names names_of(uid_t uid, gid_t gid)
     return n;
 }
 
-/* The first directory above the path that this process may not search, which the caller frees; NULL: there is none. */
+/* The first directory above the path that this process may not search, which the caller frees; NULL: there
+ * is none. */
 static char *find_closed_directory(const char *path)
 {
     struct stat info;
@@ -61,8 +62,8 @@ static char *find_existing(const char *path, struct stat *info)
     return place;
 }
 
-/* The command, which the caller frees. `path`: a directory of the service that does not exist; NULL: the place is what
- * is needed. */
+/* The command, which the caller frees. `path`: a directory of the service that does not exist; NULL: the
+ * place is what is needed. */
 static char *command_for(const char *place, const char *path, const struct stat *info, const names *own,
                          denial_need need)
 {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* denial: the file or directory that denies this process access, for messages about EACCES and EPERM.
  *
- * A message names its owner, group and mode, what this process needs, and a command for root that permits it. The
- * process is the service: a command that a user types says something else (hexadctl token).
+ * A message names its owner, group and mode, what this process needs, and a command for root that permits it.
+ * The process is the service: a command that a user types says something else (hexadctl token).
  */
 #ifndef HEXAD_BASE_CORE_DENIAL_H
 #define HEXAD_BASE_CORE_DENIAL_H
@@ -15,13 +15,13 @@ typedef enum denial_need {
     DENIAL_SECRET, /* to read a file that no other user may read, or that other users may read at present */
 } denial_need;
 
-/* Describes why access to the path is denied: by the first directory on the way that this process may not search, else
- * by the path, or if it does not exist by the nearest directory above it. Sentences without the last point. The caller frees the text.
- * Any thread may call it. */
+/* Describes why access to the path is denied: by the first directory on the way that this process may not
+ * search, else by the path, or if it does not exist by the nearest directory above it. Sentences without the
+ * last point. The caller frees the text. Any thread may call it. */
 char *denial_describe(const char *path, denial_need need);
 
-/* Describes that the directory of a user below an output root is missing and cannot be made. Any thread. The caller frees
- * the text. */
+/* Describes that the directory of a user below an output root is missing and cannot be made. Any thread. The
+ * caller frees the text. */
 char *denial_describe_directory_of_user(const char *path, const char *user);
 
 /* The end of a message about a failed call: ": " and the description if errno was EACCES or EPERM, otherwise

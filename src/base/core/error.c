@@ -8,8 +8,8 @@
 
 static const char *const names[] = {ERROR_LIST(WORDS_TEXT, )};
 
-/* Removes an incomplete UTF-8 sequence at the end of a truncated message, and replaces line breaks, since messages are
- * written in lines of JSON and log records. */
+/* Removes an incomplete UTF-8 sequence at the end of a truncated message, and replaces line breaks, since
+ * messages are written in lines of JSON and log records. */
 static void tidy(char *text)
 {
     size_t length = strlen(text);

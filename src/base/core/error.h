@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 /* error: the error type of the project.
  *
- * A function that can fail returns bool (true: success) or a pointer (NULL: failure) and has an `error *` as its last
- * parameter, which may be NULL. The error is set where the fault is found; its message says what is wrong, where, and
- * what to do. A caller that knows more (the file, the grid) adds its context once with error_prefix. Outputs of a
- * failed call are unchanged.
+ * A function that can fail returns bool (true: success) or a pointer (NULL: failure) and has an `error *` as
+ * its last parameter, which may be NULL. The error is set where the fault is found; its message says what is
+ * wrong, where, and what to do. A caller that knows more (the file, the grid) adds its context once with
+ * error_prefix. Outputs of a failed call are unchanged.
  *
- * Codes are stable: they are the same in REST, in the worker's last line and in the record of the attempt. An error
- * belongs to one thread at a time.
+ * Codes are stable: they are the same in REST, in the worker's last line and in the record of the attempt. An
+ * error belongs to one thread at a time.
  */
 #ifndef HEXAD_BASE_CORE_ERROR_H
 #define HEXAD_BASE_CORE_ERROR_H
@@ -61,8 +61,8 @@ bool error_prefix(error *e, const char *format, ...) __attribute__((format(print
 /* "spec_invalid", ...; "none" for ERROR_NONE. Never NULL. */
 const char *error_code_name(error_code code);
 
-/* The code for errno after a failed system call on a file: storage_full (ENOSPC, EDQUOT), storage_failed (EIO),
- * limit_file (EFBIG), internal. */
+/* The code for errno after a failed system call on a file: storage_full (ENOSPC, EDQUOT), storage_failed
+ * (EIO), limit_file (EFBIG), internal. */
 error_code error_code_of_errno(int why);
 
 /* Whether the cause is a disk of the host, so that a retry may succeed. */

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* file_format: the registry of file formats, constant data: what a format is called, how its files are recognised, what
- * they hold, and what to do with a file that is not read.
+/* file_format: the registry of file formats, constant data: what a format is called, how its files are
+ * recognised, what they hold, and what to do with a file that is not read.
  *
- * Functions of formats are in tables by file_format: readers in io/meshes/plain_mesh and io/volumes/volume_file, writers
- * in io/points/writers. Tests compare the tables and doc/formats.md with the registry. Any thread.
+ * Functions of formats are in tables by file_format: readers in io/meshes/plain_mesh and
+ * io/volumes/volume_file, writers in io/points/writers. Tests compare the tables and doc/formats.md with the
+ * registry. Any thread.
  */
 #ifndef HEXAD_BASE_CORE_FILE_FORMAT_H
 #define HEXAD_BASE_CORE_FILE_FORMAT_H
@@ -100,9 +101,10 @@ typedef struct file_format_row {
     bool z_up;                /* the axis z points up; otherwise y */
     bool up_varies;           /* files exist with either axis */
     const char *content_type; /* of HTTP, of files that are written; NULL: bytes */
-    /* What to do with a file of the format: the sentences of the message if it is given as a mesh and not read as one;
-     * the words behind "the file is " if it is given as a dense volume; the sentence if it is an image of a stack of
-     * OpenEXR. NULL: there is no advice. For a format that is read, as_mesh is for a file with a foreign ending. */
+    /* What to do with a file of the format: the sentences of the message if it is given as a mesh and not
+     * read as one; the words behind "the file is " if it is given as a dense volume; the sentence if it is an
+     * image of a stack of OpenEXR. NULL: there is no advice. For a format that is read, as_mesh is for a
+     * file with a foreign ending. */
     const char *as_mesh, *as_volume, *as_image;
 } file_format_row;
 
@@ -111,8 +113,8 @@ extern const file_format_row file_formats[FILE_FORMATS];
 /* Bytes that are the head of a file. */
 enum { FILE_FORMAT_HEAD = 1024 };
 
-/* By a name, a path or an ending without its dot, in any case. If two formats have the ending, the one that has it
- * nearer to the front of its row. */
+/* By a name, a path or an ending without its dot, in any case. If two formats have the ending, the one that
+ * has it nearer to the front of its row. */
 file_format file_format_of_name(const char *name);
 
 /* Whether files of the format may have this name, path or ending. */
@@ -121,8 +123,8 @@ bool file_format_has_ending(file_format format, const char *name);
 /* By the bytes of a file: its head, or all. data[size] is 0. */
 file_format file_format_of_bytes(const char *data, size_t size);
 
-/* By the head of an open file and its name. The bytes decide for formats of grids, volumes and images that are read; then
- * the name, because many meshes are text without a mark; then the bytes. */
+/* By the head of an open file and its name. The bytes decide for formats of grids, volumes and images that
+ * are read; then the name, because many meshes are text without a mark; then the bytes. */
 file_format file_format_of_file(int fd, const char *name);
 
 #endif

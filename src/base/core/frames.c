@@ -115,7 +115,8 @@ char *frames_print(const int *numbers, size_t count)
     return text;
 }
 
-/* The length of "%04d" or "%d" at the start of the text, and the minimum number of digits; 0: it is something else. */
+/* The length of "%04d" or "%d" at the start of the text, and the minimum number of digits; 0: it is
+ * something else. */
 static size_t match_conversion(const char *at, int *digits)
 {
     bool wide = at[1] == '0' && at[2] >= '1' && at[2] <= '9';

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* frames: frame numbers of a sequence, and paths that contain one.
  *
- * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 .. 999999999, each
- * at most once. In a path the first `####` (the number of # is the minimum number of digits), `%04d` (`%d`) or `$F4`
- * (`$F`) stands for the number. Pure functions, any thread.
+ * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 ..
+ * 999999999, each at most once. In a path the first `####` (the number of # is the minimum number of digits),
+ * `%04d` (`%d`) or `$F4` (`$F`) stands for the number. Pure functions, any thread.
  */
 #ifndef HEXAD_BASE_CORE_FRAMES_H
 #define HEXAD_BASE_CORE_FRAMES_H
@@ -39,12 +39,12 @@ char **frames_paths(const char *pattern, const int *numbers, size_t count);
 /* The number of characters before the frame number; the path must be a pattern. */
 size_t frames_prefix(const char *pattern);
 
-/* The number of characters of the longest directory prefix that all frames share, with its last slash; 0: they share
- * none. The path must be a pattern. */
+/* The number of characters of the longest directory prefix that all frames share, with its last slash; 0:
+ * they share none. The path must be a pattern. */
 size_t frames_shared(const char *pattern);
 
-/* The directory that contains the directories of all frames; the caller frees it. NULL: the path is not a pattern,
- * or there is no such directory. */
+/* The directory that contains the directories of all frames; the caller frees it. NULL: the path is not a
+ * pattern, or there is no such directory. */
 char *frames_above(const char *pattern);
 
 /* Whether the file with this name in the result of a frame belongs to all frames (WORKER_STAGE_ENDING). */

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* histogram: a histogram of durations in the form of Prometheus.
  *
- * All histograms have the same bounds, from 0.1 s to a day. Any thread may add and read; a reader may see a value in
- * `count` before it is in the sum.
+ * All histograms have the same bounds, from 0.1 s to a day. Any thread may add and read; a reader may see a
+ * value in `count` before it is in the sum.
  */
 #ifndef HEXAD_BASE_CORE_HISTOGRAM_H
 #define HEXAD_BASE_CORE_HISTOGRAM_H

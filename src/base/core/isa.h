@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* isa: the instruction sets for which each numerical kernel is compiled, from one source. Results are bitwise equal,
- * since sums have a fixed order; only the time differs.
+/* isa: the instruction sets for which each numerical kernel is compiled, from one source. Results are bitwise
+ * equal, since sums have a fixed order; only the time differs.
  */
 #ifndef HEXAD_BASE_CORE_ISA_H
 #define HEXAD_BASE_CORE_ISA_H
@@ -28,10 +28,10 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_TARGET_AVX2
 #define ISA_TARGET_AVX512
 #endif
-/* Attribute of a function that is compiled for several instruction sets; the loader selects the fastest version. Use
- * it for functions whose instruction set is not a setting. _OF_128: for functions with vectors of at most 128 bits.
- * With AVX-512, GCC 12 moves these in whole registers and leaves the upper parts dirty, which delays later code
- * without AVX. A test finds such functions. */
+/* Attribute of a function that is compiled for several instruction sets; the loader selects the fastest
+ * version. Use it for functions whose instruction set is not a setting. _OF_128: for functions with vectors
+ * of at most 128 bits. With AVX-512, GCC 12 moves these in whole registers and leaves the upper parts dirty,
+ * which delays later code without AVX. A test finds such functions. */
 #ifdef __x86_64__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
 #define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* lanes: vectors of eight floats, one instruction where the processor has 256-bit vectors. For functions marked
- * ISA_CLONES and functions inlined into these; results of all versions are bitwise equal.
+/* lanes: vectors of eight floats, one instruction where the processor has 256-bit vectors. For functions
+ * marked ISA_CLONES and functions inlined into these; results of all versions are bitwise equal.
  */
 #ifndef HEXAD_BASE_CORE_LANES_H
 #define HEXAD_BASE_CORE_LANES_H

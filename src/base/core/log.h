@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /* log: one-line records on standard error.
  *
- * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so that records of several threads do
- * not mix. If standard error is connected to the journal, it receives fields instead: the message, its priority, and
- * HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are the values of the first job=, attempt= and worker= in the
- * message. Callers write these before any text from outside. The message is escaped as base/core/terminal_text describes:
- * tabs stay, line breaks within it are escaped, so that such text cannot forge a record; line breaks at its end are
- * removed. Callers do not log secrets (tokens, credentials). Any thread may log. Only programs that call
- * log_set_journal write to the journal, so that others need no libsystemd.
+ * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so that records of several
+ * threads do not mix. If standard error is connected to the journal, it receives fields instead: the message,
+ * its priority, and HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are the values of the first job=,
+ * attempt= and worker= in the message. Callers write these before any text from outside. The message is
+ * escaped as base/core/terminal_text describes: tabs stay, line breaks within it are escaped, so that such
+ * text cannot forge a record; line breaks at its end are removed. Callers do not log secrets (tokens,
+ * credentials). Any thread may log. Only programs that call log_set_journal write to the journal, so that
+ * others need no libsystemd.
  */
 #ifndef HEXAD_BASE_CORE_LOG_H
 #define HEXAD_BASE_CORE_LOG_H
@@ -33,7 +34,8 @@ void log_set_level(log_level level);
 /* Writes fields, each NAME=value, to the journal. False: not written. */
 typedef bool log_journal(const struct iovec *fields, size_t count);
 
-/* Sets the destination of records; NULL (initially): lines on standard error. Call it before starting threads. */
+/* Sets the destination of records; NULL (initially): lines on standard error. Call it before starting
+ * threads. */
 void log_set_journal(log_journal *journal);
 
 /* "error", "warning", "info", "debug". False, with *level unchanged, for any other name. */

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* manager: communicates with the service manager (systemd) that started this process. Without one, functions do
- * nothing.
+/* manager: communicates with the service manager (systemd) that started this process. Without one, functions
+ * do nothing.
  *
- * Reports readiness, status and keep-alives, takes over listening sockets, and writes to the journal. The only user of
- * libsystemd. Any thread, except manager_sockets.
+ * Reports readiness, status and keep-alives, takes over listening sockets, and writes to the journal. The
+ * only user of libsystemd. Any thread, except manager_sockets.
  */
 #ifndef HEXAD_BASE_CORE_MANAGER_H
 #define HEXAD_BASE_CORE_MANAGER_H
@@ -26,7 +26,8 @@ void manager_report_stopping(double seconds);
 void manager_report_status(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void manager_report_alive(void);
 
-/* Maximum time between two calls of manager_report_alive before the manager kills the service; 0: no watchdog. */
+/* Maximum time between two calls of manager_report_alive before the manager kills the service; 0: no
+ * watchdog. */
 int64_t manager_watchdog_ms(void);
 
 /* The number of sockets passed by the manager, with consecutive descriptors from *first. */

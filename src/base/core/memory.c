@@ -58,14 +58,14 @@ char *mem_printf(const char *format, ...)
     return text;
 }
 
-/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access, since
- * arrays are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at once. From
- * SEVERAL_PAGES bytes all pages are populated first: a page fault takes as long as zeroing several pages, on virtual
- * machines fifty. */
+/* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access,
+ * since arrays are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at
+ * once. From SEVERAL_PAGES bytes all pages are populated first: a page fault takes as long as zeroing several
+ * pages, on virtual machines fifty. */
 static const size_t LARGE = 5 << 18, SEVERAL_PAGES = 1 << 17;
 
-/* Arrays from this size use pages of 2 MB: the kernel needs a third of a second to end a process with gigabytes in
- * small pages. */
+/* Arrays from this size use pages of 2 MB: the kernel needs a third of a second to end a process with
+ * gigabytes in small pages. */
 static const size_t VERY_LARGE = 2 << 20;
 /* Bytes of an array that are moved before their old memory is returned. */
 static const size_t AT_ONCE = 32 << 20;
@@ -120,8 +120,8 @@ void mem_begin(void)
 
 /* Threads share the arenas. Each arena keeps freed memory below blocks in use. */
 enum { ARENAS = 4 };
-/* Blocks from MAPPED_BYTES are returned to the kernel when freed; KEPT_BYTES are kept at the top of an arena. Explicit
- * values are not raised by the library. */
+/* Blocks from MAPPED_BYTES are returned to the kernel when freed; KEPT_BYTES are kept at the top of an arena.
+ * Explicit values are not raised by the library. */
 enum { MAPPED_BYTES = 256 << 10, KEPT_BYTES = 1 << 20 };
 
 void mem_begin_threads(void)

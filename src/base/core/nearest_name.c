@@ -11,7 +11,8 @@ static size_t least(size_t a, size_t b)
     return a < b ? a : b;
 }
 
-/* Levenshtein distance in which a transposition of adjacent letters counts as 1 (optimal string alignment). */
+/* Levenshtein distance in which a transposition of adjacent letters counts as 1 (optimal string
+ * alignment). */
 static size_t edit_distance(const char *a, size_t na, const char *b, size_t nb)
 {
     size_t rows[3][LENGTH_MOST + 1];

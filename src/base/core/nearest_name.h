@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* nearest_name: finds the known name that is most similar to a misspelt one.
  *
- * Up to a third of the letters of the given name may differ, and two in a short name. A transposition of adjacent
- * letters counts as 1 (optimal string alignment distance). If several names have the same distance, the first one is
- * kept. Any thread.
+ * Up to a third of the letters of the given name may differ, and two in a short name. A transposition of
+ * adjacent letters counts as 1 (optimal string alignment distance). If several names have the same distance,
+ * the first one is kept. Any thread.
  */
 #ifndef HEXAD_BASE_CORE_NEAREST_NAME_H
 #define HEXAD_BASE_CORE_NEAREST_NAME_H

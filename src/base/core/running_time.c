@@ -25,8 +25,9 @@ static int64_t time_between(const running_period *a, const running_period *b)
     return llabs(b->from_ms - a->from_ms - a->length_ms);
 }
 
-/* Merges the two neighbours with the smallest gap. The merged period starts early enough that it counts no time in
- * which the program did not run. For objects created in its later part it counts too little, by at most the gap. */
+/* Merges the two neighbours with the smallest gap. The merged period starts early enough that it counts no
+ * time in which the program did not run. For objects created in its later part it counts too little, by at
+ * most the gap. */
 static void join_two(running_time *t)
 {
     running_period *best = t->period;
@@ -44,8 +45,8 @@ static void begin_period(running_time *t, int64_t from_ms)
     t->period[t->count++] = (running_period){.from_ms = from_ms};
 }
 
-/* Extends the last period to now. After a step of the wall clock, the time since the last update belongs to a new
- * period, because the step may have been at its start. */
+/* Extends the last period to now. After a step of the wall clock, the time since the last update belongs to a
+ * new period, because the step may have been at its start. */
 static void update(running_time *t)
 {
     int64_t wall = clock_wall_ms(), passed = clock_boot_ms() - t->boot_ms, step = wall - t->wall_ms - passed;
@@ -75,8 +76,8 @@ void running_time_free(running_time *t)
     free(t);
 }
 
-/* After a step backwards, a time of the wall clock may belong to several periods. The last of these is used: it gives
- * the shortest running time. */
+/* After a step backwards, a time of the wall clock may belong to several periods. The last of these is used:
+ * it gives the shortest running time. */
 static size_t list_bounds(const running_time *t, running_bound bounds[])
 {
     size_t count = 0, last = t->count - 1;

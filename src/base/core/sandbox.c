@@ -113,8 +113,8 @@ static int find_loader(struct dl_phdr_info *info, size_t size, void *path)
     return 1; /* the program comes first; libraries may have a loader, too */
 }
 
-/* Grants the directories that the loader searches: the default ones, those of the program's run path, and those of its
- * cache. */
+/* Grants the directories that the loader searches: the default ones, those of the program's run path, and
+ * those of its cache. */
 static bool grant_libraries(int rules, uint64_t handled, error *e)
 {
     static const char *const usual[] = {"/lib",       "/lib64",         "/usr/lib",
@@ -166,8 +166,8 @@ static bool enter_landlock(int version, const sandbox_places *places, error *e)
 
 /* ---- the filter */
 
-/* System calls of a worker and of the process that reads meshes: glibc, the loader, OpenVDB, assimp, and fallbacks of
- * glibc. A filter cannot follow pointers: Landlock restricts paths. */
+/* System calls of a worker and of the process that reads meshes: glibc, the loader, OpenVDB, assimp, and
+ * fallbacks of glibc. A filter cannot follow pointers: Landlock restricts paths. */
 // clang-format off
 static const int calls[] = {
     /* memory */
@@ -205,10 +205,10 @@ static const int calls[] = {
 };
 // clang-format on
 
-/* System calls whose arguments are checked. clone may make threads and what posix_spawn needs, but no namespace and no
- * copy of the process. clone3 is refused, since its flags are behind a pointer; glibc falls back to clone. Limits: own
- * process only. socketpair: only streams, which pass descriptors to a reader; datagram sockets could send to any other
- * socket. */
+/* System calls whose arguments are checked. clone may make threads and what posix_spawn needs, but no
+ * namespace and no copy of the process. clone3 is refused, since its flags are behind a pointer; glibc falls
+ * back to clone. Limits: own process only. socketpair: only streams, which pass descriptors to a reader;
+ * datagram sockets could send to any other socket. */
 static int add_checked_calls(scmp_filter_ctx filter)
 {
     const uint64_t spaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER |
@@ -250,8 +250,8 @@ static bool enter_filter(error *e)
 /* ---- entry */
 
 #ifdef __SANITIZE_ADDRESS__
-/* Called by the runtime at exit: leak detection needs a process that traces this one, which the filter refuses. Workers
- * outside a sandbox detect leaks. */
+/* Called by the runtime at exit: leak detection needs a process that traces this one, which the filter
+ * refuses. Workers outside a sandbox detect leaks. */
 int __lsan_is_turned_off(void);
 int __lsan_is_turned_off(void)
 {

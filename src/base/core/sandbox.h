@@ -4,13 +4,14 @@
  *
  * Three permanent restrictions:
  * - no new privileges;
- * - a seccomp filter that permits the system calls of a worker. Others return ENOSYS: no sockets except stream pairs,
- *   no tracing, no namespaces, no mounts, no io_uring;
- * - Landlock, if the kernel has it: reading below the given places, writing below one, executing only this program and
- *   its loader. Libraries remain readable where the loader searches them, since a worker loads modules late.
+ * - a seccomp filter that permits the system calls of a worker. Others return ENOSYS: no sockets except
+ *   stream pairs, no tracing, no namespaces, no mounts, no io_uring;
+ * - Landlock, if the kernel has it: reading below the given places, writing below one, executing only this
+ *   program and its loader. Libraries remain readable where the loader searches them, since a worker loads
+ *   modules late.
  *
- * A process enters before it starts threads and before it reads untrusted bytes. With sanitizers the filter also
- * permits the system calls of their runtimes, /proc is readable, and leaks are not detected.
+ * A process enters before it starts threads and before it reads untrusted bytes. With sanitizers the filter
+ * also permits the system calls of their runtimes, /proc is readable, and leaks are not detected.
  */
 #ifndef HEXAD_BASE_CORE_SANDBOX_H
 #define HEXAD_BASE_CORE_SANDBOX_H
@@ -45,8 +46,8 @@ const char *sandbox_mode_name(sandbox_mode mode);
 /* Whether this kernel supports the mode. Error: internal. */
 bool sandbox_check(sandbox_mode mode, error *e);
 
-/* Restricts the process permanently. After a failure it may be partly restricted and should end. SANDBOX_OFF does
- * nothing. The places must exist. Error: internal. */
+/* Restricts the process permanently. After a failure it may be partly restricted and should end. SANDBOX_OFF
+ * does nothing. The places must exist. Error: internal. */
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e);
 
 /* Describes, for the log, the effect of sandbox_enter on this kernel; call it before. Returns `text`. */

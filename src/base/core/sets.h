@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* sets: union-find on the numbers 0 to n - 1, in an array of the caller. The root of a set is its lowest number. One
- * thread at a time, except for functions named shared.
+/* sets: union-find on the numbers 0 to n - 1, in an array of the caller. The root of a set is its lowest
+ * number. One thread at a time, except for functions named shared.
  */
 #ifndef HEXAD_BASE_CORE_SETS_H
 #define HEXAD_BASE_CORE_SETS_H
@@ -57,8 +57,9 @@ static inline void sets_join_shared(uint32_t *parent, uint32_t a, uint32_t b)
     }
 }
 
-/* Sets the parent of k to its root, while other threads do so for other numbers, after all joins. It does not shorten
- * other paths: that could replace a root that another thread has stored by a number that is not a root. */
+/* Sets the parent of k to its root, while other threads do so for other numbers, after all joins. It does not
+ * shorten other paths: that could replace a root that another thread has stored by a number that is not a
+ * root. */
 static inline void sets_flatten_shared(uint32_t *parent, uint32_t k)
 {
     uint32_t root = k, up;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* stall: notices that the loop of a thread does not advance, and writes it to the log: once when a stall is noticed, and
- * once when the loop advances again.
+/* stall: notices that the loop of a thread does not advance, and writes it to the log: once when a stall is
+ * noticed, and once when the loop advances again.
  */
 #ifndef HEXAD_BASE_CORE_STALL_H
 #define HEXAD_BASE_CORE_STALL_H
@@ -16,8 +16,8 @@ typedef struct stall {
     bool stalled;
 } stall;
 
-/* Returns whether the loop has advanced since the last call. `turns` is the number of its turns, and `now_ms` > 0 the
- * monotonic time. The caller makes the loop turn after each call. */
+/* Returns whether the loop has advanced since the last call. `turns` is the number of its turns, and `now_ms`
+ * > 0 the monotonic time. The caller makes the loop turn after each call. */
 bool stall_check(stall *s, uint64_t turns, int64_t now_ms);
 
 #endif

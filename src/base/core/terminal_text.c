@@ -53,8 +53,8 @@ static bool is_in(uint32_t code, const range *list, size_t count)
     return i < count && code >= list[i].first;
 }
 
-/* Decodes the character at the beginning of `length` bytes, which may be a surrogate. Returns its number of bytes; 0: the
- * first byte begins none. */
+/* Decodes the character at the beginning of `length` bytes, which may be a surrogate. Returns its number of
+ * bytes; 0: the first byte begins none. */
 static size_t decode(const unsigned char *s, size_t length, uint32_t *code)
 {
     static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};

@@ -15,8 +15,9 @@ typedef struct share {
     size_t end;
 } share;
 
-/* State of the current loop in one word: its number, a bit OPEN (chunks are left, so that workers may enter), and the
- * number of workers inside. Workers that spin use only this word. The lock is for workers that sleep. */
+/* State of the current loop in one word: its number, a bit OPEN (chunks are left, so that workers may enter),
+ * and the number of workers inside. Workers that spin use only this word. The lock is for workers that
+ * sleep. */
 enum { INSIDE = 1, OPEN = 512, NUMBER = 2 * OPEN };
 _Static_assert(THREADS_MAX < OPEN, "workers inside fit below the bit OPEN");
 
@@ -61,8 +62,8 @@ static void take_chunks(threads *t, int worker)
     for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
 }
 
-/* Number of polls, about 40 microseconds, before a waiting worker sleeps: loops follow each other closely, and waking
- * takes longer. */
+/* Number of polls, about 40 microseconds, before a waiting worker sleeps: loops follow each other closely,
+ * and waking takes longer. */
 static const int POLLS = 2000;
 
 static void pause_briefly(void)
@@ -90,8 +91,9 @@ static bool enter(threads *t, unsigned *seen)
     return false;
 }
 
-/* Wakes workers that sleep. A worker holds the lock from announcing its sleep until it waits, so that locking once
- * guarantees that it can be woken. Signals follow the unlocking: otherwise the woken worker would wait for the lock. */
+/* Wakes workers that sleep. A worker holds the lock from announcing its sleep until it waits, so that locking
+ * once guarantees that it can be woken. Signals follow the unlocking: otherwise the woken worker would
+ * wait for the lock. */
 static void wake(threads *t, pthread_cond_t *sleepers, size_t count)
 {
     pthread_mutex_lock(&t->lock);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* transfer: reads and writes whole blocks. Repeats calls that a signal interrupts or that transfer only a part. On
- * failure errno is set, except after a write of 0 bytes. Any thread.
+/* transfer: reads and writes whole blocks. Repeats calls that a signal interrupts or that transfer only a
+ * part. On failure errno is set, except after a write of 0 bytes. Any thread.
  */
 #ifndef HEXAD_BASE_CORE_TRANSFER_H
 #define HEXAD_BASE_CORE_TRANSFER_H

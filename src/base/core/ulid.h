@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* ulid: identifiers that sort by creation time.
  *
- * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in lower case
- * (https://github.com/ulid/spec). Any thread.
+ * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in lower
+ * case (https://github.com/ulid/spec). Any thread.
  */
 #ifndef HEXAD_BASE_CORE_ULID_H
 #define HEXAD_BASE_CORE_ULID_H

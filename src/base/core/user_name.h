@@ -7,7 +7,8 @@
 
 enum { USER_NAME_SIZE = 64 };
 
-/* The name, or the number of a user without one. A longer name is cut off. Any thread; it may wait for the network. */
+/* The name, or the number of a user without one. A longer name is cut off. Any thread; it may wait for the
+ * network. */
 void user_name_of(uid_t uid, char name[USER_NAME_SIZE]);
 
 #endif

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* worker_contract: the public interface of hexad-worker for programs that start it: the executor, a farm manager, a
- * script.
+/* worker_contract: the public interface of hexad-worker for programs that start it: the executor, a farm
+ * manager, a script.
  *
- * hexad-worker and src/service/executor both include this header, so that the two sides agree. ARCHITECTURE.md describes the
- * contract. job/phases/progress.h lists the phases of progress lines. These values are public: changing one breaks callers of
- * hexad-worker.
+ * hexad-worker and src/service/executor both include this header, so that the two sides agree.
+ * ARCHITECTURE.md describes the contract. job/phases/progress.h lists the phases of progress lines. These
+ * values are public: changing one breaks callers of hexad-worker.
  */
 #ifndef HEXAD_BASE_CORE_WORKER_CONTRACT_H
 #define HEXAD_BASE_CORE_WORKER_CONTRACT_H
@@ -45,15 +45,16 @@ typedef enum worker_exit {
 
 /* Files in the output directory. `run` writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
-/* The short members of the report that the daemon reads: outcome, count, outputs, inputs, ratings, outcome_reasons,
- * advice, surface.warnings and quality.resolved_share, and report_bytes, the length of the report. The worker writes
- * the file before the report and does not flush it to disk. If it is damaged, readers use the report. */
+/* The short members of the report that the daemon reads: outcome, count, outputs, inputs, ratings,
+ * outcome_reasons, advice, surface.warnings and quality.resolved_share, and report_bytes, the length of the
+ * report. The worker writes the file before the report and does not flush it to disk. If it is damaged,
+ * readers use the report. */
 #define WORKER_SUMMARY_NAME "summary.json"
-/* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during the relaxation. The worker
- * removes it before it writes the report. */
+/* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during the relaxation.
+ * The worker removes it before it writes the report. */
 #define WORKER_SNAPSHOT_NAME "snapshot.ply"
-/* The end of the names of files that refer to the results of all frames. They belong in the directory that contains
- * the directories of the frames. Code that copies a result to another place puts them there. */
+/* The end of the names of files that refer to the results of all frames. They belong in the directory that
+ * contains the directories of the frames. Code that copies a result to another place puts them there. */
 #define WORKER_STAGE_ENDING "_stage.usda"
 /* The picture of a result; the daemon makes thumbnails and contact sheets from it. */
 #define WORKER_PREVIEW_NAME "preview.png"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Positions in a tree of cJSON, and building of trees. json_parse.c parses text and json_print.c prints it. */
+/* Positions in a tree of cJSON, and building of trees. json_parse.c parses text and json_print.c prints
+ * it. */
 #include "base/json/json.h"
 
 #include <math.h>

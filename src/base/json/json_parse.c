@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Parses text into a tree. cJSON's own parser accepts more than RFC 8259 and truncates numbers of more than 63
- * characters. strtod parses numbers, so the programs keep the C locale for LC_NUMERIC.
+/* Parses text into a tree. cJSON's own parser accepts more than RFC 8259 and truncates numbers of more than
+ * 63 characters. strtod parses numbers, so the programs keep the C locale for LC_NUMERIC.
  */
 #include "base/json/json.h"
 
@@ -256,7 +256,8 @@ static int compare_names(const void *a, const void *b)
     return order ? order : (x->at > y->at) - (x->at < y->at);
 }
 
-/* Finds duplicate names by sorting, since comparing all pairs would take quadratic time in input of a client. */
+/* Finds duplicate names by sorting, since comparing all pairs would take quadratic time in input of a
+ * client. */
 static bool check_names(const parser *p, member_name *names, size_t count)
 {
     const member_name *twice = NULL;
@@ -351,8 +352,8 @@ static cJSON *read_word(parser *p)
     return NULL;
 }
 
-/* Parses a value and the white space around it. `depth` is the number of open objects and arrays; JSON_MAX_DEPTH
- * bounds the recursion. */
+/* Parses a value and the white space around it. `depth` is the number of open objects and arrays;
+ * JSON_MAX_DEPTH bounds the recursion. */
 static cJSON *read_value(parser *p, int depth)
 {
     cJSON *value;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Prints a tree as text. cJSON's own printer compares doubles with a tolerance. snprintf and strtod convert numbers,
- * so the programs keep the C locale for LC_NUMERIC.
+/* Prints a tree as text. cJSON's own printer compares doubles with a tolerance. snprintf and strtod convert
+ * numbers, so the programs keep the C locale for LC_NUMERIC.
  */
 #include "base/json/json.h"
 
@@ -82,8 +82,8 @@ static size_t plain_length(const char *s)
     return n;
 }
 
-/* Prints a string. Bytes that are not UTF-8, as in the last output of a worker, become U+FFFD, so the output is
- * always valid JSON. */
+/* Prints a string. Bytes that are not UTF-8, as in the last output of a worker, become U+FFFD, so the output
+ * is always valid JSON. */
 static void add_string(text *t, const char *s)
 {
     add(t, "\"", 1);
@@ -113,7 +113,8 @@ static void add_string(text *t, const char *s)
 
 static void add_node(text *t, const cJSON *node, int level);
 
-/* Whether an array has numbers and words only. It is then printed on one line, which is more readable for vectors. */
+/* Whether an array has numbers and words only. It is then printed on one line, which is more readable for
+ * vectors. */
 static bool is_flat(const cJSON *node)
 {
     if (!cJSON_IsArray(node)) return false;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* xml: the elements of an XML document, in their order, by expat. The only user of expat.
  *
- * A document type is refused, because its declarations can expand to any length. Threads: one for each document.
+ * A document type is refused, because its declarations can expand to any length. Threads: one for each
+ * document.
  */
 #ifndef HEXAD_BASE_XML_XML_H
 #define HEXAD_BASE_XML_XML_H
@@ -22,8 +23,8 @@ typedef struct xml {
     const char *data;
     size_t size;
     void *context;
-    /* `name` and the names of attributes have their prefixes. `attributes`: names and values in turn, and NULL. False:
-     * reading stops. */
+    /* `name` and the names of attributes have their prefixes. `attributes`: names and values in turn, and
+     * NULL. False: reading stops. */
     bool (*begin)(void *context, const char *name, const char **attributes);
     void (*end)(void *context, const char *name);              /* may be NULL */
     void (*text)(void *context, const char *text, int length); /* may be NULL; text comes in pieces */

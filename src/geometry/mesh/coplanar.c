@@ -12,10 +12,12 @@
 
 static const char what[] = "the coplanar faces of the mesh";
 
-/* An oblique direction: parts of different planes seldom have the same distance from the origin and the same slope along it. */
+/* An oblique direction: parts of different planes seldom have the same distance from the origin and the
+ * same slope along it. */
 static const vec3 oblique = {0.5377, 0.3183, 0.7809};
 
-/* Triangles of one plane that are connected by sides, and the range of a number that is one for all parts of the plane. */
+/* Triangles of one plane that are connected by sides, and the range of a number that is one for all parts
+ * of the plane. */
 typedef struct part {
     double low, high, height; /* height: of its highest triangle */
     bbox box;
@@ -33,12 +35,13 @@ typedef struct cutting {
     uint32_t (*pairs)[2]; /* of triangles that may overlap; a stack */
     size_t pair_count, pair_room;
     uint32_t (*children)
-        [2]; /* of each triangle that was cut: the first of what came of it, and how many; 0: it was not cut */
+        [2]; /* of each triangle that was cut: the first of what came of it, and how many; 0: it was not
+              * cut */
     size_t children_room, children_count;
     size_t part_room;
     vec3 *normal; /* of each part, by its number */
-    bool *
-        turned; /* of each triangle: it looks against that, or came of one that does. Thin ones may be turned over by rounding */
+    bool *turned; /* of each triangle: it looks against that, or came of one that does. Thin ones may be
+                   * turned over by rounding */
     size_t turned_room;
     uint32_t (*meetings)[2]; /* pairs of triangles, each in the part of the other */
     size_t meeting_count, meeting_room;
@@ -71,8 +74,8 @@ static double reach_of(const cutting *c, const vec3 a[3], const vec3 b[3])
     return fmax(rounding_reach(c->r, a), rounding_reach(c->r, b));
 }
 
-/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding error at
- * the corners of a; it increases beyond them. */
+/* Whether b lies in the plane of a, the triangle with the more accurate plane. The tolerance is the rounding
+ * error at the corners of a; it increases beyond them. */
 static bool lies_in(const plane *a, const vec3 b[3], double reach)
 {
     for (int k = 0; k < 3; k++) {
@@ -126,8 +129,8 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
     return true;
 }
 
-/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope along the
- * oblique direction. It is uncertain by the rounding over the triangle's height. */
+/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope
+ * along the oblique direction. It is uncertain by the rounding over the triangle's height. */
 static void widen(const cutting *c, double scale, uint32_t t, part *p)
 {
     vec3 corner[3];
@@ -407,9 +410,9 @@ static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
     return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
 }
 
-/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are about the
- * shares of the side. Else x is within rounding of another side, too, and the parts could be cut back into the triangle,
- * without end. */
+/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are
+ * about the shares of the side. Else x is within rounding of another side, too, and the parts could be cut
+ * back into the triangle, without end. */
 static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
 {
     const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
@@ -493,7 +496,8 @@ static bool note_meeting(cutting *c, uint32_t s, uint32_t t, error *e)
     return true;
 }
 
-/* Makes one cut of a pair and puts the remaining pairs back on the stack. A pair that no outline crosses coincides. */
+/* Makes one cut of a pair and puts the remaining pairs back on the stack. A pair that no outline crosses
+ * coincides. */
 static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
 {
     if (c->l.dead[s] || c->l.dead[t]) return push_children(c, s, t, e);
@@ -509,8 +513,8 @@ static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
     return did == STEP_DONE && push_pair(c, s, t, e);
 }
 
-/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding causes cycles;
- * an assembly whose parts touch over many small triangles takes 70 steps per pair. */
+/* Coincident pairs are treated again if one triangle was cut since. `most` bounds the steps if rounding
+ * causes cycles; an assembly whose parts touch over many small triangles takes 70 steps per pair. */
 static bool treat_pairs(cutting *c, error *e)
 {
     size_t most = ((size_t)1 << 16) + 256 * c->pair_count;
@@ -577,8 +581,8 @@ static place place_of(const cutting *c, const cover *own, size_t count)
     return p;
 }
 
-/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority, or of the
- * first part if orientations are arbitrary. */
+/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority,
+ * or of the first part if orientations are arbitrary. */
 static bool is_first(const cutting *c, const place *p, bool oriented)
 {
     const uint32_t own = c->part_of[p->triangle];

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/* coplanar: finds and removes overlaps of coplanar faces of different parts of a mesh, as under a box on a larger
- * face.
+/* coplanar: finds and removes overlaps of coplanar faces of different parts of a mesh, as under a box on a
+ * larger face.
  *
- * A part is a set of coplanar triangles connected by edges of exactly two triangles. Where two parts overlap, both
- * are cut along each other's outlines, together with neighbours outside of the plane, so that closed meshes stay
- * closed. Each overlap then has two congruent faces:
+ * A part is a set of coplanar triangles connected by edges of exactly two triangles. Where two parts overlap,
+ * both are cut along each other's outlines, together with neighbours outside of the plane, so that closed
+ * meshes stay closed. Each overlap then has two congruent faces:
  * - Same orientation: the face of the first part is kept.
- * - Opposite orientation in a closed mesh: both are removed, since they bound nothing. If that would leave a hole
- *   (contacts.h), the face of the first part is kept.
- * - Opposite orientation in an open mesh, where the orientation is arbitrary: the face of the first part is kept.
+ * - Opposite orientation in a closed mesh: both are removed, since they bound nothing. If that would leave a
+ *   hole (contacts.h), the face of the first part is kept.
+ * - Opposite orientation in an open mesh, where the orientation is arbitrary: the face of the first part is
+ *   kept.
  * A part that overlaps itself is not changed. Single-threaded; no shared state.
  */
 #ifndef HEXAD_GEOMETRY_MESH_COPLANAR_H
@@ -21,14 +22,14 @@
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/rounding.h"
 
-/* Tolerance over the rounding error of coordinates. Corners within it are one corner; thinner overlaps are ignored.
- * Intersections of edges are computed twice, with an error that increases as the angle of the edges decreases. Cuts
- * may leave triangles thinner than this: remove them with flat_triangles_remove_thin. */
+/* Tolerance over the rounding error of coordinates. Corners within it are one corner; thinner overlaps are
+ * ignored. Intersections of edges are computed twice, with an error that increases as the angle of the edges
+ * decreases. Cuts may leave triangles thinner than this: remove them with flat_triangles_remove_thin. */
 #define COPLANAR_THIN 4
 
 typedef struct coplanar_overlap {
-    /* Area of the overlaps, each counted once: of the same orientation; of opposite orientation, one face kept; of
-     * opposite orientation, both removed. */
+    /* Area of the overlaps, each counted once: of the same orientation; of opposite orientation, one face
+     * kept; of opposite orientation, both removed. */
     double same, opposite, contact;
     /* the cuts did not terminate: the mesh is unchanged, overlaps included, and the areas are 0 */
     bool unfinished;

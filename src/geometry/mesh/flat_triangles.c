@@ -215,8 +215,8 @@ static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
                             corner[(s->longest + 2) % 3], e);
 }
 
-/* Each removal takes away a longest side, and no longer one comes of it unless a neighbour is as thin. `most` bounds the removals
- * where rounding leads in circles. */
+/* Each removal takes away a longest side, and no longer one comes of it unless a neighbour is as thin. `most`
+ * bounds the removals where rounding leads in circles. */
 static bool remove_all(removing *r, size_t most, error *e)
 {
     while (r->count > 0 && most-- > 0) {

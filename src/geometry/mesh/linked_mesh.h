@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping single
- * triangles.
+/* linked_mesh: a mesh with a linked list of the corners at each vertex, for adding, changing and dropping
+ * single triangles.
  *
- * Corner c is corner c % 3 of triangle c / 3. Triangles with two equal corners are in no list. Single-threaded.
+ * Corner c is corner c % 3 of triangle c / 3. Triangles with two equal corners are in no list.
+ * Single-threaded.
  */
 #ifndef HEXAD_GEOMETRY_MESH_LINKED_MESH_H
 #define HEXAD_GEOMETRY_MESH_LINKED_MESH_H

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* mesh: an indexed triangle mesh, and notes on its repair.
  *
- * Units: those of the file, until levelset_make converts them to voxels. Free a mesh with mesh_free. Functions with
- * a pool (or NULL) give results that do not depend on the number of threads. No shared state.
+ * Units: those of the file, until levelset_make converts them to voxels. Free a mesh with mesh_free.
+ * Functions with a pool (or NULL) give results that do not depend on the number of threads. No shared state.
  */
 #ifndef HEXAD_GEOMETRY_MESH_MESH_H
 #define HEXAD_GEOMETRY_MESH_MESH_H
@@ -20,8 +20,8 @@ typedef struct mesh {
     size_t vertex_count, triangle_count;
     vec3 *vertex;
     uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
-    /* mesh_weld would not change the mesh; in particular every vertex belongs to a triangle. Code that moves, joins
-     * or removes vertices or triangles sets it to false. */
+    /* mesh_weld would not change the mesh; in particular every vertex belongs to a triangle. Code that moves,
+     * joins or removes vertices or triangles sets it to false. */
     bool welded;
 } mesh;
 
@@ -43,7 +43,8 @@ bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e);
 /* Bytes of a mesh of this size while it is repaired, edges included; for comparison with a memory limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);
 
-/* The bounding box of the triangles; vertices without a triangle are ignored. Complete also if the pool was stopped. */
+/* The bounding box of the triangles; vertices without a triangle are ignored. Complete also if the pool
+ * was stopped. */
 bbox mesh_box(const mesh *m, threads *pool);
 
 /* The sum of the areas of the triangles, duplicates included. */

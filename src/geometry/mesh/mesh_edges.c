@@ -72,8 +72,8 @@ typedef struct list_job {
     mesh_edges *edges;
 } list_job;
 
-/* Vertex v is counted in first[v + 2]. The sums turn this into the start of v's part in first[v + 1], which filling advances to the
- * part's end: first[v + 1] is then the start of the part of v + 1. */
+/* Vertex v is counted in first[v + 2]. The sums turn this into the start of v's part in first[v + 1], which
+ * filling advances to the part's end: first[v + 1] is then the start of the part of v + 1. */
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const list_job *job = context;

@@ -10,26 +10,28 @@
 
 /* Treatment of duplicate triangles that occur equally often in both orientations. */
 typedef enum mesh_cancelled {
-    /* All are dropped, since they bound nothing. One is kept if all triangles of the mesh cancel, or if there would
-     * be a hole (contacts.h). */
+    /* All are dropped, since they bound nothing. One is kept if all triangles of the mesh cancel, or if there
+     * would be a hole (contacts.h). */
     MESH_DROP_CANCELLED,
     /* One is kept. */
     MESH_KEEP_CANCELLED,
-    /* MESH_DROP_CANCELLED if an even number of triangles meets at every edge: they are a contact of two solids.
-     * Otherwise MESH_KEEP_CANCELLED: the orientation of an open surface is arbitrary. */
+    /* MESH_DROP_CANCELLED if an even number of triangles meets at every edge: they are a contact of two
+     * solids. Otherwise MESH_KEEP_CANCELLED: the orientation of an open surface is arbitrary. */
     MESH_DROP_IF_CLOSED
 } mesh_cancelled;
 
-/* Joins vertices with equal coordinates. Drops vertices without a triangle, triangles with two equal corners, and
- * duplicates of triangles; `cancelled` applies to those of opposite orientation. The order is kept. Sets m->welded.
- * Error: limit_memory. */
+/* Joins vertices with equal coordinates. Drops vertices without a triangle, triangles with two equal corners,
+ * and duplicates of triangles; `cancelled` applies to those of opposite orientation. The order is kept. Sets
+ * m->welded. Error: limit_memory. */
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e);
 
-/* mesh_weld if that only joins vertices and drops vertices without a triangle, so that a later mesh_weld of the mesh
- * or of a copy has nothing to do. Otherwise the mesh is not welded. Errors: limit_memory, cancelled. */
+/* mesh_weld if that only joins vertices and drops vertices without a triangle, so that a later mesh_weld of
+ * the mesh or of a copy has nothing to do. Otherwise the mesh is not welded. Errors: limit_memory,
+ * cancelled. */
 bool mesh_weld_clean(mesh *m, threads *pool, error *e);
 
-/* Joins vertices with equal coordinates; drops neither triangles nor vertices. Errors: limit_memory, cancelled. */
+/* Joins vertices with equal coordinates; drops neither triangles nor vertices. Errors: limit_memory,
+ * cancelled. */
 bool mesh_weld_vertices(mesh *m, threads *pool, error *e);
 
 #endif

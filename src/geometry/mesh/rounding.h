@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* rounding: bounds of the rounding errors of the coordinates of a mesh. Pure functions. Results do not depend on the
- * number of threads of the pool, which may be NULL.
+/* rounding: bounds of the rounding errors of the coordinates of a mesh. Pure functions. Results do not depend
+ * on the number of threads of the pool, which may be NULL.
  */
 #ifndef HEXAD_GEOMETRY_MESH_ROUNDING_H
 #define HEXAD_GEOMETRY_MESH_ROUNDING_H
@@ -13,15 +13,15 @@ typedef struct rounding {
     double absolute, relative;
 } rounding;
 
-/* Coordinates may have been computed in doubles by an affine map: three products and three sums, each with an error
- * of 2^-53 of the largest coordinate. If all coordinates are representable as floats, they were then rounded to
- * floats, with a relative error of 2^-24. rounding_at_most assumes floats without a test. */
+/* Coordinates may have been computed in doubles by an affine map: three products and three sums, each with an
+ * error of 2^-53 of the largest coordinate. If all coordinates are representable as floats, they were then
+ * rounded to floats, with a relative error of 2^-24. rounding_at_most assumes floats without a test. */
 rounding rounding_of(const mesh *m, threads *pool);
 rounding rounding_at_most(const mesh *m, threads *pool);
 
-/* Maximum distance of the rounded corners of a triangle from the line or plane on which their exact positions lie.
- * Each corner has an error of sqrt(3) times that of its coordinates, and the line through them has the same error
- * again. */
+/* Maximum distance of the rounded corners of a triangle from the line or plane on which their exact positions
+ * lie. Each corner has an error of sqrt(3) times that of its coordinates, and the line through them has the
+ * same error again. */
 double rounding_reach(const rounding *r, const vec3 corner[3]);
 
 #endif

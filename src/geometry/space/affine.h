@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* affine: affine maps of space, as the first three rows of a 4x4 matrix for column vectors. Pure functions, any
- * thread.
+/* affine: affine maps of space, as the first three rows of a 4x4 matrix for column vectors. Pure functions,
+ * any thread.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_AFFINE_H
 #define HEXAD_GEOMETRY_SPACE_AFFINE_H
@@ -42,8 +42,8 @@ static inline void affine_compose(const double outer[3][4], const double inner[1
         }
 }
 
-/* Aspect ratio of the image of a unit cube, 1 or more: the length of its longest edge over the least distance of two
- * opposite faces. The second differs from the shortest edge if the map shears. */
+/* Aspect ratio of the image of a unit cube, 1 or more: the length of its longest edge over the least distance
+ * of two opposite faces. The second differs from the shortest edge if the map shears. */
 static inline double affine_aspect(const double m[3][4], const double inverse[3][4])
 {
     double axes2 = 0, across2 = 0;
@@ -73,7 +73,8 @@ static inline double affine_invert(const double m[3][4], double out[3][4])
     return determinant;
 }
 
-/* Derivatives of f(M x) with respect to x from those of f at M x: W^T g and W^T H W, with W the linear part of m. */
+/* Derivatives of f(M x) with respect to x from those of f at M x: W^T g and W^T H W, with W the linear
+ * part of m. */
 static inline vec3 affine_pull_gradient(const double m[3][4], vec3 g)
 {
     return (vec3){m[0][0] * g.x + m[1][0] * g.y + m[2][0] * g.z,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* bbox: an axis-aligned box, min <= max on each axis; an empty box has min = +inf, max = -inf. Pure functions, any
- * thread.
+/* bbox: an axis-aligned box, min <= max on each axis; an empty box has min = +inf, max = -inf. Pure
+ * functions, any thread.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_BBOX_H
 #define HEXAD_GEOMETRY_SPACE_BBOX_H

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* block_map: a sparse set of blocks of 8^3 voxels, numbered in the order in which they were added.
  *
- * The coordinates of a block are the coordinates of its lowest voxel divided by 8; any int32 is valid. A node holds
- * the numbers of 4^3 blocks. A hash table with open addressing holds the nodes: a surface crosses few of them, so
- * that the table stays in the cache.
- * Complexity for n blocks: insertion O(1), amortised; search O(1); memory block_map_bytes(n). Blocks are never
- * removed. Reading: any number of threads, while no block is added.
+ * The coordinates of a block are the coordinates of its lowest voxel divided by 8; any int32 is valid. A node
+ * holds the numbers of 4^3 blocks. A hash table with open addressing holds the nodes: a surface crosses few
+ * of them, so that the table stays in the cache.
+ * Complexity for n blocks: insertion O(1), amortised; search O(1); memory block_map_bytes(n). Blocks are
+ * never removed. Reading: any number of threads, while no block is added.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_BLOCK_MAP_H
 #define HEXAD_GEOMETRY_SPACE_BLOCK_MAP_H
@@ -32,7 +32,8 @@ typedef struct block_map {
     uint32_t mask;                     /* slots minus one */
     uint32_t count, node_count;
     size_t room, node_room;
-    /* bytes; set after the map is created. A block that would exceed it is not added (limit_memory). 0: no limit */
+    /* bytes; set after the map is created. A block that would exceed it is not added (limit_memory). 0: no
+     * limit */
     size_t limit;
 } block_map;
 
@@ -46,13 +47,14 @@ bool block_map_copy(const block_map *m, block_map *out, error *e);
 /* Adds a block unless the map has it. *number (NULL is permitted): its number. Error: limit_memory. */
 bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
 
-/* Maximum bytes of a map with `count` blocks of a surface. For scattered blocks, each in a node of its own, it is
- * six times as much. */
+/* Maximum bytes of a map with `count` blocks of a surface. For scattered blocks, each in a node of its own,
+ * it is six times as much. */
 size_t block_map_bytes(size_t count);
 
 static inline uint32_t block_map_hash(int32_t x, int32_t y, int32_t z)
 {
-    /* Three odd constants spread neighbours over the table. The last step mixes high bits into the low ones. */
+    /* Three odd constants spread neighbours over the table. The last step mixes high bits into the low
+     * ones. */
     const uint64_t h = (uint64_t)(uint32_t)x * 0x9E3779B97F4A7C15u +
                        (uint64_t)(uint32_t)y * 0xC2B2AE3D27D4EB4Fu +
                        (uint64_t)(uint32_t)z * 0x165667B19E3779F9u;
@@ -99,9 +101,9 @@ static inline uint32_t block_map_find_near(const block_map *m, int32_t x, int32_
     return seen->node[block_map_in_node(x, y, z)];
 }
 
-/* The numbers of a block and its 26 neighbours, or BLOCK_MAP_NONE: the block at offset (i, j, k), each -1 .. 1, in
- * out[9 i + 3 j + k + 13]. Faster than 27 lookups, since the blocks lie in at most 8 nodes. No coordinate of the
- * block is INT32_MIN or INT32_MAX. */
+/* The numbers of a block and its 26 neighbours, or BLOCK_MAP_NONE: the block at offset (i, j, k), each -1 ..
+ * 1, in out[9 i + 3 j + k + 13]. Faster than 27 lookups, since the blocks lie in at most 8 nodes. No
+ * coordinate of the block is INT32_MIN or INT32_MAX. */
 static inline void block_map_around(const block_map *m, const int32_t block[3], uint32_t out[27])
 {
     static const uint32_t none[BLOCK_MAP_NODE] = {[0 ... BLOCK_MAP_NODE - 1] = BLOCK_MAP_NONE};

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/* box_tree: a hierarchy of bounding boxes over triangles, segments, boxes or other hierarchies, which are its items.
+/* box_tree: a hierarchy of bounding boxes over triangles, segments, boxes or other hierarchies, which are its
+ * items.
  *
- * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A search
- * is a walk: it returns the leaves that may have items of interest, and the caller tests these items.
+ * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A
+ * search is a walk: it returns the leaves that may have items of interest, and the caller tests these items.
  * box_tree_next_near visits the nearer child of a node first; the other walks visit the first one first.
- * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 - 1 <= m <= n is the number
- * of nodes; a search O(log n + items found) if few boxes overlap, O(n) at worst.
+ * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 - 1 <= m <= n is the
+ * number of nodes; a search O(log n + items found) if few boxes overlap, O(n) at worst.
  * Searches: any number of threads, while box_tree_extend does not run.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_BOX_TREE_H
@@ -31,8 +32,8 @@ typedef struct box_tree {
 /* Returns the box of an item. */
 typedef bbox box_tree_box(const void *context, uint32_t item);
 
-/* Builds the tree of `count` < 2^32 items with the given centres. `what`: the object that messages name. Error:
- * limit_memory, *out unchanged. */
+/* Builds the tree of `count` < 2^32 items with the given centres. `what`: the object that messages name.
+ * Error: limit_memory, *out unchanged. */
 bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
                    const char *what, box_tree *out, error *e);
 void box_tree_free(box_tree *t); /* accepts a zeroed object */
@@ -69,8 +70,8 @@ static inline double box_tree_distance2(const bbox *b, vec3 p)
     return vec3_norm2(d);
 }
 
-/* Begins a walk to a place p, for box_tree_next_near. (The stack is not initialised: that would take longer than
- * most searches.) */
+/* Begins a walk to a place p, for box_tree_next_near. (The stack is not initialised: that would take longer
+ * than most searches.) */
 static inline void box_tree_begin_near(const box_tree *t, box_tree_walk *w, vec3 p)
 {
     w->depth = 1;
@@ -98,8 +99,8 @@ static inline void box_tree_halves(const box_tree_node *n, box_tree_node *left, 
     *right = (box_tree_node){2 * n->node + 2, n->first + half, n->count - half, 0};
 }
 
-/* Moves to the next leaf whose squared distance from p is less than `bound2`, which may decrease during the walk.
- * False: there is none. */
+/* Moves to the next leaf whose squared distance from p is less than `bound2`, which may decrease during the
+ * walk. False: there is none. */
 static inline bool box_tree_next_near(const box_tree *t, box_tree_walk *w, vec3 p, double bound2)
 {
     while (w->depth > 0) {

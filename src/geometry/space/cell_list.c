@@ -9,13 +9,16 @@
 #include "geometry/space/bbox.h"
 #include "geometry/space/point_tree.h"
 
-/* Maximum number of cells per point, and along an axis. More: empty cells are visited. Fewer: points that are farther away are visited. */
+/* Maximum number of cells per point, and along an axis. More: empty cells are visited. Fewer: points that
+ * are farther away are visited. */
 enum { CELLS_PER_POINT = 2, AXIS_MOST = 4096 };
 /* Points of a task of the thread pool. */
 enum { CHUNK = 4096 };
-/* Ratio of the edges that are tried one after the other, from the least one, until the cells are few enough. */
+/* Ratio of the edges that are tried one after the other, from the least one, until the cells are few
+ * enough. */
 static const double WIDER = 1.1;
-/* A point_tree replaces the cells if a point shares its cell with more points than this on average: each search would visit as many. */
+/* A point_tree replaces the cells if a point shares its cell with more points than this on average: each
+ * search would visit as many. */
 static const double CROWD = 100;
 
 static const char what[] = "the search for near points";

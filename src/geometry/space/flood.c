@@ -36,7 +36,8 @@ static void spread_within(const uint64_t cells[SIDE], uint64_t reached[SIDE])
     }
 }
 
-/* The cells beyond a face of the block, in layer x of the adjacent block, that are adjacent to reached ones. */
+/* The cells beyond a face of the block, in layer x of the adjacent block, that are adjacent to reached
+ * ones. */
 static uint64_t beside(const uint64_t reached[SIDE], int axis, int high, int x)
 {
     const int shift = axis == 1 ? 56 : 7;

@@ -9,8 +9,8 @@
 #include "base/core/error.h"
 #include "geometry/space/block_map.h"
 
-/* `cells`: 64 bytes per block of the map; bit z of byte 8 x + y: the cell (x, y, z) is in the set. *all: the set is
- * connected by faces. Error: limit_memory. */
+/* `cells`: 64 bytes per block of the map; bit z of byte 8 x + y: the cell (x, y, z) is in the set. *all: the
+ * set is connected by faces. Error: limit_memory. */
 bool flood_reaches_all(const block_map *map, const uint8_t *cells, bool *all, error *e);
 
 #endif

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* morton: sorts points along Morton's curve, so that points near each other in space are mostly near each other in
- * the order.
+/* morton: sorts points along Morton's curve, so that points near each other in space are mostly near each
+ * other in the order.
  *
- * G. M. Morton 1966, "A computer oriented geodetic data base". The sort is stable for points in one cell of the
- * curve.
+ * G. M. Morton 1966, "A computer oriented geodetic data base". The sort is stable for points in one cell of
+ * the curve.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_MORTON_H
 #define HEXAD_GEOMETRY_SPACE_MORTON_H
@@ -16,8 +16,9 @@
 #include "base/core/threads.h"
 #include "geometry/space/vec3.h"
 
-/* order[k]: the index of the k-th point along the curve. The coordinates of all `count` points are finite. The cells
- * of the curve are finer than the distances of points that cover a surface. `pool` may be NULL. Error: limit_memory. */
+/* order[k]: the index of the k-th point along the curve. The coordinates of all `count` points are finite.
+ * The cells of the curve are finer than the distances of points that cover a surface. `pool` may be NULL.
+ * Error: limit_memory. */
 bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e);
 
 #endif

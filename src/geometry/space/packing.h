@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/* packing: the formulas of the ideal hexagonal packing, in which six neighbours at one distance h, the spacing,
- * surround each point. Pure functions. Lengths, areas and counts are the caller's units. */
+/* packing: the formulas of the ideal hexagonal packing, in which six neighbours at one distance h, the
+ * spacing, surround each point. Pure functions. Lengths, areas and counts are the caller's units. */
 #ifndef HEXAD_GEOMETRY_SPACE_PACKING_H
 #define HEXAD_GEOMETRY_SPACE_PACKING_H
 
 #include <math.h>
 
-/* The spacing of `count` points on an area. With a count of 1 the area is that of one point's cell; with an area
- * of 1 the count is a density. */
+/* The spacing of `count` points on an area. With a count of 1 the area is that of one point's cell; with an
+ * area of 1 the count is a density. */
 static inline double packing_spacing(double area, double count)
 {
     return sqrt(2 * area / (sqrt(3) * count));
@@ -19,20 +19,22 @@ static inline double packing_count(double area, double spacing)
     return 2 * area / (sqrt(3) * spacing * spacing);
 }
 
-/* The area of the Voronoi cell of a point: a hexagon whose opposite sides have the distance of one spacing. */
+/* The area of the Voronoi cell of a point: a hexagon whose opposite sides have the distance of one
+ * spacing. */
 static inline double packing_cell_area(double spacing)
 {
     return sqrt(3) / 2 * spacing * spacing;
 }
 
-/* The support of the potential under which the packing has the ideal energy: only the six neighbours are within
- * it, and the next six lie on its edge. */
+/* The support of the potential under which the packing has the ideal energy: only the six neighbours are
+ * within it, and the next six lie on its edge. */
 static inline double packing_support(double spacing)
 {
     return sqrt(3) * spacing;
 }
 
-/* The middle between the first shell of six neighbours, at one spacing, and the second one, at the support. */
+/* The middle between the first shell of six neighbours, at one spacing, and the second one, at the
+ * support. */
 static inline double packing_first_shell(double spacing)
 {
     return 0.5 * (spacing + packing_support(spacing));

@@ -15,9 +15,9 @@ enum { LEAF = 8 };
 struct point_tree {
     const vec3 *points;
     size_t count;
-    uint32_t *
-        order; /* of a range the points below the middle one's place along its axis, that one, and those above */
-    uint8_t *axis; /* of the middle of each range */
+    uint32_t *order; /* of a range the points below the middle one's place along its axis, that one, and those
+                      * above */
+    uint8_t *axis;   /* of the middle of each range */
 };
 
 static void swap(uint32_t *a, uint32_t *b)

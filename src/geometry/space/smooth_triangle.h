@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* smooth_triangle: a triangle with normals at its corners that are interpolated over it, and the projection of
- * places onto it, for one place or for several in SIMD lanes with the same bits. Pure functions, any thread.
+/* smooth_triangle: a triangle with normals at its corners that are interpolated over it, and the projection
+ * of places onto it, for one place or for several in SIMD lanes with the same bits. Pure functions, any
+ * thread.
  */
 #ifndef HEXAD_GEOMETRY_SPACE_SMOOTH_TRIANGLE_H
 #define HEXAD_GEOMETRY_SPACE_SMOOTH_TRIANGLE_H
@@ -10,11 +11,11 @@
 #include "base/core/isa.h"
 #include "geometry/space/vec3.h"
 
-/* A place whose projection is this many times as far from all edges of the triangle as the place is from its plane
- * has no closer triangle, unless another one is folded over it by more than 150 degrees. */
+/* A place whose projection is this many times as far from all edges of the triangle as the place is from its
+ * plane has no closer triangle, unless another one is folded over it by more than 150 degrees. */
 enum { SMOOTH_TRIANGLE_MARGIN = 2 };
-/* Minimum |cosine| between the interpolated normal and the normal of the triangle; smaller values are clamped. |grad
- * F| is at most its inverse. */
+/* Minimum |cosine| between the interpolated normal and the normal of the triangle; smaller values are
+ * clamped. |grad F| is at most its inverse. */
 #define SMOOTH_TRIANGLE_MIN_COSINE 0.25
 
 /* Corners and unit normals at them, all on one side of the surface. */
@@ -29,9 +30,9 @@ ISA_INLINE vec3 smooth_triangle_turn(vec3 n, vec3 of)
     return vec3_scale(n, sign);
 }
 
-/* > 0 if a place of this barycentric weight is SMOOTH_TRIANGLE_MARGIN times as far from the edge `side`, opposite to
- * the corner, as from the plane. `cross2`: squared length of the cross product of two edges. `up`: distance from the
- * plane times the length of that product. */
+/* > 0 if a place of this barycentric weight is SMOOTH_TRIANGLE_MARGIN times as far from the edge `side`,
+ * opposite to the corner, as from the plane. `cross2`: squared length of the cross product of two edges.
+ * `up`: distance from the plane times the length of that product. */
 ISA_INLINE double smooth_triangle_margin(double weight, double cross2, double up, vec3 side)
 {
     const double within = weight * cross2;
@@ -40,9 +41,9 @@ ISA_INLINE double smooth_triangle_margin(double weight, double cross2, double up
                       : -1;
 }
 
-/* Barycentric weights of the projection of x onto the plane of the triangle. Returns a value > 0 if the projection
- * lies inside the triangle by SMOOTH_TRIANGLE_MARGIN. (Without loops and booleans, which would prevent
- * vectorisation.) */
+/* Barycentric weights of the projection of x onto the plane of the triangle. Returns a value > 0 if the
+ * projection lies inside the triangle by SMOOTH_TRIANGLE_MARGIN. (Without loops and booleans, which would
+ * prevent vectorisation.) */
 ISA_INLINE double smooth_triangle_weights(const smooth_triangle *t, vec3 x, double weight[3])
 {
     const vec3 off = vec3_sub(x, t->corner[0]), ab = vec3_sub(t->corner[1], t->corner[0]),
@@ -74,8 +75,8 @@ ISA_INLINE vec3 smooth_triangle_offset(const smooth_triangle *t, const double we
                     vec3_axpy(weight[2], c[2], vec3_axpy(weight[1], c[1], vec3_axpy(weight[0], c[0], none))));
 }
 
-/* Signed distance along the interpolated `normal` to the plane with the normal `own`. A triangle in a small fold may
- * face away from the interpolated normal. */
+/* Signed distance along the interpolated `normal` to the plane with the normal `own`. A triangle in a small
+ * fold may face away from the interpolated normal. */
 ISA_INLINE double smooth_triangle_distance(vec3 off, vec3 normal, vec3 own)
 {
     const double facing = vec3_dot(normal, own), size = fabs(facing),
@@ -86,8 +87,8 @@ ISA_INLINE double smooth_triangle_distance(vec3 off, vec3 normal, vec3 own)
 /* Several places, each with its own triangle. */
 typedef struct smooth_triangle_lanes {
     vec3_lanes corner[3], normal[3], x;
-    /* Results of smooth_triangle_find_lanes. above: result of smooth_triangle_weights. If it is > 0: the distance
-     * and the unit normal. */
+    /* Results of smooth_triangle_find_lanes. above: result of smooth_triangle_weights. If it is > 0: the
+     * distance and the unit normal. */
     double above[VEC3_LANES], value[VEC3_LANES];
     vec3_lanes unit;
 } smooth_triangle_lanes;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* triangle: distance of a point from a triangle, and subdivision of a triangle. Pure functions, any thread. */
+/* triangle: distance of a point from a triangle, and subdivision of a triangle. Pure functions, any
+ * thread. */
 #ifndef HEXAD_GEOMETRY_SPACE_TRIANGLE_H
 #define HEXAD_GEOMETRY_SPACE_TRIANGLE_H
 
@@ -27,9 +28,9 @@ void triangle_weights(const triangle *t, vec3 p, double weight[3]);
 /* The point of the triangle that is nearest to p. */
 vec3 triangle_nearest(const triangle *t, vec3 p);
 
-/* Splits a triangle at the midpoints of the sides in `halved`, preserving the orientation. Returns the number of
- * parts, 1 to 4. In `parts`, 0 to 2 are the corners of the triangle, and 3 + k is the midpoint of the side from
- * corner k to the next one. */
+/* Splits a triangle at the midpoints of the sides in `halved`, preserving the orientation. Returns the number
+ * of parts, 1 to 4. In `parts`, 0 to 2 are the corners of the triangle, and 3 + k is the midpoint of the side
+ * from corner k to the next one. */
 int triangle_split(const bool halved[3], int parts[4][3]);
 
 #endif

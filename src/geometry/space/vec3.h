@@ -86,7 +86,8 @@ static inline void vec3_set(vec3 *a, int axis, double v)
     *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v;
 }
 
-/* Compares by x, then by y, then by z. Returns a value < 0, 0 or > 0, as qsort requires. 0 and -0 are equal. */
+/* Compares by x, then by y, then by z. Returns a value < 0, 0 or > 0, as qsort requires. 0 and -0 are
+ * equal. */
 static inline int vec3_compare(vec3 a, vec3 b)
 {
     for (int axis = 0; axis < 3; axis++) {
@@ -96,8 +97,8 @@ static inline int vec3_compare(vec3 a, vec3 b)
     return 0;
 }
 
-/* Two unit vectors that form a right-handed frame with the unit vector n. Source: Duff et al. 2017, "Building an
- * Orthonormal Basis, Revisited", JCGT 6(1). */
+/* Two unit vectors that form a right-handed frame with the unit vector n. Source: Duff et al. 2017, "Building
+ * an Orthonormal Basis, Revisited", JCGT 6(1). */
 static inline void vec3_frame(vec3 n, vec3 *u, vec3 *v)
 {
     double sign = copysign(1.0, n.z), a = -1.0 / (sign + n.z), b = n.x * n.y * a;

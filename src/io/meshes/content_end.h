@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* content_end: finds the end of the content that a mesh file declares, for formats whose readers ignore the bytes
- * after it. Runs in the process that reads.
+/* content_end: finds the end of the content that a mesh file declares, for formats whose readers ignore the
+ * bytes after it. Runs in the process that reads.
  */
 #ifndef HEXAD_IO_MESHES_CONTENT_END_H
 #define HEXAD_IO_MESHES_CONTENT_END_H

@@ -91,7 +91,8 @@ static bool is_usable(vec3 v)
            fabs(v.z) <= largest_coordinate;
 }
 
-/* Refuses vertices of triangles that are not finite. Those of no triangle take the place of one that is; *unused: how many. */
+/* Refuses vertices of triangles that are not finite. Those of no triangle take the place of one that
+ * is; *unused: how many. */
 static bool check_vertices(mesh *m, size_t *unused, error *e)
 {
     *unused = 0;

@@ -19,35 +19,35 @@ typedef struct mesh_file {
     size_t memory_limit; /* bytes: for the reading process, and again for the mesh */
 } mesh_file;
 
-/* Reads the triangles of a file. Every count, number and index of the answer is checked. The mesh is not welded.
- * Adds warnings to *notes, some of them possibly also on failure. *out is unchanged on failure; free it with
- * mesh_free after success. Errors, which do not name the file:
- * - input_damaged: also if the reading process crashes, or takes more than 60 s of CPU time and 1 s for each MiB of
- *   the file;
+/* Reads the triangles of a file. Every count, number and index of the answer is checked. The mesh is not
+ * welded. Adds warnings to *notes, some of them possibly also on failure. *out is unchanged on failure; free
+ * it with mesh_free after success. Errors, which do not name the file:
+ * - input_damaged: also if the reading process crashes, or takes more than 60 s of CPU time and 1 s for each
+ *   MiB of the file;
  * - input_unsupported;
  * - no_surface: there is no triangle;
  * - limit_memory;
  * - internal: the process cannot be started. */
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
 
-/* Attributes of the vertices of a mesh other than their positions: numbers, normals, colours, ... Each array has
- * values of all vertices. */
+/* Attributes of the vertices of a mesh other than their positions: numbers, normals, colours, ... Each array
+ * has values of all vertices. */
 typedef struct mesh_values {
     size_t count;             /* arrays */
     mesh_reader_values *head; /* per array: name, kind, number of components */
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices may be others
- * than those of mesh_file_read: in single precision, and numbered and duplicated as assimp does. There are no notes.
- * The formats VTK and GIfTI, and glTF files with quantised positions, are input_unsupported. *out and *values are
- * unchanged on failure; free both after success. */
+/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices may be
+ * others than those of mesh_file_read: in single precision, and numbered and duplicated as assimp does. There
+ * are no notes. The formats VTK and GIfTI, and glTF files with quantised positions, are
+ * input_unsupported. *out and *values are unchanged on failure; free both after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
 
-/* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is corner
- * first[p] of all. Polygons are numbered from 0 in the order of the file, those of fewer than three corners
- * included. */
+/* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is
+ * corner first[p] of all. Polygons are numbered from 0 in the order of the file, those of fewer than three
+ * corners included. */
 typedef struct mesh_polygons {
     size_t count, corners;
     uint32_t *size;   /* number of corners of each polygon */
@@ -59,17 +59,18 @@ typedef struct mesh_polygons {
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 
-/* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors: input_damaged (also
- * for a coordinate that is not finite, with its row, from 0), input_unsupported (another ending), limit_memory. */
+/* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors:
+ * input_damaged (also for a coordinate that is not finite, with its row, from 0), input_unsupported
+ * (another ending), limit_memory. */
 bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, error *e);
 
 /* Reads and checks only the answer of the reader process, as mesh_file_parse does. */
 bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e);
 
-/* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives the
- * header of the answer. *notes receives its warnings. `values`, `polygons`: NULL if the answer has none; otherwise
- * zeroed before the call, and to be freed with mesh_values_free and mesh_polygons_free, also after failure. *out is
- * unchanged on failure. Errors: as mesh_file_read. */
+/* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives
+ * the header of the answer. *notes receives its warnings. `values`, `polygons`: NULL if the answer has none;
+ * otherwise zeroed before the call, and to be freed with mesh_values_free and mesh_polygons_free, also after
+ * failure. *out is unchanged on failure. Errors: as mesh_file_read. */
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
                      mesh_values *values, mesh_polygons *polygons, error *e);
 

@@ -104,8 +104,8 @@ static int answer_fault(error_code code, const char *text)
 /* What a command answers in addition to the triangles. */
 typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
 
-/* The answer is written by walks over the scene's nodes: to count, vertices, triangles; and the sizes and the corners of
- * the polygons. */
+/* The answer is written by walks over the scene's nodes: to count, vertices, triangles; and the sizes and the
+ * corners of the polygons. */
 typedef struct walk {
     const struct aiScene *scene;
     enum { COUNT, VERTICES, TRIANGLES, SIZES, CORNERS } pass;
@@ -483,8 +483,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* The refusal of a scene in a format that the library reads wrongly; NULL: there is none. The library also recognises
- * such files by words in them. */
+/* The refusal of a scene in a format that the library reads wrongly; NULL: there is none. The library also
+ * recognises such files by words in them. */
 static const char *foreign_scene(const struct aiScene *scene)
 {
     const struct aiMetadata *data = scene->mMetaData;
@@ -499,7 +499,8 @@ static const char *foreign_scene(const struct aiScene *scene)
     return NULL;
 }
 
-/* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads the mesh. */
+/* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads
+ * the mesh. */
 static bool is_read_for_values(const char *ending)
 {
     const file_format format = file_format_of_name(ending);
@@ -512,7 +513,8 @@ static bool read_plain(const char *ending, const bytes *b, addition also, plain_
                             : plain_mesh_read(ending, b->data, b->size, out);
 }
 
-/* Ends the process where the file is read without the library, or refused. Else *plain is what is known of it for the library. */
+/* Ends the process where the file is read without the library, or refused. Else *plain is what is known of
+ * it for the library. */
 static void try_plain(const char *ending, const bytes *b, addition also, plain_mesh *plain)
 {
     const char *foreign;
@@ -531,8 +533,8 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
 
-/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read again without
- * what follows the data that it declares, and with triangle strips as triangles. */
+/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read
+ * again without what follows the data that it declares, and with triangle strips as triangles. */
 static int answer_only_reader(const char *ending, addition also, bytes *b)
 {
     plain_mesh m;

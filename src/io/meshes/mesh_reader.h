@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 /* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; the only user of that library.
  *
- * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any amount
- * of memory and time. The process has one open descriptor for the file and no other input. It opens no other file,
- * and after the limits are set it cannot open any descriptor.
+ * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any
+ * amount of memory and time. The process has one open descriptor for the file and no other input. It opens no
+ * other file, and after the limits are set it cannot open any descriptor.
  *
  * Its answer (base/core/reader) is, in this order:
  * 1. warnings as the text, one a line, and a mesh_reader_header;
  * 2. the vertices (three doubles each) and the triangles (three uint32_t each);
  * 3. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a
  *    mesh_reader_values and vertices * components floats, vertex by vertex;
- * 4. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the number of
- *    corners of each polygon, and the vertices of all corners, uint32_t each.
+ * 4. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the
+ *    number of corners of each polygon, and the vertices of all corners, uint32_t each.
  */
 #ifndef HEXAD_IO_MESHES_MESH_READER_H
 #define HEXAD_IO_MESHES_MESH_READER_H
@@ -25,16 +25,17 @@ typedef struct mesh_reader_header {
     uint64_t vertices, triangles;
     uint64_t others;  /* number of points and lines, which are skipped */
     uint64_t crossed; /* number of polygons that cross themselves */
-    /* offset in the file of the first byte after the declared content, if other data follow, which are not read; 0:
-     * none follow */
+    /* offset in the file of the first byte after the declared content, if other data follow, which are not
+     * read; 0: none follow */
     uint64_t end;
 } mesh_reader_header;
 
-/* Command that also answers the polygons of the file, from which the triangles are cut: part 4 of the answer above.
- * A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
+/* Command that also answers the polygons of the file, from which the triangles are cut: part 4 of the answer
+ * above. A polygon of n > 2 corners has n - 2 consecutive triangles, others have none. */
 #define MESH_POLYGONS_COMMAND "read-mesh-polygons"
 
-/* Command that also answers attributes of the vertices other than their positions: part 3 of the answer above. */
+/* Command that also answers attributes of the vertices other than their positions: part 3 of the answer
+ * above. */
 #define MESH_VALUES_COMMAND "read-mesh-values"
 /* Maximum number of arrays, size of a name with its byte 0, maximum number of components. Further arrays are
  * skipped. */
@@ -55,10 +56,10 @@ typedef struct mesh_reader_values {
     uint32_t kind, components; /* kind: a mesh_values_kind; components: 1 .. MESH_VALUES_COMPONENTS */
 } mesh_reader_values;
 
-/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND or MESH_POLYGONS_COMMAND as its
- * first word. Reads the file on descriptor 0, writes the answer to descriptor 1, allocates at most MEMORY bytes
- * beyond its memory at the start. Returns (or exits with) the exit status: 0 if the answer, a mesh or an error, was
- * written completely. */
+/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND or MESH_POLYGONS_COMMAND
+ * as its first word. Reads the file on descriptor 0, writes the answer to descriptor 1, allocates at most
+ * MEMORY bytes beyond its memory at the start. Returns (or exits with) the exit status: 0 if the answer, a
+ * mesh or an error, was written completely. */
 int mesh_reader_main(int argc, char **argv);
 
 /* Shared object that contains mesh_reader_main, for programs that are not linked with it. */

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* 3MF: the items of the build with their transforms, in doubles and millimetres. Meshes, components and parts of other model files in
- * the package (the production extension) are read. */
+/* 3MF: the items of the build with their transforms, in doubles and millimetres. Meshes, components and parts
+ * of other model files in the package (the production extension) are read. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -165,7 +165,8 @@ static bool read_index(const char **attributes, const char *name, uint32_t *out)
     return ok && number == (double)*out;
 }
 
-/* The twelve numbers of a transform are three axes and a translation; the matrix comes out row by row. No attribute is the identity. */
+/* The twelve numbers of a transform are three axes and a translation; the matrix comes out row by row. No
+ * attribute is the identity. */
 static bool read_transform(package *p, const char *at, double out[16])
 {
     double number[NUMBERS_OF_TRANSFORM] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
@@ -179,7 +180,8 @@ static bool read_transform(package *p, const char *at, double out[16])
 
 /* ---- the elements of a part */
 
-/* Extensions that a part requires by prefix: those that change no place of a mesh, and that which is read, are known. */
+/* Extensions that a part requires by prefix: those that change no place of a mesh, and that which is read,
+ * are known. */
 static bool check_extensions(package *p, const char **model)
 {
     static const char *const known[] = {"/material/", "/production/", "/triangleset/", "/trianglesets/"};
@@ -202,8 +204,8 @@ static bool check_extensions(package *p, const char **model)
     return true;
 }
 
-/* Sets *millimetres to the length of the document's unit, with a warning unless it is 1. Without a name, the unit is the
- * millimetre. False: the unit is unknown, and the file is refused. */
+/* Sets *millimetres to the length of the document's unit, with a warning unless it is 1. Without a name, the
+ * unit is the millimetre. False: the unit is unknown, and the file is refused. */
 static bool read_unit(const char *unit, plain_mesh *out, double *millimetres)
 {
     static const struct {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. base/xml finds the arrays; what they hold is
- * read here. libgiftiio 1.0.9 is not used: it takes data that end early without an error, and crashes on damaged files. */
+/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. base/xml
+ * finds the arrays; what they hold is read here. libgiftiio 1.0.9 is not used: it takes data that end
+ * early without an error, and crashes on damaged files. */
 #include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>

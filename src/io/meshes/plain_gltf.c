@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in doubles.
- * Extensions that the file requires are known, or the file is refused by the name of one; Draco alone is left to the
- * library. */
+/* glTF 2.0, as text or binary: the triangles of its scene in world space, by the transforms of its nodes in
+ * doubles. Extensions that the file requires are known, or the file is refused by the name of one; Draco
+ * alone is left to the library. */
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -259,7 +259,8 @@ static double *read_accessor(gltf *g, double index, const char *type, size_t com
 
 /* ---- meshes and nodes */
 
-/* The n-th triangle of a primitive, as places in the list of its corners. A strip's odd triangles run the other way. */
+/* The n-th triangle of a primitive, as places in the list of its corners. A strip's odd triangles run the
+ * other way. */
 static void corners_of(int mode, size_t n, size_t out[3])
 {
     out[0] = mode == TRIANGLES ? 3 * n : mode == TRIANGLE_FAN ? 0 : n;
@@ -402,7 +403,8 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
 {
     const json *node = item_at(&g->nodes, index);
     double own[16], m[3][4];
-    /* nodes form trees: more visits than nodes mean that a node is its own descendant, or has several parents */
+    /* nodes form trees: more visits than nodes mean that a node is its own descendant, or has several
+     * parents */
     if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
         return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
     if (!read_transform(g, node, (size_t)index, own)) return false;

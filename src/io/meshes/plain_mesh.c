@@ -12,7 +12,8 @@
 
 #include "io/meshes/polygon.h"
 
-/* Bytes from which an array gets pages of 2 MiB: page faults of 4 KiB pages would take longer than filling it. */
+/* Bytes from which an array gets pages of 2 MiB: page faults of 4 KiB pages would take longer than filling
+ * it. */
 static const size_t LARGE = 4 << 20;
 
 static bool resize(void **items, size_t *room, size_t n, size_t size)
@@ -194,7 +195,8 @@ static bool is_behind(char c)
     return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == 0;
 }
 
-/* Numbers of at most 15 digits and 22 places, which one multiplication or division rounds correctly (Clinger 1990). */
+/* Numbers of at most 15 digits and 22 places, which one multiplication or division rounds correctly
+ * (Clinger 1990). */
 static bool short_number(const char **at, double *out)
 {
     static const double power[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a library,
- * in the precision that they have.
+/* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a
+ * library, in the precision that they have.
  *
- * A reader reads a whole file, or refuses it with a message that gives the place. OFF, glTF and 3MF have a third
- * result: a file with contents that are not supported here is left to the library assimp (mesh_reader.h). Runs in
- * the process that reads. Threads: none.
+ * A reader reads a whole file, or refuses it with a message that gives the place. OFF, glTF and 3MF have a
+ * third result: a file with contents that are not supported here is left to the library assimp
+ * (mesh_reader.h). Runs in the process that reads. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_PLAIN_MESH_H
 #define HEXAD_IO_MESHES_PLAIN_MESH_H
@@ -38,10 +38,10 @@ typedef struct plain_mesh {
     size_t polygon_room, polygon_corner_room;
 } plain_mesh;
 
-/* Reads a file with the reader for `ending`, the ending of its name (any case). data[size] is 0. *out need not be
- * initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there is nothing to free;
- * out->refused is the error, or ERROR_NONE if the file is left to the library. Formats that only this reader reads
- * (plain_mesh_is_only_reader) are never left. */
+/* Reads a file with the reader for `ending`, the ending of its name (any case). data[size] is 0. *out need
+ * not be initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there is
+ * nothing to free; out->refused is the error, or ERROR_NONE if the file is left to the library. Formats that
+ * only this reader reads (plain_mesh_is_only_reader) are never left. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
 
 /* The same, and keeps the polygons. */
@@ -50,14 +50,15 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 /* Whether a reader is here. */
 bool plain_mesh_reads(file_format format);
 
-/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and NPZ.
- * (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see mesh_file_read_values.) */
+/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and
+ * NPZ. (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see
+ * mesh_file_read_values.) */
 bool plain_mesh_is_only_reader(const char *ending);
 
 void plain_mesh_free(plain_mesh *m);
 
-/* ---- the readers of the formats. *out is zeroed before the call. When a reader fails, *out keeps what was read up
- * to there: the caller frees it with plain_mesh_free. plain_mesh_read does so. */
+/* ---- the readers of the formats. *out is zeroed before the call. When a reader fails, *out keeps what was
+ * read up to there: the caller frees it with plain_mesh_free. plain_mesh_read does so. */
 
 bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out);
@@ -84,19 +85,19 @@ bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, con
 /* Refuses the file with limit_memory. Returns false. */
 bool plain_mesh_refuse_memory(plain_mesh *m);
 
-/* Returns the file as a C string: the text behind the byte order mark, if there is one. Points into `data`. NULL:
- * the file is UTF-16, or has a byte 0 before other bytes, and is refused. */
+/* Returns the file as a C string: the text behind the byte order mark, if there is one. Points into `data`.
+ * NULL: the file is UTF-16, or has a byte 0 before other bytes, and is refused. */
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
 
-/* Reads an XML document, whose `begin` has refused the file where it returns false. `what` names the file in messages. False:
- * the file is refused. */
+/* Reads an XML document, whose `begin` has refused the file where it returns false. `what` names the file in
+ * messages. False: the file is refused. */
 bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what);
 
 /* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Reserves room for the given number of entries. False, here and in the next four functions: the file is refused,
- * because memory is out or a stated limit is exceeded. */
+/* Reserves room for the given number of entries. False, here and in the next four functions: the file is
+ * refused, because memory is out or a stated limit is exceeded. */
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles);
 
 /* Adds a vertex. At most 2^32 - 2 vertices. */
@@ -105,16 +106,18 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3]);
 /* Reserves room for the given number of corners in m->corner. */
 bool plain_mesh_expect_corners(plain_mesh *m, size_t corners);
 
-/* Adds a polygon of existing vertices. A polygon of more than three corners is cut into triangles (see polygon.h).
- * False also if that takes too much work. A polygon with fewer than three corners is counted in m->others. */
+/* Adds a polygon of existing vertices. A polygon of more than three corners is cut into triangles (see
+ * polygon.h). False also if that takes too much work. A polygon with fewer than three corners is counted
+ * in m->others. */
 bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners);
 
 /* Adds a triangle of existing vertices. Its orientation is reversed if `is_mirrored` (in a part that a
  * transformation mirrors). */
 bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored);
 
-/* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may precede it; a
- * blank, an end of a line or the end of the text must follow it. Correctly rounded. False: there is no such number. */
+/* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may
+ * precede it; a blank, an end of a line or the end of the text must follow it. Correctly rounded. False:
+ * there is no such number. */
 bool plain_mesh_number(const char **at, double *out);
 
 #endif

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* NPZ: the array `position` or `points` of a NumPy archive, (N, 3) of float32 or float64, lower byte and last index first. The mesh has no
- * triangles: such files hold points only. */
+/* NPZ: the array `position` or `points` of a NumPy archive, (N, 3) of float32 or float64, lower byte and last
+ * index first. The mesh has no triangles: such files hold points only. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Wavefront OBJ: the lines v and f. Normals, texture coordinates, groups and materials do not change the shape.
- * Free-form curves and surfaces, and lines of words that are not known, are left out with a warning. */
+/* Wavefront OBJ: the lines v and f. Normals, texture coordinates, groups and materials do not change the
+ * shape. Free-form curves and surfaces, and lines of words that are not known, are left out with a
+ * warning. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,8 +28,8 @@ static const char *skip_blanks(const char *at)
     return at;
 }
 
-/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that is not a
- * number, as "-1.#IND" of a colour, the line is passed over. */
+/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that
+ * is not a number, as "-1.#IND" of a colour, the line is passed over. */
 static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     const char *line = *at;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* OFF: text and binary, with the prefixes ST, C, N and 4 of what vertices have beside their places. In text a vertex and a face have a
- * line each; what follows the numbers that are known, colours mostly, is passed over. */
+/* OFF: text and binary, with the prefixes ST, C, N and 4 of what vertices have beside their places. In text a
+ * vertex and a face have a line each; what follows the numbers that are known, colours mostly, is passed
+ * over. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

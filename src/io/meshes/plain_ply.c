@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* PLY: text and binary of both orders. Vertices come before the faces. A face is one list of indices; other properties
- * of an element are skipped. Triangle strips are faces before this reads them (ply_strips). */
+/* PLY: text and binary of both orders. Vertices come before the faces. A face is one list of indices; other
+ * properties of an element are skipped. Triangle strips are faces before this reads them (ply_strips). */
 #include <endian.h>
 #include <math.h>
 #include <string.h>
@@ -60,8 +60,8 @@ static bool end_row(cursor *c)
     return is_line_end(*c->at) || refuse_row(c, "has more values than its header declares");
 }
 
-/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to out->corner;
- * NULL: they are passed over. */
+/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to
+ * out->corner; NULL: they are passed over. */
 static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t *count)
 {
     double length, number;
@@ -99,7 +99,8 @@ static bool read_row(cursor *c, const ply_element *element, const int *slot, dou
     return end_row(c);
 }
 
-/* Upper bound on the rows of a binary element, by the bytes left; 0 for text, whose rows have no fixed size. */
+/* Upper bound on the rows of a binary element, by the bytes left; 0 for text, whose rows have no fixed
+ * size. */
 static size_t rows_at_most(const cursor *c, const ply_element *element)
 {
     const size_t left = (size_t)(c->end - c->at), row = element->row > 0 ? element->row : 1;
@@ -128,7 +129,8 @@ static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out
     return true;
 }
 
-/* A row as most files have them: a byte, which says three, and three indices of four bytes of the lower byte first. */
+/* A row as most files have them: a byte, which says three, and three indices of four bytes of the lower
+ * byte first. */
 static bool read_triangle(cursor *c, uint32_t corner[3])
 {
     enum { ROW = 13 };

@@ -108,8 +108,8 @@ static bool read_type(vtk *v, number_type *out)
 
 /* ---- numbers */
 
-/* Whether the file can have `count` numbers, before memory is allocated for them. Binary numbers begin after the end of the line. As text each
- * takes two characters, but the last one of a file. */
+/* Whether the file can have `count` numbers, before memory is allocated for them. Binary numbers begin after
+ * the end of the line. As text each takes two characters, but the last one of a file. */
 static bool expect_numbers(vtk *v, number_type type, size_t count, const char *of)
 {
     if (v->is_binary) skip_line(v);
@@ -256,7 +256,8 @@ static bool read_cells(vtk *v, vtk_cells_kind kind)
                           : read_counted_cells(v, kind, cells, size);
 }
 
-/* Strings have a line each, or in binary files a length of 1, 2, 4 or 8 bytes, whose first two bits determine the size. */
+/* Strings have a line each, or in binary files a length of 1, 2, 4 or 8 bytes, whose first two bits
+ * determine the size. */
 static bool skip_strings(vtk *v, size_t count)
 {
     skip_line(v);

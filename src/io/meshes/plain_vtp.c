@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are or packed by zlib. base/xml finds the
- * arrays; what they hold is read here. Values of points and cells change no place and are not read. */
+/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are
+ * or packed by zlib. base/xml finds the arrays; what they hold is read here. Values of points and cells
+ * change no place and are not read. */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,7 +29,8 @@ typedef struct array {
     bool has_end;
 } array;
 
-/* A piece: how many points and cells of each kind there are, and the arrays of each. Points have only connectivity, their places. */
+/* A piece: how many points and cells of each kind there are, and the arrays of each. Points have only
+ * connectivity, their places. */
 typedef struct piece {
     size_t count[SECTIONS];
     array connectivity[SECTIONS], offsets[SECTIONS];
@@ -283,7 +285,8 @@ static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
     return ok;
 }
 
-/* Blocks of one length, the last one shorter, each packed; before them their number, these lengths, and the packed ones. */
+/* Blocks of one length, the last one shorter, each packed; before them their number, these lengths, and
+ * the packed ones. */
 static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
 {
     unsigned char first[24];
@@ -364,8 +367,8 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
     return true;
 }
 
-/* `count` numbers of an array, to be freed. *type is what they are then, *swapped whether in the other byte order. NULL: the file is
- * refused. */
+/* `count` numbers of an array, to be freed. *type is what they are then, *swapped whether in the other byte
+ * order. NULL: the file is refused. */
 static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, const char *name, size_t count,
                                  number_type *type, bool *swapped)
 {

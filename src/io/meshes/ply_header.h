@@ -36,8 +36,8 @@ typedef struct ply_element {
 typedef struct ply_header {
     ply_layout layout;
     size_t body; /* offset of the data in the file */
-    /* if ply_header_read fails: offset of the first line that is not understood, or of the line at which the file
-     * ends within the header */
+    /* if ply_header_read fails: offset of the first line that is not understood, or of the line at which the
+     * file ends within the header */
     size_t fault;
     int elements;
     ply_element element[PLY_ELEMENTS_MOST];
@@ -45,8 +45,8 @@ typedef struct ply_header {
     ply_property property[PLY_PROPERTIES_MOST];
 } ply_header;
 
-/* Reads the header at the start of a file. The elements point into *out. False: the header has no end, or is not
- * understood; see `fault`. */
+/* Reads the header at the start of a file. The elements point into *out. False: the header has no end, or is
+ * not understood; see `fault`. */
 bool ply_header_read(const char *data, size_t size, ply_header *out);
 
 /* The number of a binary file at `at`, which need not be aligned. */

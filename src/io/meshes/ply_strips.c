@@ -11,7 +11,8 @@
 
 enum { LINE_MOST = 256, TEXT_TRIANGLE = 40, BINARY_TRIANGLE = 13 };
 
-/* The strips, if they are the last element of the file and the elements before them have a known size; else NULL. */
+/* The strips, if they are the last element of the file and the elements before them have a known size;
+ * else NULL. */
 static const ply_element *find_strips(const ply_header *h)
 {
     if (h->elements == 0) return NULL;
@@ -63,7 +64,8 @@ static char *write_triangle(char *to, ply_layout as, const int64_t corner[3])
     return to;
 }
 
-/* Writes the triangles where `to` is not NULL. Returns how many; SIZE_MAX: the data end early, or are not numbers. */
+/* Writes the triangles where `to` is not NULL. Returns how many; SIZE_MAX: the data end early, or are not
+ * numbers. */
 static size_t expand(const ply_element *strips, cursor c, char *to)
 {
     size_t count = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* ply_values: reads those properties of the vertices of a PLY file that assimp does not return. Only used if
- * attributes are requested (mesh_file_read_values), since assimp reads the file then. Runs in the process that
- * reads.
+ * attributes are requested (mesh_file_read_values), since assimp reads the file then. Runs in the process
+ * that reads.
  */
 #ifndef HEXAD_IO_MESHES_PLY_VALUES_H
 #define HEXAD_IO_MESHES_PLY_VALUES_H
@@ -19,8 +19,8 @@ typedef struct ply_values {
     float *value[MESH_VALUES_MOST]; /* per property: one number for each vertex */
 } ply_values;
 
-/* Reads a file whose first element is `vertex`, with single numbers as properties. *out is zeroed before the call.
- * For any other file out->count is 0. False: no memory. */
+/* Reads a file whose first element is `vertex`, with single numbers as properties. *out is zeroed before the
+ * call. For any other file out->count is 0. False: no memory. */
 bool ply_values_read(const char *data, size_t size, ply_values *out);
 
 #endif

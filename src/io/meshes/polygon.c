@@ -12,10 +12,11 @@
 
 /* Maximum number of tests of a corner against an ear, and of cells that are searched. */
 static const uint64_t most_work = (uint64_t)1 << 30;
-/* Diagonals of a quadrangle that differ by less are equal: those of a rectangle differ by the rounding of floats. */
+/* Diagonals of a quadrangle that differ by less are equal: those of a rectangle differ by the rounding of
+ * floats. */
 static const double same_length = 1e-6;
-/* As a share of the polygon's area: flipped triangles with more area overlap other triangles; with less, the corners are
- * rounded. */
+/* As a share of the polygon's area: flipped triangles with more area overlap other triangles; with less, the
+ * corners are rounded. */
 static const double crossed_area = 1e-6;
 
 /* Polygons of no more corners need no memory for their order. */
@@ -70,7 +71,8 @@ static double orient_exactly(const double a[2], const double b[2], const double 
     return count > 0 ? sum[count - 1] : 0;
 }
 
-/* Above 0 where a, b, c turn to the left: twice the area of their triangle, with the right sign. The bound is Shewchuk's. */
+/* Above 0 where a, b, c turn to the left: twice the area of their triangle, with the right sign. The bound
+ * is Shewchuk's. */
 static double orient(const double a[2], const double b[2], const double c[2])
 {
     static const double bound = 3.3306690738754716e-16;
@@ -108,7 +110,8 @@ static vec3 polygon_normal(const double (*place)[3], const uint32_t *corner, siz
 
 /* ---- spikes */
 
-/* How far a corner may be from the line through two others if all three are rounded places of it (geometry/mesh/rounding.h). */
+/* How far a corner may be from the line through two others if all three are rounded places of it
+ * (geometry/mesh/rounding.h). */
 static double reach_of(const double (*place)[3], const uint32_t *corner, size_t count)
 {
     static const double of_double = 6 * 0x1p-53, of_float = 0x1p-24;
@@ -123,8 +126,8 @@ static double reach_of(const double (*place)[3], const uint32_t *corner, size_t 
     return 2 * sqrt(3) * largest * (of_double + (are_floats ? of_float : 0));
 }
 
-/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area. Rounding
- * alone decides whether such sides cross. */
+/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area.
+ * Rounding alone decides whether such sides cross. */
 static bool is_spike(const double before[3], const double tip[3], const double after[3], double reach)
 {
     const vec3 a = vec3_sub(vector(before), vector(tip)), b = vec3_sub(vector(after), vector(tip));
@@ -181,7 +184,8 @@ static size_t after_spike(const double (*place)[3], const uint32_t *corner)
     return 4;
 }
 
-/* If neither diagonal lies inside, the quadrangle has a spike, which is cut off, or crosses itself, or has no area. */
+/* If neither diagonal lies inside, the quadrangle has a spike, which is cut off, or crosses itself, or has
+ * no area. */
 static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, vec3 normal,
                                      uint32_t (*out)[3])
 {
@@ -266,8 +270,8 @@ static double turn_at(const cutting *c, uint32_t tip)
     return orient_corners(c, c->previous[tip], tip, c->next[tip]);
 }
 
-/* The next ear from corner `from` on. Where there is none the polygon crosses itself, or what is left has no area: then the first
- * corner that does not turn to the right, or `from`. */
+/* The next ear from corner `from` on. Where there is none the polygon crosses itself, or what is left has no
+ * area: then the first corner that does not turn to the right, or `from`. */
 static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
 {
     uint32_t flat = NONE, tip = from;
@@ -306,8 +310,8 @@ static bool is_spike_at(const cutting *c, const double (*place)[3], double reach
     return is_spike(place[c->corner[ear[0]]], place[c->corner[tip]], place[c->corner[ear[2]]], reach);
 }
 
-/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike may be
- * another one. Returns a corner that is left. */
+/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike
+ * may be another one. Returns a corner that is left. */
 static uint32_t clip_spikes(cutting *c, const double (*place)[3], uint32_t (*out)[3])
 {
     const double reach = reach_of(place, c->corner, c->count);
@@ -420,8 +424,8 @@ static polygon_result cut_in_order(const double (*place)[3], const uint32_t *cor
     return POLYGON_CUT;
 }
 
-/* The corners from the one that comes first in space, towards that of its neighbours which comes before the other, so
- * that copies of a polygon are cut alike. Returns whether that turns the polygon over. */
+/* The corners from the one that comes first in space, towards that of its neighbours which comes before the
+ * other, so that copies of a polygon are cut alike. Returns whether that turns the polygon over. */
 static bool put_in_order(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t *out)
 {
     const size_t first = first_corner(place, corner, count);

@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* POLYGON_CROSSED: the triangles overlap, as the polygon crosses itself. POLYGON_TOO_LARGE: it takes more work than
- * is allowed. */
+/* POLYGON_CROSSED: the triangles overlap, as the polygon crosses itself. POLYGON_TOO_LARGE: it takes more
+ * work than is allowed. */
 typedef enum polygon_result {
     POLYGON_CUT,
     POLYGON_CROSSED,
@@ -16,19 +16,20 @@ typedef enum polygon_result {
     POLYGON_NO_MEMORY
 } polygon_result;
 
-/* Cuts a polygon of `count` >= 3 corners, whose places are place[corner[k]], into count - 2 triangles between its
- * corners, turned as the polygon. out[] holds values of corner[], which are vertex indices. Every corner is used,
- * also one on a straight line, so that neighbours share whole edges.
+/* Cuts a polygon of `count` >= 3 corners, whose places are place[corner[k]], into count - 2 triangles between
+ * its corners, turned as the polygon. out[] holds values of corner[], which are vertex indices. Every corner
+ * is used, also one on a straight line, so that neighbours share whole edges.
  *
- * The triangles of a simple planar polygon cover it once, and lie within it. A spike, of which two sides lie on each
- * other to within rounding, becomes a triangle without area. A quadrangle is cut along the shorter of its diagonals
- * that lie inside. A polygon of more corners that is not planar is cut as its projection along the coordinate axis
- * nearest to its normal. A convex polygon becomes a fan. Copies of a polygon are cut alike, whichever corner they
- * begin with and whichever way round they are: where two diagonals are equal, and for the centre of a fan, the
- * corner with the least x is taken; at equal x the one with the least y, then the least z. Polygons that are not
- * convex: ears are clipped (Meisters 1975) with exact orientations (Shewchuk 1997), each tested against the reflex
- * corners in its box alone, which a grid finds. The work is limited to 2^30 such tests, a few seconds. Polygons of
- * 100 000 corners take a thousandth of that, unless they are constructed to be slow.
+ * The triangles of a simple planar polygon cover it once, and lie within it. A spike, of which two sides lie
+ * on each other to within rounding, becomes a triangle without area. A quadrangle is cut along the shorter of
+ * its diagonals that lie inside. A polygon of more corners that is not planar is cut as its projection along
+ * the coordinate axis nearest to its normal. A convex polygon becomes a fan. Copies of a polygon are cut
+ * alike, whichever corner they begin with and whichever way round they are: where two diagonals are equal,
+ * and for the centre of a fan, the corner with the least x is taken; at equal x the one with the least y,
+ * then the least z. Polygons that are not convex: ears are clipped (Meisters 1975) with exact orientations
+ * (Shewchuk 1997), each tested against the reflex corners in its box alone, which a grid finds. The work is
+ * limited to 2^30 such tests, a few seconds. Polygons of 100 000 corners take a thousandth of that, unless
+ * they are constructed to be slow.
  */
 polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count,
                            uint32_t (*out)[3]);

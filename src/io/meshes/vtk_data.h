@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vtk_data: what VTK's PolyData is made of, in its text and XML forms, and the mesh that it becomes. Runs in the
- * process that reads. Threads: none.
+/* vtk_data: what VTK's PolyData is made of, in its text and XML forms, and the mesh that it becomes. Runs in
+ * the process that reads. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_VTK_DATA_H
 #define HEXAD_IO_MESHES_VTK_DATA_H
@@ -18,9 +18,9 @@ typedef enum vtk_cells_kind { VTK_VERTS, VTK_LINES, VTK_STRIPS, VTK_POLYS, VTK_C
 /* The word for the kind in an XML file: "Verts". */
 const char *vtk_cells_name(vtk_cells_kind kind);
 
-/* Adds a cell with the vertices m->vertex[first + vertex[k]], k < count. `cell`: its number among the cells of
- * `kind`, from 0, for messages. Polygons are cut into triangles and strips become triangles; verts and lines are
- * counted as others. False: the file is refused. */
+/* Adds a cell with the vertices m->vertex[first + vertex[k]], k < count. `cell`: its number among the cells
+ * of `kind`, from 0, for messages. Polygons are cut into triangles and strips become triangles; verts and
+ * lines are counted as others. False: the file is refused. */
 bool vtk_add_cell(plain_mesh *m, vtk_cells_kind kind, int64_t cell, const int64_t *vertex, size_t count,
                   size_t first);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* zip_entry: a file within a ZIP archive in memory. The second user of minizip, beside formats. Threads: none. */
+/* zip_entry: a file within a ZIP archive in memory. The second user of minizip, beside formats. Threads:
+ * none. */
 #ifndef HEXAD_IO_MESHES_ZIP_ENTRY_H
 #define HEXAD_IO_MESHES_ZIP_ENTRY_H
 
@@ -13,8 +14,8 @@ typedef enum zip_result {
     ZIP_ENTRY_NO_MEMORY
 } zip_result;
 
-/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows its *length
- * bytes. The caller frees *out after ZIP_ENTRY_READ. */
+/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows
+ * its *length bytes. The caller frees *out after ZIP_ENTRY_READ. */
 zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length);
 
 #endif

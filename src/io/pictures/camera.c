@@ -4,15 +4,17 @@
 #include "base/core/compare.h"
 #include "geometry/space/bbox.h"
 
-/* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a long focal
- * length the sizes of discs are comparable across the picture. */
+/* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a
+ * long focal length the sizes of discs are comparable across the picture. */
 static const double half_slope = 0.23;
 
-/* Direction to the eye: from the right, front and above; not diagonal, so that a cube shows three different faces. */
+/* Direction to the eye: from the right, front and above; not diagonal, so that a cube shows three
+ * different faces. */
 static const vec3 towards_eye = {0.52, -0.74, 0.43};
 
-/* A set is elongated along the line of sight if its variance along it exceeds END_ON times that along both axes of the
- * picture; the eye is then rotated by 90 degrees. Smaller: also rotates for sets that are shown well. */
+/* A set is elongated along the line of sight if its variance along it exceeds END_ON times that along both
+ * axes of the picture; the eye is then rotated by 90 degrees. Smaller: also rotates for sets that are
+ * shown well. */
 static const double END_ON = 2;
 
 static vec3 turn_about(vec3 v, vec3 axis, double angle)
@@ -21,8 +23,8 @@ static vec3 turn_about(vec3 v, vec3 axis, double angle)
     return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
 }
 
-/* A pinhole camera centred in a frame that looks against `towards_eye`, rotated about the vertical axis by an angle;
- * its position is not set. */
+/* A pinhole camera centred in a frame that looks against `towards_eye`, rotated about the vertical axis by an
+ * angle; its position is not set. */
 static camera aim(double angle, camera_frame frame)
 {
     vec3 up = frame.y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1), e = towards_eye;

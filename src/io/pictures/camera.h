@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* camera: a pinhole or orthographic camera, and its placement in front of a point set. Pure functions.
  *
- * Camera space has its origin at the eye and the axes right, up, forward; depth is the third coordinate. Pixel (0, 0)
- * is the top left one, its centre is at (0.5, 0.5).
+ * Camera space has its origin at the eye and the axes right, up, forward; depth is the third coordinate.
+ * Pixel (0, 0) is the top left one, its centre is at (0.5, 0.5).
  */
 #ifndef HEXAD_IO_PICTURES_CAMERA_H
 #define HEXAD_IO_PICTURES_CAMERA_H
@@ -34,21 +34,22 @@ typedef struct camera_frame {
     bool y_up; /* y, not z, points up */
 } camera_frame;
 
-/* Three-quarter view from above with z (or y) up, from the closest eye from which every ball (position[i], radius) lies
- * within the frame. An elongated set that would be seen end-on is seen from a direction rotated by 90 degrees. count >
- * 0, radius > 0 (world units); all values finite. */
+/* Three-quarter view from above with z (or y) up, from the closest eye from which every ball (position[i],
+ * radius) lies within the frame. An elongated set that would be seen end-on is seen from a direction rotated
+ * by 90 degrees. count > 0, radius > 0 (world units); all values finite. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame);
 
-/* Cameras as in camera_fit from `frames` eyes on a circle around the vertical axis through the centre of the set, at
- * the largest distance that any of them needs; one turn counterclockwise seen from above. `out` has `frames`
- * elements. */
+/* Cameras as in camera_fit from `frames` eyes on a circle around the vertical axis through the centre of the
+ * set, at the largest distance that any of them needs; one turn counterclockwise seen from above. `out` has
+ * `frames` elements. */
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out);
 
 /* The camera at a place; its axis meets the centre of the picture. Sizes in pixels. */
 camera camera_look(const camera_place *place, int width, int height);
 
-/* The place rotated by an angle (radians, counterclockwise from above) about the axis `up` through its target. */
+/* The place rotated by an angle (radians, counterclockwise from above) about the axis `up` through its
+ * target. */
 camera_place camera_turn(const camera_place *place, double angle);
 
 /* World to camera space, for a direction and for a point. */
@@ -84,8 +85,8 @@ static inline vec3 camera_sight(const camera *c, vec3 point)
     return c->parallel ? (vec3){0, 0, 1} : point;
 }
 
-/* The ray through a place of the picture, in camera space, with depth 1: from the eye; orthographic: its right and up
- * coordinates at any depth. */
+/* The ray through a place of the picture, in camera space, with depth 1: from the eye; orthographic: its
+ * right and up coordinates at any depth. */
 static inline vec3 camera_ray(const camera *c, double x, double y)
 {
     return (vec3){(x - c->center_x) / c->focal, (c->center_y - y) / c->focal, 1};

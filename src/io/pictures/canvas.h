@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* canvas: an 8-bit sRGB picture with functions to fill rectangles and write text, in a built-in font of digits, small
- * letters and the characters of numbers. Pure functions.
+/* canvas: an 8-bit sRGB picture with functions to fill rectangles and write text, in a built-in font of
+ * digits, small letters and the characters of numbers. Pure functions.
  */
 #ifndef HEXAD_IO_PICTURES_CANVAS_H
 #define HEXAD_IO_PICTURES_CANVAS_H

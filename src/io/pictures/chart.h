@@ -25,8 +25,8 @@ typedef struct chart {
 /* Draws into a new picture, whose rgb the caller frees. Error: limit_memory. */
 bool chart_draw(const chart *what, int width, int height, canvas *out, error *e);
 
-/* The distance of ticks along an axis that spans `range` > 0, for at most `most` ticks: 1, 2 or 5 times a power of
- * ten. */
+/* The distance of ticks along an axis that spans `range` > 0, for at most `most` ticks: 1, 2 or 5 times a
+ * power of ten. */
 double chart_tick(double range, int most);
 
 #endif

@@ -14,8 +14,8 @@ typedef struct contact_sheet {
     int columns;
 } contact_sheet;
 
-/* Creates a sheet for `count` thumbnails, from 1 to CONTACT_SHEET_MOST, with as many columns as rows, or one more. The
- * caller frees it with contact_sheet_free. */
+/* Creates a sheet for `count` thumbnails, from 1 to CONTACT_SHEET_MOST, with as many columns as rows, or one
+ * more. The caller frees it with contact_sheet_free. */
 contact_sheet *contact_sheet_new(int count);
 void contact_sheet_free(contact_sheet *sheet); /* accepts NULL */
 

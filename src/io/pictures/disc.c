@@ -42,8 +42,8 @@ ISA_INLINE int whole(double value, int low, int high)
     return value < high ? (int)value : high;
 }
 
-/* The range of samples that the bounding box of a disc may cover. The extents of a disc along each axis are exact, and
- * the perspective image of a box lies between the images of its corners. */
+/* The range of samples that the bounding box of a disc may cover. The extents of a disc along each axis are
+ * exact, and the perspective image of a box lies between the images of its corners. */
 static bool range_of(const camera *c, const disc *d, const disc_band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
@@ -92,8 +92,8 @@ size_t disc_band_tiles(int width, int rows)
     return tiles_along(width, TILE_WIDTH) * tiles_along(rows, TILE_ROWS);
 }
 
-/* The minimum of `least` and the keys of a tile in a row. Keys are not negative: their bits, as integers, have the same
- * order. */
+/* The minimum of `least` and the keys of a tile in a row. Keys are not negative: their bits, as integers,
+ * have the same order. */
 ISA_INLINE float least_key(const float *key, float least)
 {
     uint32_t bits[TILE_WIDTH], low;
@@ -104,8 +104,8 @@ ISA_INLINE float least_key(const float *key, float least)
     return least;
 }
 
-/* Samples beyond the band are ignored. A tile that extends beyond the end of a row also reads the start of the next
- * row; this can only make the bound smaller. */
+/* Samples beyond the band are ignored. A tile that extends beyond the end of a row also reads the start of
+ * the next row; this can only make the bound smaller. */
 ISA_CLONES void disc_band_note_tiles(const disc_band *b)
 {
     const size_t across = tiles_along(b->width, TILE_WIDTH);
@@ -148,10 +148,11 @@ ISA_INLINE double sample_place(int sample)
     return (sample + 0.5) / DISC_SAMPLES;
 }
 
-/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w = ray .
- * normal, at v / w from its centre with v = offset ray - w centre. v and w are linear in x, so that the places within a
- * distance of the centre are the interval between the roots of a quadratic. Abscissae are relative to the centre, where
- * v is small. A parallel ray meets the plane at v / w with w = normal . forward, at a depth that is linear in x. */
+/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w =
+ * ray . normal, at v / w from its centre with v = offset ray - w centre. v and w are linear in x, so that the
+ * places within a distance of the centre are the interval between the roots of a quadratic. Abscissae are
+ * relative to the centre, where v is small. A parallel ray meets the plane at v / w with w = normal .
+ * forward, at a depth that is linear in x. */
 typedef struct section {
     double square, linear, constant; /* coefficients of |v|^2 as a polynomial of the abscissa */
     double slope, level;             /* coefficients of w */
@@ -177,7 +178,8 @@ ISA_INLINE section section_at(const disc *d, double offset, double ray_y)
     return s;
 }
 
-/* The interval of abscissae within a distance of the centre; `limit` is the squared distance. False: it is empty. */
+/* The interval of abscissae within a distance of the centre; `limit` is the squared distance. False: it is
+ * empty. */
 ISA_INLINE bool section_within(const section *s, double limit, double out[2])
 {
     double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
@@ -189,22 +191,24 @@ ISA_INLINE bool section_within(const section *s, double limit, double out[2])
     return true;
 }
 
-/* Inverse depths (orthographic: distance to `far`) as a polynomial of the sample index, and the code to store where
- * they are the maximum so far. */
+/* Inverse depths (orthographic: distance to `far`) as a polynomial of the sample index, and the code to store
+ * where they are the maximum so far. */
 typedef struct run {
     double square, linear, constant;
     uint32_t code;
 } run;
 
-/* The range of samples of a row that a disc covers, the range inside its outline, and the abscissa of sample 0. */
+/* The range of samples of a row that a disc covers, the range inside its outline, and the abscissa of
+ * sample 0. */
 typedef struct stretch {
     int all[2], plain[2];
     double first, step;
 } stretch;
 
-/* Draws DISC_BLOCK samples at a time, also beyond the end of the range, where nothing changes: without branches the
- * loop vectorises. Within a block the polynomial is evaluated relative to its start, in single precision: this part is
- * small. No multiplication and addition are fused, so that results are the same on every machine. */
+/* Draws DISC_BLOCK samples at a time, also beyond the end of the range, where nothing changes: without
+ * branches the loop vectorises. Within a block the polynomial is evaluated relative to its start, in single
+ * precision: this part is small. No multiplication and addition are fused, so that results are the same on
+ * every machine. */
 ISA_INLINE void draw_run(const run *r, const stretch *t, float *key, uint32_t *code)
 {
     float bend = (float)(r->square * t->step * t->step);
@@ -254,8 +258,8 @@ ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r,
     draw_run(r, &t, b->key + start, b->code + start);
 }
 
-/* The run of a disc along the row through ray_y. Exact except for the cone, which is computed as for a distant disc: it
- * only breaks ties. */
+/* The run of a disc along the row through ray_y. Exact except for the cone, which is computed as for a
+ * distant disc: it only breaks ties. */
 ISA_INLINE run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y,
                          double far)
 {

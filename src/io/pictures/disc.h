@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* disc: rasterises discs in space into bands of samples of a picture, with a depth test.
  *
- * The extent of a disc in a row of samples follows from the roots of a quadratic. For the depth test, discs are cones:
- * depth increases towards the rim. The same discs in the same order give the same samples on every machine. Bands are
- * independent of each other.
+ * The extent of a disc in a row of samples follows from the roots of a quadratic. For the depth test, discs
+ * are cones: depth increases towards the rim. The same discs in the same order give the same samples on every
+ * machine. Bands are independent of each other.
  */
 #ifndef HEXAD_IO_PICTURES_DISC_H
 #define HEXAD_IO_PICTURES_DISC_H
@@ -33,8 +33,8 @@ typedef struct disc {
 /* Number of samples drawn at a time. */
 enum { DISC_BLOCK = 16 };
 
-/* Rows of a picture. The caller owns the arrays and zeroes them. Arrays of samples extend DISC_BLOCK elements beyond
- * the last row. */
+/* Rows of a picture. The caller owns the arrays and zeroes them. Arrays of samples extend DISC_BLOCK elements
+ * beyond the last row. */
 typedef struct disc_band {
     int width, top, rows; /* in samples */
     float *key;           /* inverse depth, with the cone; the maximum wins; 0: empty */
@@ -54,14 +54,15 @@ typedef struct disc_ball {
     double radius;
 } disc_ball;
 
-/* The first and the last of `rows` rows of samples that the ball, or a dot at its centre, may cover. first > last:
- * none. */
+/* The first and the last of `rows` rows of samples that the ball, or a dot at its centre, may cover. first >
+ * last: none. */
 void disc_ball_rows(const camera *c, const disc_ball *ball, int rows, int *first, int *last);
 
 /* Updates `farthest` from the samples drawn so far, for disc_ball_is_hidden. */
 void disc_band_note_tiles(const disc_band *b);
 
-/* Whether closer samples cover all rows and columns of the ball: drawing its contents would change nothing. */
+/* Whether closer samples cover all rows and columns of the ball: drawing its contents would change
+ * nothing. */
 bool disc_ball_is_hidden(const camera *c, double far, const disc_ball *ball, const disc_band *b);
 
 /* `far`: an upper bound of all depths, for orthographic cameras. */

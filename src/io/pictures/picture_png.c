@@ -9,8 +9,8 @@
 
 #include "base/core/memory.h"
 
-/* Runs of one colour along a row become runs of zeros after the filter. A full search for matches makes files a fifth
- * smaller and takes five times as long. */
+/* Runs of one colour along a row become runs of zeros after the filter. A full search for matches makes files
+ * a fifth smaller and takes five times as long. */
 enum { COMPRESSION_LEVEL = 1, COMPRESSION_STRATEGY = 3 /* zlib's Z_RLE */ };
 
 static void on_error(png_structp png, png_const_charp words)

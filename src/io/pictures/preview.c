@@ -20,37 +20,39 @@ enum { BAND_SAMPLES = 1 << 16 };
 /* Points in a chunk of work. */
 enum { POINTS_GRAIN = 4096 };
 
-/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and 1/sqrt(3) closes the gap
- * between three; the body is larger, for packings that are not ideal. */
+/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and 1/sqrt(3) closes
+ * the gap between three; the body is larger, for packings that are not ideal. */
 static const double disc_share = 0.47, body_share = 0.70;
 /* Factor of all radii if the points do not resolve the surface: opposite walls are closer than neighbours. */
 static const double unresolved_scale = 0.5;
 
-/* Radii in pixels: between merge_pixels and single_pixels discs change from covering everything to separate discs; from
- * ring_from_pixels they have an outline, which would be noise on smaller discs. */
+/* Radii in pixels: between merge_pixels and single_pixels discs change from covering everything to separate
+ * discs; from ring_from_pixels they have an outline, which would be noise on smaller discs. */
 static const double merge_pixels = 1.5, single_pixels = 5, ring_from_pixels = 4;
 
-/* Offset of the body below its disc, as a fraction of the radius; the maximum applies where the surface is curved. */
+/* Offset of the body below its disc, as a fraction of the radius; the maximum applies where the surface is
+ * curved. */
 static const double offset_share = 0.08, offset_max_share = 0.4;
 
-/* Increase of depth towards the rim, as a fraction of the radius: where discs overlap the closer centre wins. Otherwise
- * coplanar discs would mix at random. */
+/* Increase of depth towards the rim, as a fraction of the radius: where discs overlap the closer centre wins.
+ * Otherwise coplanar discs would mix at random. */
 static const double cone_share = 0.1;
 
-/* Bounds of size_of: maximum over the requested spacing; maximum over the radius of curvature; and the minimum factor
- * of the latter, since curvature may be noise. */
+/* Bounds of size_of: maximum over the requested spacing; maximum over the radius of curvature; and the
+ * minimum factor of the latter, since curvature may be noise. */
 static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75;
 
 /* Maximum distance by which a body extends in front of its point, in radii; half of it is for the offset. */
 static const double reach_share = 1.5;
 
-/* Discs seen from the side, by less than this cosine, are drawn smaller, in proportion: otherwise they would extend
- * beyond the silhouette as thin arcs. */
+/* Discs seen from the side, by less than this cosine, are drawn smaller, in proportion: otherwise they would
+ * extend beyond the silhouette as thin arcs. */
 static const double edge_cosine = 0.35;
 
 static const double line_pixels = 1; /* half the width */
 
-/* Maximum radius as a fraction of the half diagonal of the set: an isolated point may have a huge Voronoi cell. */
+/* Maximum radius as a fraction of the half diagonal of the set: an isolated point may have a huge Voronoi
+ * cell. */
 static const double radius_max_share = 0.35;
 
 /* Maximum of coordinates: depths remain below PREVIEW_FAR and within the range of float. */
@@ -60,8 +62,8 @@ static const double margin_share = 0.05; /* margin around the set, as a fraction
 
 /* ---- discs ---- */
 
-/* The spacing that scales the discs of a point: the achieved spacing, limited by the requested one (a point at the end
- * of a thin part has a huge Voronoi cell) and by the radius of curvature. */
+/* The spacing that scales the discs of a point: the achieved spacing, limited by the requested one (a point
+ * at the end of a thin part has a huge Voronoi cell) and by the radius of curvature. */
 static double size_of(const points *set, size_t i)
 {
     double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
@@ -78,8 +80,8 @@ static double facing_of(const camera *c, const disc *d)
     return -vec3_dot(sight, d->normal) / vec3_norm(sight);
 }
 
-/* The radius at which a disc is drawn, reduced near the silhouette. The surface recedes from the plane of a disc by
- * half its squared radius over the radius of curvature. */
+/* The radius at which a disc is drawn, reduced near the silhouette. The surface recedes from the plane of a
+ * disc by half its squared radius over the radius of curvature. */
 static double trim_edge(const image *m, size_t i, const disc *d, double radius)
 {
     double hidden = 2 * offset_max_share, kappa = m->points.kappa[i];
@@ -128,8 +130,8 @@ static bool is_line(const image *m, const disc *d)
     return pixels > single_pixels && pixels * fabs(facing_of(&m->camera, d)) < line_pixels;
 }
 
-/* The discs drawn for a point, up to two. From behind: the body only. From the front: the face, and the body if it
- * extends beyond the face. None if it contains the eye or is a line. */
+/* The discs drawn for a point, up to two. From behind: the body only. From the front: the face, and the body
+ * if it extends beyond the face. None if it contains the eye or is a line. */
 static int discs_of(const image *m, size_t i, disc out[2])
 {
     out[0] = face_of(m, i);
@@ -143,7 +145,8 @@ static int discs_of(const image *m, size_t i, disc out[2])
     return out[1].radius > out[0].radius ? 2 : 1;
 }
 
-/* A bounding ball of the discs of a point: the face is at most as large as the body, whose offset is bounded. */
+/* A bounding ball of the discs of a point: the face is at most as large as the body, whose offset is
+ * bounded. */
 static disc_ball ball_of(const image *m, size_t i)
 {
     const double body = m->scale_of_discs * body_share * size_of(&m->points, i);
@@ -236,8 +239,8 @@ static void draw_point(const image *m, size_t i, const disc_band *b)
         disc_draw_dot(&m->camera, m->far, &all[0], b);
 }
 
-/* Draws an empty band. Points seen from behind come last: most of them are hidden by then. Their indices are moved to
- * the start of the band's list. */
+/* Draws an empty band. Points seen from behind come last: most of them are hidden by then. Their indices are
+ * moved to the start of the band's list. */
 static void draw_band(const image *m, const bins *sorted, size_t which, const disc_band *b)
 {
     const size_t begin = sorted->begin[which];
@@ -257,8 +260,8 @@ static void draw_band(const image *m, const bins *sorted, size_t which, const di
 
 /* ---- shading ---- */
 
-/* Key light over the left shoulder of the viewer, fill light from the right, and ambient light from the sky. Directions
- * point to the lights, in camera space. */
+/* Key light over the left shoulder of the viewer, fill light from the right, and ambient light from the sky.
+ * Directions point to the lights, in camera space. */
 static double shade(vec3 n, vec3 up)
 {
     static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
@@ -321,7 +324,8 @@ static color *shade_points(const image *m, const quantity_look *look, threads *p
     return colors;
 }
 
-/* Body and outline have a darker colour of the disc; so does the far side of an open surface, which is lit from behind. */
+/* Body and outline have a darker colour of the disc; so does the far side of an open surface, which is lit
+ * from behind. */
 static color sample_color(const image *m, const color *colors, uint32_t code, vec3 up)
 {
     static const float body_dark = 0.22f, ring_dark = 0.55f, back_dark = 0.30f;
@@ -717,8 +721,8 @@ preview_span preview_span_at(const image *m, int x, int y)
     return s;
 }
 
-/* The intersection of the ray through a pixel with the disc. If the ray misses it, since the disc was drawn as a dot:
- * its centre. */
+/* The intersection of the ray through a pixel with the disc. If the ray misses it, since the disc was drawn
+ * as a dot: its centre. */
 ISA_INLINE vec3 place_at(const camera *c, bool parallel, const preview_span *s, int x, int y)
 {
     vec3 p = camera_ray(c, x + 0.5, y + 0.5), n = s->plane;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /* preview: renders a point set as shaded discs in its tangent planes.
  *
- * Every point is a disc of about its local spacing, coloured by a quantity. Dark, slightly larger discs just below
- * ("bodies") close the gaps, so that the far side does not show through and the packing is visible. Discs seen from
- * behind, inside an open surface, are dark. Discs of few pixels merge, so that a million points look like a surface.
+ * Every point is a disc of about its local spacing, coloured by a quantity. Dark, slightly larger discs just
+ * below ("bodies") close the gaps, so that the far side does not show through and the packing is visible.
+ * Discs seen from behind, inside an open surface, are dark. Discs of few pixels merge, so that a million
+ * points look like a surface.
  *
- * The picture is computed from 3 x 3 samples per pixel. The data of a pixel (preview_span) are those of its centre
- * sample and are never averaged. The same points and options give the same bytes, for any number of threads. Any number
- * of threads may read a finished image.
+ * The picture is computed from 3 x 3 samples per pixel. The data of a pixel (preview_span) are those of its
+ * centre sample and are never averaged. The same points and options give the same bytes, for any number of
+ * threads. Any number of threads may read a finished image.
  */
 #ifndef HEXAD_IO_PICTURES_PREVIEW_H
 #define HEXAD_IO_PICTURES_PREVIEW_H
@@ -24,8 +25,8 @@
 
 enum { PREVIEW_SIZE_MIN = 64, PREVIEW_SIZE_MAX = 8192 };
 
-/* Depth of an empty pixel: larger than any depth, so that the depth test of a compositor puts it behind, and finite, so
- * that filters give no NaN. */
+/* Depth of an empty pixel: larger than any depth, so that the depth test of a compositor puts it behind, and
+ * finite, so that filters give no NaN. */
 #define PREVIEW_FAR 1e30f
 
 typedef struct preview_options {
@@ -52,11 +53,12 @@ typedef struct image {
     colormap_scale scale; /* of the colours */
 } image;
 
-/* Draws the set. The caller frees *out with preview_free. Errors: internal (an empty set, values that are not finite or
- * exceed 1e25; the solver never returns such), limit_memory, cancelled. */
+/* Draws the set. The caller frees *out with preview_free. Errors: internal (an empty set, values that are not
+ * finite or exceed 1e25; the solver never returns such), limit_memory, cancelled. */
 bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
 
-/* The `frames` cameras of a turntable around the set, for preview_render_from. The set is valid for preview_render. */
+/* The `frames` cameras of a turntable around the set, for preview_render_from. The set is valid for
+ * preview_render. */
 void preview_orbit(const points *set, const preview_options *options, int frames, camera *out);
 bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
                          image **out, error *e);

@@ -200,8 +200,8 @@ typedef struct stream {
     error e;     /* the first error, which later ones follow from */
 } stream;
 
-/* Keeps the library from writing to standard error. The library may hold its lock, so this must not call the library,
- * not even to find the stream: results carry the code. */
+/* Keeps the library from writing to standard error. The library may hold its lock, so this must not call the
+ * library, not even to find the stream: results carry the code. */
 static void on_error(exr_const_context_t context, exr_result_t code, const char *words)
 {
     (void)context;
@@ -254,7 +254,8 @@ static exr_attr_m44f_t world_to_camera(const camera *c)
                               (float)shift.x, (float)shift.y, (float)shift.z, 1}};
 }
 
-/* Sets a column of worldToNDC: coefficients of the camera's right, up and forward, and the value at the eye. */
+/* Sets a column of worldToNDC: coefficients of the camera's right, up and forward, and the value at the
+ * eye. */
 static void put_column(const camera *c, vec3 of, double at_eye, int column, float *out)
 {
     vec3 shift = camera_point(c, vec3_make(0, 0, 0));
@@ -265,8 +266,8 @@ static void put_column(const camera *c, vec3 of, double at_eye, int column, floa
     out[12 + column] = (float)(vec3_dot(of, shift) + at_eye);
 }
 
-/* Maps to (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the fourth
- * coordinate. The third coordinate, which readers discard, increases with depth. */
+/* Maps to (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the
+ * fourth coordinate. The third coordinate, which readers discard, increases with depth. */
 static exr_attr_m44f_t world_to_ndc(const image *m)
 {
     const camera *c = &m->camera;

@@ -18,8 +18,8 @@
 #include "base/core/worker_contract.h"
 #include "io/pictures/preview.h"
 
-/* Limits of the process: a row of the largest picture and the buffers of libpng need 1 MiB; decoding that picture takes
- * 2 s. */
+/* Limits of the process: a row of the largest picture and the buffers of libpng need 1 MiB; decoding that
+ * picture takes 2 s. */
 enum { READER_BYTES = 64 << 20, READER_SECONDS = 20 };
 
 /* Interval between calls of `is_over`. */

@@ -7,8 +7,8 @@
 
 #include "base/core/memory.h"
 
-/* Minimum range relative to the centre. Noise of the curvature of a volume is about a percent; with this range it has
- * one hue. */
+/* Minimum range relative to the centre. Noise of the curvature of a volume is about a percent; with this
+ * range it has one hue. */
 static const double min_range = 0.05;
 
 /* Maximum number of values for percentiles, evenly spaced in the set. */

@@ -81,7 +81,8 @@ static const own_column own[] = {
 };
 enum { OWN = sizeof own / sizeof *own, AXES = 3, IN_SEQUENCES = OWN - 4 };
 
-/* Names that stand for several columns. "attributes": all attributes. Columns that a set lacks are skipped. */
+/* Names that stand for several columns. "attributes": all attributes. Columns that a set lacks are
+ * skipped. */
 static const struct application {
     const char *name;
     const char *columns[16]; /* terminated by NULL */
@@ -262,7 +263,8 @@ bool columns_need_color(const char *const *names, size_t name_count)
 
 bool columns_is_own(const char *name)
 {
-    /* names of property_list that consist of several columns, names of VDB points, and the word for all attributes */
+    /* names of property_list that consist of several columns, names of VDB points, and the word for all
+     * attributes */
     static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
     for (int k = 0; k < OWN; k++)
         if (strcmp(name, own[k].name) == 0 && own[k].array != offsetof(points, orient)) return true;
@@ -294,7 +296,8 @@ double column_value(const column *c, size_t i)
                                                                  : round(value);
 }
 
-/* The column of the first component of an array, and its index in the list. NULL: not all components are in the list. */
+/* The column of the first component of an array, and its index in the list. NULL: not all components are
+ * in the list. */
 static const own_column *array_of(const columns *list, size_t array)
 {
     const own_column *first = NULL;

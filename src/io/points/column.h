@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* column: a point set as named columns of numbers, for PLY and other row formats.
  *
- * Columns are chosen by name, or by the name of an application, which stands for the columns that it reads. An
- * attribute `v` of three components has the columns v_x, v_y and v_z (a color _r _g _b _a, texture coordinates _s _t).
- * The points also have:
+ * Columns are chosen by name, or by the name of an application, which stands for the columns that it reads.
+ * An attribute `v` of three components has the columns v_x, v_y and v_z (a color _r _g _b _a, texture
+ * coordinates _s _t). The points also have:
  *     red green blue   the color, 0 to 255
  *     s t              the first texture coordinates
  *     radius pscale    half the achieved spacing
@@ -45,9 +45,10 @@ typedef struct columns {
     column list[COLUMNS_MAX];
 } columns;
 
-/* Chooses the columns with these names, in this order, and for a set with ids those that the next frame of a sequence
- * reads. `names` NULL: all properties of the points, color and texture coordinates if attributes have them, and all
- * attributes. x, y and z always come first. Errors: attribute_missing (the set lacks a name). */
+/* Chooses the columns with these names, in this order, and for a set with ids those that the next frame of a
+ * sequence reads. `names` NULL: all properties of the points, color and texture coordinates if attributes
+ * have them, and all attributes. x, y and z always come first. Errors: attribute_missing (the set lacks a
+ * name). */
 bool columns_choose(const points *set, const char *const *names, size_t name_count, columns *out, error *e);
 
 /* Whether one of the names is a column of the color. */
@@ -62,9 +63,9 @@ bool columns_is_own(const char *name);
 /* Whether the name is reserved if the points have orientations: orient or one of its columns. */
 bool columns_is_of_orient(const char *name);
 
-/* Allocates the arrays of a set of set->count points that the columns fill, zeroed, and sets the pointers in both. A
- * column has values of its own if it belongs to no array of the set, as those of attributes, and none if other
- * columns of its array are missing. The caller frees `storage`. False: out of memory. */
+/* Allocates the arrays of a set of set->count points that the columns fill, zeroed, and sets the pointers in
+ * both. A column has values of its own if it belongs to no array of the set, as those of attributes, and none
+ * if other columns of its array are missing. The caller frees `storage`. False: out of memory. */
 bool columns_lay_out(columns *list, points *set, void **storage, error *e);
 
 /* Sets row i of a column that was laid out. */
@@ -73,8 +74,8 @@ void column_store(const column *c, size_t i, double value);
 /* The number in row i. For integer types it is whole and within the range of the type. */
 double column_value(const column *c, size_t i);
 
-/* The type for whole numbers from `least` to `most`: the first of COLUMN_INT, COLUMN_UINT and COLUMN_DOUBLE that can
- * hold them. */
+/* The type for whole numbers from `least` to `most`: the first of COLUMN_INT, COLUMN_UINT and COLUMN_DOUBLE
+ * that can hold them. */
 column_type column_type_of_range(double least, double most);
 
 #endif

@@ -29,8 +29,9 @@ enum {
 /* glTF has floats for attributes, which represent integers exactly up to this value. */
 static const double most_whole = 16777216;
 
-/* The distinct values of integers that floats do not represent, ascending. The attribute then has the index of each
- * value in this table, which is stored in `extras` of the primitive under the name of the attribute. */
+/* The distinct values of integers that floats do not represent, ascending. The attribute then has the index
+ * of each value in this table, which is stored in `extras` of the primitive under the name of the
+ * attribute. */
 typedef struct table {
     size_t count; /* 0: the attribute has the values themselves */
     double *value;
@@ -100,8 +101,8 @@ static void free_arrays(arrays *a)
     free(a->tables);
 }
 
-/* A number as stored: positions relative to the origin; normals are unit vectors in single precision; colors in linear
- * light. */
+/* A number as stored: positions relative to the origin; normals are unit vectors in single precision; colors
+ * in linear light. */
 static float number(const arrays *a, size_t k, vec3 origin, size_t point, int c)
 {
     const property *p = &a->list[k];
@@ -135,8 +136,8 @@ static void put_bounds(json *accessor, const arrays *a, size_t k, vec3 origin)
     }
 }
 
-/* Adds the nodes. Translation and rotation have separate nodes: the translation is in the axes of the set, and the node
- * above rotates these. */
+/* Adds the nodes. Translation and rotation have separate nodes: the translation is in the axes of the set,
+ * and the node above rotates these. */
 static void put_scene(json *root, const scene *place)
 {
     static const double from_z[] = {-M_SQRT1_2, 0, 0, M_SQRT1_2}; /* a quarter turn about x */

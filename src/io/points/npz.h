@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* npz: NumPy archives with one array per property: position (count, 3), kappa (count,), ... Reals are float64, whole
- * numbers int64. The only user of minizip. Contracts: writers.h.
+/* npz: NumPy archives with one array per property: position (count, 3), kappa (count,), ... Reals are
+ * float64, whole numbers int64. The only user of minizip. Contracts: writers.h.
  */
 #ifndef HEXAD_IO_POINTS_NPZ_H
 #define HEXAD_IO_POINTS_NPZ_H

@@ -32,8 +32,8 @@ static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_W
 static const char face_property[] = "property list uchar int vertex_indices";
 static const char *const label_names[2] = {"label_a", "label_b"};
 
-/* Bytes of a binary triangle (its number of corners, and each corner), and minimum lengths of the text of a triangle
- * and of labels. */
+/* Bytes of a binary triangle (its number of corners, and each corner), and minimum lengths of the text of a
+ * triangle and of labels. */
 enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
 
 /* A triangle of a file. */
@@ -134,8 +134,8 @@ static double unpack(const char *in, column_type type, ply_precision precision)
     }
 }
 
-/* Packs the column of points `from` to `to` - 1; consecutive numbers are `row` bytes apart. False: a number cannot be
- * represented. */
+/* Packs the column of points `from` to `to` - 1; consecutive numbers are `row` bytes apart. False: a number
+ * cannot be represented. */
 static bool pack_column(const column *c, ply_precision precision, size_t from, size_t to, size_t row,
                         char *out)
 {
@@ -537,8 +537,8 @@ static void unpack_row(const char *in, const columns *what, ply_precision precis
     }
 }
 
-/* Whether the text is a number of the type: an integer as print_row writes it. A file does not say whether the numbers of
- * a property of doubles are whole. */
+/* Whether the text is a number of the type: an integer as print_row writes it. A file does not say whether
+ * the numbers of a property of doubles are whole. */
 static bool is_of_type(const char *text, size_t length, double value, column_type type)
 {
     char again[NUMBER_TEXT_MAX];

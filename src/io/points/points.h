@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* points: a finished point set as plain arrays, which every format writes. All arrays have `count` elements, in the
- * order of output; the creator owns them. World space and world units. doc/report.md and doc/formats.md describe the
- * properties.
+/* points: a finished point set as plain arrays, which every format writes. All arrays have `count` elements,
+ * in the order of output; the creator owns them. World space and world units. doc/report.md and
+ * doc/formats.md describe the properties.
  */
 #ifndef HEXAD_IO_POINTS_POINTS_H
 #define HEXAD_IO_POINTS_POINTS_H

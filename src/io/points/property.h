@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* property: a point set as named arrays of vectors or numbers, for formats that keep components together. Pure
- * functions.
+/* property: a point set as named arrays of vectors or numbers, for formats that keep components together.
+ * Pure functions.
  */
 #ifndef HEXAD_IO_POINTS_PROPERTY_H
 #define HEXAD_IO_POINTS_PROPERTY_H
@@ -45,15 +45,15 @@ typedef struct property {
 /* Maximum number of properties that are not attributes. */
 enum { PROPERTIES_OWN = 17 };
 
-/* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per attribute. Returns
- * the number of properties. */
+/* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per
+ * attribute. Returns the number of properties. */
 size_t property_list(const points *set, property *list);
 
 /* The attribute with this name; NULL: there is none. */
 const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name);
 
-/* Sets attribute_missing, with the pointer of the member that names the attribute and the names of those in the
- * list. Returns false. */
+/* Sets attribute_missing, with the pointer of the member that names the attribute and the names of those in
+ * the list. Returns false. */
 bool property_refuse_missing(const point_attribute *list, size_t count, const char *pointer, const char *name,
                              error *e);
 

@@ -31,8 +31,8 @@ const double *quantity_values(const points *set, const quantity_look *look);
 /* The title in the legend. */
 const char *quantity_title(const quantity_look *look);
 
-/* The scale of the values. `extent`: half diagonal of the set, world units, relative to which small ranges of lengths
- * and curvatures are ignored. False: out of memory. */
+/* The scale of the values. `extent`: half diagonal of the set, world units, relative to which small ranges of
+ * lengths and curvatures are ignored. False: out of memory. */
 bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
                     error *e);
 

@@ -17,7 +17,8 @@ typedef struct scene_instancer {
 
 typedef struct scene {
     bool y_up; /* y, not z, points up in the set */
-    /* glTF and USD have positions minus the origin as floats, and the origin, in doubles, as a translation. */
+    /* glTF and USD have positions minus the origin as floats, and the origin, in doubles, as a
+     * translation. */
     vec3 origin;
     const scene_instancer *instancer; /* of points in USD; or NULL */
     /* frames of the sequence; 0: there is no sequence, and the next members are unused */

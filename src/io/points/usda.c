@@ -47,7 +47,8 @@ static const char *schema_of(prim_kind kind)
     return names[kind];
 }
 
-/* Whether the property is a primvar: widths exist for points only, ids not for meshes, and normals not for instances. */
+/* Whether the property is a primvar: widths exist for points only, ids not for meshes, and normals not for
+ * instances. */
 static bool is_primvar(const property *p, prim_kind kind)
 {
     switch (p->role) {
@@ -108,8 +109,8 @@ static bool is_quaternion(const property *p)
            p->role == PROPERTY_INSTANCE_ORIENT_HALF;
 }
 
-/* A number as stored: positions relative to the origin, widths are diameters, velocities per second, colors in linear light, and the
- * real part of a quaternion first. */
+/* A number as stored: positions relative to the origin, widths are diameters, velocities per second, colors
+ * in linear light, and the real part of a quaternion first. */
 static double number(const property *p, prim_kind kind, vec3 origin, size_t point, int c)
 {
     double value = property_value(p, point, is_quaternion(p) ? (c + 3) % 4 : c);
@@ -295,8 +296,8 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e)
 
 /* ---- the stage of a sequence ---- */
 
-/* Writes the value clips: which file has the values at which time. The stage is its own manifest of the properties in
- * the files. */
+/* Writes the value clips: which file has the values at which time. The stage is its own manifest of the
+ * properties in the files. */
 static bool write_clips(FILE *file, const char *name, const char *manifest, char *const *folders,
                         const scene *place)
 {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor (linear
- * light), primvars:st and all other properties as primvars. With scene.instancer, points are a
- * UsdGeomPointInstancer. A set with triangles is a UsdGeomMesh. A frame of a sequence has time samples at the time
- * code of its number; the stage of a sequence refers to them by value clips. Contracts: writers.h.
+/* usda: UsdGeomPoints as text: points, widths, normals, ids, velocities, extent, primvars:displayColor
+ * (linear light), primvars:st and all other properties as primvars. With scene.instancer, points are a
+ * UsdGeomPointInstancer. A set with triangles is a UsdGeomMesh. A frame of a sequence has time samples at the
+ * time code of its number; the stage of a sequence refers to them by value clips. Contracts: writers.h.
  */
 #ifndef HEXAD_IO_POINTS_USDA_H
 #define HEXAD_IO_POINTS_USDA_H

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vtp: VTK PolyData as XML, each point a vertex, with one array per property: float64 or int64, appended as raw bytes.
- * Contracts: writers.h.
+/* vtp: VTK PolyData as XML, each point a vertex, with one array per property: float64 or int64, appended as
+ * raw bytes. Contracts: writers.h.
  */
 #ifndef HEXAD_IO_POINTS_VTP_H
 #define HEXAD_IO_POINTS_VTP_H

@@ -16,8 +16,8 @@
 
 namespace shim {
 
-/* Archive's own write is protected. Its two public subclasses, io::File and io::Stream, cannot write a seekable file
- * to a stream in memory. */
+/* Archive's own write is protected. Its two public subclasses, io::File and io::Stream, cannot write a
+ * seekable file to a stream in memory. */
 class archive : public openvdb::io::Archive {
 public:
     void write_all(std::ostream &out, const openvdb::GridCPtrVec &grids, bool seekable) const

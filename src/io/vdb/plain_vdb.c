@@ -25,8 +25,8 @@ enum {
 
 /* How values are stored. */
 enum { ZIPPED = 1, MASKED = 2, BLOSC = 4 };
-/* What of a node's inactive values is stored: nothing where all are the background or its negative; up to two others; a
- * mask that selects one of two for each; or all values. */
+/* What of a node's inactive values is stored: nothing where all are the background or its negative; up to two
+ * others; a mask that selects one of two for each; or all values. */
 enum { ALL_BACKGROUND, ALL_NEGATIVE, ALL_ONE, EITHER_BACKGROUND, EITHER_ONE, EITHER_TWO, ALL_VALUES };
 
 /* Nodes between the root and the leaves. */
@@ -408,8 +408,8 @@ static void take_stored(reading *r, size_t count, float *out)
     }
 }
 
-/* Puts each active value, of those in front, into its place, from the last one on, and between them the inactive ones: eight at a
- * time, of which most are all active or none. */
+/* Puts each active value, of those in front, into its place, from the last one on, and between them the
+ * inactive ones: eight at a time, of which most are all active or none. */
 static void spread(const uint64_t *active, const uint64_t *chosen, const float inactive[2], size_t stored,
                    size_t count, float *values)
 {
@@ -535,8 +535,8 @@ static bool comes_after(const int32_t a[3], const int32_t b[3])
     return false;
 }
 
-/* The library orders the parts of the root by place, and takes the last of equal ones: here they must be so. Large tiles of
- * the root itself are rare. */
+/* The library orders the parts of the root by place, and takes the last of equal ones: here they must be so.
+ * Large tiles of the root itself are rare. */
 static void take_topology(reading *r)
 {
     const int32_t side = node_level[0].children << node_level[0].log2_side;

@@ -2,12 +2,12 @@
 /* plain_vdb: reads usual OpenVDB files without the library. The dynamic linker needs more time for its 52 000
  * symbols than a small job takes, and its tree is a second copy of the voxels.
  *
- * A usual file has a format version from 222 to 224 and offsets. A usual grid has floats (whole or half), an affine
- * transform and a tree of its own. All other files, and all faults, are left to the library: no function returns an
- * error. Results equal those of the functions of vdb.h, with two exceptions: voxels smaller than 1e-5, whose
- * transform the library considers singular, and any identifier of a file are accepted. Lengths are checked against
- * the length of the file before they are used. Calls share no state; the threads of a pool, which may be NULL,
- * unpack the values. Results do not depend on the pool.
+ * A usual file has a format version from 222 to 224 and offsets. A usual grid has floats (whole or half), an
+ * affine transform and a tree of its own. All other files, and all faults, are left to the library: no
+ * function returns an error. Results equal those of the functions of vdb.h, with two exceptions: voxels
+ * smaller than 1e-5, whose transform the library considers singular, and any identifier of a file are
+ * accepted. Lengths are checked against the length of the file before they are used. Calls share no state;
+ * the threads of a pool, which may be NULL, unpack the values. Results do not depend on the pool.
  */
 #ifndef HEXAD_IO_VDB_PLAIN_VDB_H
 #define HEXAD_IO_VDB_PLAIN_VDB_H

@@ -22,17 +22,17 @@ struct fault : std::runtime_error {
     error_code code;
 };
 
-/* Closes std::cout, to which the library logs, because the program writes its answer there. The level of logging
- * cannot be set without log4cplus. */
+/* Closes std::cout, to which the library logs, because the program writes its answer there. The level of
+ * logging cannot be set without log4cplus. */
 struct quiet {
     quiet() : before(std::cout.rdbuf(nullptr)) {}
     ~quiet() { std::cout.rdbuf(before); }
     std::streambuf *before;
 };
 
-/* The library frees trees in parallel. Reading does not benefit from that, and a worker with a limited address space
- * has no memory for the stacks and heaps of a thread per core. The limit is not removed: its end would start
- * threads, which a fork would leave in an undefined state. */
+/* The library frees trees in parallel. Reading does not benefit from that, and a worker with a limited
+ * address space has no memory for the stacks and heaps of a thread per core. The limit is not removed: its
+ * end would start threads, which a fork would leave in an undefined state. */
 inline void use_one_thread()
 {
     static const tbb::global_control *const one =
@@ -40,8 +40,8 @@ inline void use_one_thread()
     (void)one;
 }
 
-/* Runs `body` and converts exceptions to *e. `what` names the object that is read or written. The library's message
- * is kept. */
+/* Runs `body` and converts exceptions to *e. `what` names the object that is read or written. The library's
+ * message is kept. */
 template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
 {
     try {
@@ -68,9 +68,10 @@ template <typename Body> bool guard(error *e, error_code otherwise, const char *
 } // namespace shim
 
 #ifdef __SANITIZE_ADDRESS__
-/* OpenVDB 10.0 leaks one node if reading fails within a tree's topology. This cannot be prevented from outside, and
- * a leak report would change the exit code of a worker that reports a damaged file. The library's functions have no
- * names in a report, so the library itself is suppressed. Weak: each unit has its own definition. */
+/* OpenVDB 10.0 leaks one node if reading fails within a tree's topology. This cannot be prevented from
+ * outside, and a leak report would change the exit code of a worker that reports a damaged file. The
+ * library's functions have no names in a report, so the library itself is suppressed. Weak: each unit has
+ * its own definition. */
 extern "C" __attribute__((weak)) const char *__lsan_default_options(void);
 extern "C" __attribute__((weak)) const char *__lsan_default_options(void)
 {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 /* vdb: reads and writes OpenVDB files as plain arrays; the only C++ interface of the project.
  *
- * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all data
- * before it returns: nothing is loaded later or mapped, and no object of the library is kept. Sizes in the file are
- * checked against its length and a memory limit before they are used. No exception crosses this interface. The
- * library can still abort or fault on a hostile file, so callers run it in a separate process.
+ * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all
+ * data before it returns: nothing is loaded later or mapped, and no object of the library is kept. Sizes in
+ * the file are checked against its length and a memory limit before they are used. No exception crosses this
+ * interface. The library can still abort or fault on a hostile file, so callers run it in a separate process.
  *
- * Messages contain the grid; the caller prepends the name of the file. Calls share no state; two calls must not use
- * one descriptor at the same time.
+ * Messages contain the grid; the caller prepends the name of the file. Calls share no state; two calls must
+ * not use one descriptor at the same time.
  */
 #ifndef HEXAD_IO_VDB_VDB_H
 #define HEXAD_IO_VDB_VDB_H
@@ -44,8 +44,8 @@ typedef struct vdb_listing {
     size_t count;
 } vdb_listing;
 
-/* Lists the grids of a file. If the file has offsets, no tree is read. Otherwise (it was written to a pipe) the
- * trees are read one after another. Errors: input_damaged (with a separate message for Git LFS pointers),
+/* Lists the grids of a file. If the file has offsets, no tree is read. Otherwise (it was written to a pipe)
+ * the trees are read one after another. Errors: input_damaged (with a separate message for Git LFS pointers),
  * input_unsupported (format versions), limit_memory. */
 bool vdb_list_grids(int fd, vdb_listing *out, error *e);
 void vdb_listing_free(vdb_listing *listing);
@@ -82,14 +82,15 @@ bool vdb_is_unit(const char *name);
 
 /* How a grid is loaded. */
 typedef struct vdb_loading {
-    /* subtracted from the values of a grid of doubles that is not a level set, before the conversion to floats */
+    /* subtracted from the values of a grid of doubles that is not a level set, before the conversion to
+     * floats */
     double zero;
     bool flood; /* inactive voxels of a level set get their sign from the surrounding active ones */
 } vdb_loading;
 
-/* Loads entry `index` of the listing. Doubles are converted to floats. `memory_limit` bounds the peak of the call,
- * including the library's tree and the arrays. Errors: input_damaged; input_unsupported (the type is not scalar, or
- * the transform is not affine or not invertible); limit_memory. */
+/* Loads entry `index` of the listing. Doubles are converted to floats. `memory_limit` bounds the peak of the
+ * call, including the library's tree and the arrays. Errors: input_damaged; input_unsupported (the type is
+ * not scalar, or the transform is not affine or not invertible); limit_memory. */
 vdb_grid *vdb_load_grid(int fd, size_t index, vdb_loading how, size_t memory_limit, error *e);
 void vdb_grid_free(vdb_grid *grid);
 
@@ -111,8 +112,9 @@ struct vdb_voxels {
 
 typedef bool vdb_visitor(void *context, const vdb_voxels *voxels, error *e);
 
-/* Reads entry `index` of the listing and calls a visitor, whose result is returned. The visitor must not throw. The
- * grid is freed at the end of the call. `memory_limit` bounds the library's tree. Errors: those of vdb_load_grid. */
+/* Reads entry `index` of the listing and calls a visitor, whose result is returned. The visitor must not
+ * throw. The grid is freed at the end of the call. `memory_limit` bounds the library's tree. Errors: those
+ * of vdb_load_grid. */
 bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visit, void *context, error *e);
 
 /* A grid to write. Voxels are given one by one, followed by tiles. */
@@ -137,8 +139,9 @@ typedef enum vdb_layout {
     VDB_STREAM    /* without offsets, like openvdb::io::Stream */
 } vdb_layout;
 
-/* Writes a whole file at the descriptor's offset. The same drafts give the same bytes, except for the 36 bytes of
- * the format's random identifier. Errors: input_unsupported (the draft is not valid), internal (writing failed). */
+/* Writes a whole file at the descriptor's offset. The same drafts give the same bytes, except for the 36
+ * bytes of the format's random identifier. Errors: input_unsupported (the draft is not valid), internal
+ * (writing failed). */
 bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                      error *e);
 
@@ -166,11 +169,11 @@ typedef struct vdb_points {
 } vdb_points;
 
 /* Writes a whole file and flushes the stream: one grid "points" whose transform has its origin at the
- * corner of the points' box. Its attributes are P (relative to the centre of its voxel, so exact to 2^-24 voxels), N
- * (vec3f), pscale (float, half the spacing), id (int64), if given the velocities v (vec3f) and the orientations
- * orient (quaternions of floats), and the other values. The same points give the same bytes: the identifier of the
- * format, which the library makes random, is derived from the contents. Errors: limit_memory; internal (writing
- * failed). */
+ * corner of the points' box. Its attributes are P (relative to the centre of its voxel, so exact to 2^-24
+ * voxels), N (vec3f), pscale (float, half the spacing), id (int64), if given the velocities v (vec3f) and the
+ * orientations orient (quaternions of floats), and the other values. The same points give the same bytes: the
+ * identifier of the format, which the library makes random, is derived from the contents. Errors:
+ * limit_memory; internal (writing failed). */
 bool vdb_write_points(FILE *file, const vdb_points *points, error *e);
 
 #ifdef __cplusplus

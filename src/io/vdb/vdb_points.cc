@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vdb_points: writes points grids of OpenVDB files. The library makes the empty grid, and leaves are filled one by one:
- * classes that are made here, and conversions of whole grids, are compiled here, which takes minutes. */
+/* vdb_points: writes points grids of OpenVDB files. The library makes the empty grid, and leaves are filled
+ * one by one: classes that are made here, and conversions of whole grids, are compiled here, which takes
+ * minutes. */
 #include "io/vdb/archive.h"
 
 #include <algorithm>

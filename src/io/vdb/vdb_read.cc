@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vdb_read: reading of grids and their metadata from OpenVDB files, with the messages about files that cannot be read. The order of the parts of a file is that of openvdb::io::Stream and io::File, which this
- * unit walks itself (through the base class of both) for three reasons: a grid that is not requested
- * is skipped if the file has offsets, lengths are checked before they are believed, and the
- * tree's topology can be compared with the memory limit before its values are read. */
+/* vdb_read: reading of grids and their metadata from OpenVDB files, with the messages about files that cannot
+ * be read. The order of the parts of a file is that of openvdb::io::Stream and io::File, which this unit
+ * walks itself (through the base class of both) for three reasons: a grid that is not requested is skipped if
+ * the file has offsets, lengths are checked before they are believed, and the tree's topology can be
+ * compared with the memory limit before its values are read. */
 #include "io/vdb/shim.h"
 
 #include <algorithm>
@@ -36,7 +37,8 @@ namespace {
 const char *const half_suffix = "_HalfFloat";
 const char name_separator = 0x1e; /* OpenVDB writes equal names as NAME 0x1e NUMBER */
 
-/* Versions differ in features that few files use. A version that exceeds the newest one by more than this is damage. */
+/* Versions differ in features that few files use. A version that exceeds the newest one by more than this
+ * is damage. */
 const uint32_t newer_versions = 16;
 /* A grid has a handful of strings (names, types); 64 kB is far beyond any that is meant. */
 const uint32_t longest_string = 1u << 16;
@@ -57,8 +59,8 @@ class fd_buffer : public std::streambuf {
 public:
     fd_buffer(int fd, int64_t size) : fd_(fd), size_(size), next_(0), block_(1 << 16) {}
 
-    /* What packed values of a node begin with: the length of what follows, or of values that are as they are with a
-     * minus before it. */
+    /* What packed values of a node begin with: the length of what follows, or of values that are as they are
+     * with a minus before it. */
     void check_packed(size_t bytes)
     {
         int64_t length, here = next_ - (egptr() - gptr());
@@ -292,9 +294,9 @@ private:
                        version, vdb::OPENVDB_FILE_VERSION));
     }
 
-    /* A block of metadata. The library would allocate by the lengths in the file, but read each value by the length of
-     * its type, after which its position differs from the file's. So it gets each value separately. Entries for delayed
-     * loading are omitted. */
+    /* A block of metadata. The library would allocate by the lengths in the file, but read each value by the
+     * length of its type, after which its position differs from the file's. So it gets each value separately.
+     * Entries for delayed loading are omitted. */
     void read_entries(vdb::MetaMap &to)
     {
         int32_t entries = read_int<int32_t>();
@@ -327,8 +329,8 @@ private:
         }
     }
 
-    /* Walks over the kind of a transform, and over that of the map within a frustum, which the library would follow to
-     * any depth, and comes back. */
+    /* Walks over the kind of a transform, and over that of the map within a frustum, which the library would
+     * follow to any depth, and comes back. */
     void check_transform()
     {
         const std::string frustum = vdb::math::NonlinearFrustumMap::mapType();
@@ -458,7 +460,8 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
         throw fault(ERROR_INPUT_UNSUPPORTED, "its transform cannot be inverted: it is singular or nearly so");
 }
 
-/* The library takes a file's word for where the parts of the root lie; its nodes below lie right by themselves. */
+/* The library takes a file's word for where the parts of the root lie; its nodes below lie right by
+ * themselves. */
 void check_corner(const vdb::Coord &corner, int32_t side)
 {
     for (int axis = 0; axis < 3; axis++)
@@ -652,9 +655,10 @@ bool is_numeric(const std::string &type)
 
 } // namespace
 
-/* OpenVDB 10.0 reads values that are as they are in whatever length the file gives, over the end of their node's, and
- * looks afterwards; it also allocates what the length of packed ones says. So these two functions replace the library's
- * own: callers, also those in the library, are linked to these, which then call the library's. */
+/* OpenVDB 10.0 reads values that are as they are in whatever length the file gives, over the end of their
+ * node's, and looks afterwards; it also allocates what the length of packed ones says. So these two functions
+ * replace the library's own: callers, also those in the library, are linked to these, which then call the
+ * library's. */
 typedef void unpacker(std::istream &, char *, size_t);
 
 static unpacker *find_library(unpacker *ours)

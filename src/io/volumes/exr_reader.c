@@ -253,9 +253,9 @@ typedef struct target {
     uint32_t *to; /* of its first pixel */
 } target;
 
-/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts even if one is
- * requested. If a channel has fewer samples, it reads the other channels at wrong offsets, also beyond the chunk's end.
- * The decoded rows lie one after the other, and in each its channels. */
+/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts even if one
+ * is requested. If a channel has fewer samples, it reads the other channels at wrong offsets, also beyond the
+ * chunk's end. The decoded rows lie one after the other, and in each its channels. */
 static exr_result_t take_channel(exr_decode_pipeline_t *d)
 {
     const target *t = d->decoding_user_data;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* exr_stack: a stack of OpenEXR images as a dense volume.
  *
- * The data windows of the slices span the volume; pixels outside of a slice's window are 0. Every slice is examined
- * when the stack is opened, so that one message can name all missing or damaged slices.
+ * The data windows of the slices span the volume; pixels outside of a slice's window are 0. Every slice is
+ * examined when the stack is opened, so that one message can name all missing or damaged slices.
  */
 #ifndef HEXAD_IO_VOLUMES_EXR_STACK_H
 #define HEXAD_IO_VOLUMES_EXR_STACK_H
@@ -26,8 +26,8 @@ typedef struct exr_stack_params {
  * grid_ambiguous, limit_memory; those of the opener. */
 slices *exr_stack_open(const exr_stack_params *params, error *e);
 
-/* The parts and channels of the first image, as a text (exr_reader.h) that the caller frees; independent of the
- * requested part and channel. Errors: input_damaged, those of the opener. */
+/* The parts and channels of the first image, as a text (exr_reader.h) that the caller frees; independent of
+ * the requested part and channel. Errors: input_damaged, those of the opener. */
 char *exr_stack_list(const exr_stack_params *params, error *e);
 
 #endif

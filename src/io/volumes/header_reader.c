@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads (header.h). */
+/* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads
+ * (header.h). */
 #include "io/volumes/volume_header.h"
 
 #include <math.h>
@@ -123,7 +124,8 @@ static bool is_remark(const char *line)
 }
 
 /* Takes out of the header's text where the data are: Teem opens the files and skips bytes even when it is to
- * read the header only. Omits fields that are parsed without Teem, and refuses lines that exceed its buffers. */
+ * read the header only. Omits fields that are parsed without Teem, and refuses lines that exceed its
+ * buffers. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
@@ -210,8 +212,8 @@ static void values_of_nrrd(answer *a, const Nrrd *n)
         }
 }
 
-/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are written with some
- * digits. */
+/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are
+ * written with some digits. */
 static const double most_apart = 0.01;
 
 /* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
@@ -394,7 +396,8 @@ static double forms_apart(const nifti_image *n)
     return most;
 }
 
-/* sform and qform that place all corners as near as this, in the smallest side of a voxel, agree: they hold floats. */
+/* sform and qform that place all corners as near as this, in the smallest side of a voxel, agree: they
+ * hold floats. */
 static const double forms_agree = 0.01;
 
 static void warn_of_places(answer *a, const nifti_image *n)
@@ -449,7 +452,8 @@ static bool name_of_image(answer *a, const char *name)
     return add_name(a, image, strlen(image));
 }
 
-/* A slope of 0 means that values are not scaled, whatever the intercept. The library gives 0 for NaN, which nibabel writes. */
+/* A slope of 0 means that values are not scaled, whatever the intercept. The library gives 0 for NaN,
+ * which nibabel writes. */
 static void scale_of_nifti(answer *a, const nifti_image *n)
 {
     if (n->scl_slope != 0) {
@@ -496,7 +500,8 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
     return h;
 }
 
-/* Extensions follow one another, each with its length in bytes, a multiple of 16; the last one ends where the data begin. */
+/* Extensions follow one another, each with its length in bytes, a multiple of 16; the last one ends where
+ * the data begin. */
 static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_bytes, int64_t *offset)
 {
     struct stat st;
@@ -523,8 +528,8 @@ static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_b
     return true;
 }
 
-/* Finds the data of a single file. Its vox_offset counts from the beginning; 0: the data begin after the header and its
- * extensions. */
+/* Finds the data of a single file. Its vox_offset counts from the beginning; 0: the data begin after the
+ * header and its extensions. */
 static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_bytes)
 {
     if (!(h->vox_offset == 0 || (h->vox_offset >= (double)h->header_bytes && h->vox_offset < 1e15)))

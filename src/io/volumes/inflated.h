@@ -7,12 +7,13 @@
 
 typedef struct inflated inflated;
 
-/* Opens the data of the file, beginning at `offset`. `fd` is read with pread only, and remains the caller's. */
+/* Opens the data of the file, beginning at `offset`. `fd` is read with pread only, and remains the
+ * caller's. */
 inflated *inflated_new(int fd, int64_t offset);
 void inflated_free(inflated *i); /* accepts NULL */
 
-/* Reads the next bytes. Returns their number, which is less than `count` only at the end; -1: they cannot be read or
- * are not valid. */
+/* Reads the next bytes. Returns their number, which is less than `count` only at the end; -1: they cannot be
+ * read or are not valid. */
 int64_t inflated_read(inflated *i, void *to, int64_t count);
 
 /* Returns to the first byte. */

@@ -154,8 +154,8 @@ static bool find_type(const fields *f, header *out, char fault[META_IMAGE_FAULT_
     return false;
 }
 
-/* The letter of each axis names the side from which it leads away; the axes of the world lead to the left, to the back and
- * up. */
+/* The letter of each axis names the side from which it leads away; the axes of the world lead to the left, to
+ * the back and up. */
 static bool is_oriented(const header *out, const char *letters)
 {
     static const char from[3][2] = {{'R', 'L'}, {'A', 'P'}, {'I', 'S'}};

@@ -16,8 +16,8 @@ const char *numbers_name(number_type type);
 /* Whether the type has numbers that a float does not represent. */
 bool numbers_need_doubles(number_type type);
 
-/* If the number is a whole number that a double may not represent, writes it to `inexact`, unless it has a number
- * already. */
+/* If the number is a whole number that a double may not represent, writes it to `inexact`, unless it has a
+ * number already. */
 void numbers_note_inexact(const unsigned char *bytes, number_type type, bool swapped,
                           char inexact[NUMBERS_INEXACT_SIZE]);
 

@@ -330,8 +330,8 @@ static bool choose_volume(raw_volume *s, int64_t index, error *e)
     return true;
 }
 
-/* Adds a warning if the header's length of the data differs from the file's. Only reading shows whether all values are
- * present. */
+/* Adds a warning if the header's length of the data differs from the file's. Only reading shows whether all
+ * values are present. */
 static void note_length(raw_volume *s)
 {
     struct stat st;

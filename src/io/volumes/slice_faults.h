@@ -19,8 +19,8 @@ typedef struct slice_faults {
 /* Adds a slice with a fault. `before` is the number of the preceding slice. */
 void slice_faults_add(slice_faults *f, int number, int before, const error *e);
 
-/* True if there are no faults. Otherwise sets an error with the code of the first slice: "3 slices are WHAT (slices
- * 4, 7-8). The first one: ...". */
+/* True if there are no faults. Otherwise sets an error with the code of the first slice: "3 slices are WHAT
+ * (slices 4, 7-8). The first one: ...". */
 bool slice_faults_report(slice_faults *f, const char *what, error *e);
 
 #endif

@@ -2,7 +2,8 @@
 /* slices: reads a dense volume slice by slice (the source of surface/volume/dense_grid.h).
  *
  * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number i +
- * size[0] j of slice k, with `components` values; its position is index_to_world (i, j, k, 1). One thread at a time.
+ * size[0] j of slice k, with `components` values; its position is index_to_world (i, j, k, 1). One thread at
+ * a time.
  */
 #ifndef HEXAD_IO_VOLUMES_SLICES_H
 #define HEXAD_IO_VOLUMES_SLICES_H
@@ -38,22 +39,23 @@ struct slices {
     dense_warnings warnings;
 };
 
-/* Checks the number of a volume in a file with s->volumes volumes. *index -1: none was requested, which becomes 0 if
- * there is only one. Errors: grid_ambiguous, grid_missing. */
+/* Checks the number of a volume in a file with s->volumes volumes. *index -1: none was requested, which
+ * becomes 0 if there is only one. Errors: grid_ambiguous, grid_missing. */
 bool slices_choose_volume(const slices *s, int64_t *index, error *e);
 
-/* Replaces the step lengths of the axes by these; directions and the position of the first sample do not change. */
+/* Replaces the step lengths of the axes by these; directions and the position of the first sample do not
+ * change. */
 void slices_set_voxel_size(slices *s, const double size[3]);
 
-/* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
- * that names the path. */
+/* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an
+ * error that names the path. */
 typedef struct slices_files {
     int (*open)(void *context, const char *path, error *e);
     void *context;
 } slices_files;
 
-/* Opens files below a directory without following links. Returns a descriptor for reading, which the caller closes,
- * or -1: *is_missing is true, or *e is set and names the path. */
+/* Opens files below a directory without following links. Returns a descriptor for reading, which the caller
+ * closes, or -1: *is_missing is true, or *e is set and names the path. */
 typedef struct slices_directory {
     int (*open)(void *context, const char *path, bool *is_missing, error *e);
     void *context;

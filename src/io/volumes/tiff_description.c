@@ -37,7 +37,8 @@ static double ratio_of(double a, double b)
     return ratio >= 1 ? whole : 1 / whole;
 }
 
-/* The micrometre has many names, with a micro sign in UTF-8, in Latin-1 and as an escape. A pixel is not a unit of length. */
+/* The micrometre has many names, with a micro sign in UTF-8, in Latin-1 and as an escape. A pixel is not a
+ * unit of length. */
 static void copy_unit(const char *from, char to[TIFF_UNIT_SIZE])
 {
     static const char *const micrometres[] = {"\xc2\xb5m",  "\xce\xbcm",  "\xb5m",      "\\u00B5m",

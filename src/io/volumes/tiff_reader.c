@@ -269,7 +269,8 @@ static bool add_page(tiff_file *f)
     return true;
 }
 
-/* Whether the file has all of a directory: the library takes one without its last field, the place of the next, as the last one. */
+/* Whether the file has all of a directory: the library takes one without its last field, the place of the
+ * next, as the last one. */
 static bool is_whole(const tiff_file *f, uint64_t directory)
 {
     unsigned char head[8];

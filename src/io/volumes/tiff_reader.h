@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* tiff_reader: reads pages of TIFF files with libtiff in a separate process (reader.h). The only user of libtiff.
+/* tiff_reader: reads pages of TIFF files with libtiff in a separate process (reader.h). The only user of
+ * libtiff.
  *
- * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct tiff_request:
- * TIFF_READER_OPEN, with the descriptor of an open file, or TIFF_READER_PAGE for the file that was opened last. The
- * answer is a struct tiff_answer. For TIFF_READER_PAGE, the numbers of the page follow row by row.
+ * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct
+ * tiff_request: TIFF_READER_OPEN, with the descriptor of an open file, or TIFF_READER_PAGE for the file that
+ * was opened last. The answer is a struct tiff_answer. For TIFF_READER_PAGE, the numbers of the page follow
+ * row by row.
  */
 #ifndef HEXAD_IO_VOLUMES_TIFF_READER_H
 #define HEXAD_IO_VOLUMES_TIFF_READER_H

@@ -14,7 +14,8 @@
 #include "io/volumes/slice_faults.h"
 #include "io/volumes/tiff_reader.h"
 
-/* CPU limit of the process: 60 s, three passes over the file at 1 MiB/s, a tenth of the measured speed, and 2 s for each slice. */
+/* CPU limit of the process: 60 s, three passes over the file at 1 MiB/s, a tenth of the measured speed,
+ * and 2 s for each slice. */
 static const unsigned seconds_at_least = 60, passes = 3, seconds_per_slice = 2;
 static const off_t bytes_per_second = 1 << 20;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* volume_file: opens a dense volume of any format: one file, or a stack of images. The first bytes determine the
- * format.
+/* volume_file: opens a dense volume of any format: one file, or a stack of images. The first bytes determine
+ * the format.
  */
 #ifndef HEXAD_IO_VOLUMES_VOLUME_FILE_H
 #define HEXAD_IO_VOLUMES_VOLUME_FILE_H
@@ -28,8 +28,8 @@ typedef struct volume_file {
 /* Whether a reader of volumes, or of stacks of images, is here. */
 bool volume_file_reads(file_format format);
 
-/* Opens NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h) with one value per
- * sample. Errors: those of these modules. */
+/* Opens NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h) with one value
+ * per sample. Errors: those of these modules. */
 slices *volume_file_open(const volume_file *file, error *e);
 
 /* As volume_file_open, for a file that may have several values per sample. */

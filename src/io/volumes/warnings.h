@@ -16,8 +16,8 @@ typedef struct dense_warnings {
 /* Adds a warning. Control characters, which a header may contain, become spaces. */
 void dense_warn(dense_warnings *w, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Adds a warning if the unit of the file is not the millimetre, because positions are in the unit of the file. ""
- * and "?": the unit is unknown. */
+/* Adds a warning if the unit of the file is not the millimetre, because positions are in the unit of the
+ * file. "" and "?": the unit is unknown. */
 void dense_warn_of_unit(dense_warnings *w, const char *unit);
 
 #endif

@@ -16,7 +16,8 @@
 /* Larger metadata files are refused. */
 static const off_t largest_file = 4 << 20;
 
-/* Longer sides are refused as damaged: those of spatial axes, whose product fits into 64 bits, and of others. */
+/* Longer sides are refused as damaged: those of spatial axes, whose product fits into 64 bits, and of
+ * others. */
 static const double largest_side = 1 << 20, largest_other = 1 << 30;
 
 /* What is read, for messages. */

@@ -47,8 +47,8 @@ typedef struct zarr_metadata {
     dense_warnings warnings;
 } zarr_metadata;
 
-/* `level` is the index of the resolution. Errors: input_damaged, input_unsupported (with the name of the unsupported
- * feature), grid_missing, grid_ambiguous, no_surface; those of the opener. */
+/* `level` is the index of the resolution. Errors: input_damaged, input_unsupported (with the name of the
+ * unsupported feature), grid_missing, grid_ambiguous, no_surface; those of the opener. */
 bool zarr_metadata_read(const slices_directory *directory, int64_t level, zarr_metadata *out, error *e);
 
 #endif

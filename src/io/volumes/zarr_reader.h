@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* zarr_reader: unpacks chunks of Zarr arrays with zlib, blosc and zstd in a separate process (reader.h). The only
- * user of blosc and zstd.
+/* zarr_reader: unpacks chunks of Zarr arrays with zlib, blosc and zstd in a separate process (reader.h). The
+ * only user of blosc and zstd.
  *
- * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct zarr_request
- * with the descriptor of an open file. The answer has no struct: the requested bytes follow its head.
+ * Requests arrive through the socket that is descriptor 0 and 1 of the process. A request is a struct
+ * zarr_request with the descriptor of an open file. The answer has no struct: the requested bytes follow its
+ * head.
  */
 #ifndef HEXAD_IO_VOLUMES_ZARR_READER_H
 #define HEXAD_IO_VOLUMES_ZARR_READER_H

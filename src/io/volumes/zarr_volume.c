@@ -14,7 +14,8 @@
 #include "io/volumes/numbers.h"
 #include "io/volumes/zarr_reader.h"
 
-/* Processor time of the process: a hundredth of a second for each chunk, ten times what one of a million numbers takes, twice. */
+/* Processor time of the process: a hundredth of a second for each chunk, ten times what one of a million
+ * numbers takes, twice. */
 static const double seconds_at_least = 60, seconds_per_chunk = 0.02, seconds_most = 1e6;
 
 /* Samples that are read around a region: as far as the spline of dense_grid.h looks, and a block. */
@@ -209,7 +210,8 @@ static void store_fill(const zarr_volume *v, unsigned char bytes[8])
     for (int k = 0; k < size; k++) bytes[k] = n.bytes[v->m.is_swapped ? size - 1 - k : k];
 }
 
-/* The part of a chunk that is read goes to its place in the layer. chunk_at: of the spatial axes, slowest first. */
+/* The part of a chunk that is read goes to its place in the layer. chunk_at: of the spatial axes, slowest
+ * first. */
 static void place_chunk(zarr_volume *v, const int64_t chunk_at[3], bool is_there)
 {
     const size_t size = value_bytes(v);
@@ -337,7 +339,8 @@ static bool choose_volume(zarr_volume *v, int64_t index, error *e)
     return true;
 }
 
-/* Samples of the spatial axes in and around the region; a region beside the data has some of them at that end. */
+/* Samples of the spatial axes in and around the region; a region beside the data has some of them at that
+ * end. */
 static void crop(zarr_volume *v)
 {
     for (int k = 0; k < 3; k++) {

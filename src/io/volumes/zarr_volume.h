@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* zarr_volume: one resolution of an OME-Zarr image, or a plain Zarr array, as a dense volume. Chunks are unpacked in
- * a separate process (zarr_reader.h).
+/* zarr_volume: one resolution of an OME-Zarr image, or a plain Zarr array, as a dense volume. Chunks are
+ * unpacked in a separate process (zarr_reader.h).
  *
- * Slices follow the slowest of the three spatial axes; one layer of chunks is in memory. The axes x, y and z of the
- * file are those of the world. The position of a sample is scale times index plus translation. A missing chunk has
- * the fill value.
+ * Slices follow the slowest of the three spatial axes; one layer of chunks is in memory. The axes x, y and z
+ * of the file are those of the world. The position of a sample is scale times index plus translation. A
+ * missing chunk has the fill value.
  */
 #ifndef HEXAD_IO_VOLUMES_ZARR_VOLUME_H
 #define HEXAD_IO_VOLUMES_ZARR_VOLUME_H

@@ -324,7 +324,8 @@ static bool open_frame(const attachment_file *file, size_t memory_limit, frame *
     return f->normal && join_vertices(f, e) && list_incidences(f, e);
 }
 
-/* The normal of a polygon at one of its vertices. Neighbours that the file orients the other way are turned. */
+/* The normal of a polygon at one of its vertices. Neighbours that the file orients the other way are
+ * turned. */
 static vec3 corner_normal(const frame *f, uint32_t face, uint32_t vertex)
 {
     const vec3 own = f->normal[face];
@@ -365,7 +366,8 @@ static bool check_place(const mesh_polygons *p, size_t i, double face, const dou
                i, face, corner[0], corner[1], corner[2], weight[0], weight[1], weight[2]);
 }
 
-/* Whether the corners follow each other against the order of the polygon: the point is on the other side of it. */
+/* Whether the corners follow each other against the order of the polygon: the point is on the other side
+ * of it. */
 static bool is_turned(const double corner[3])
 {
     return (corner[0] < corner[1]) + (corner[1] < corner[2]) + (corner[2] < corner[0]) < 2;

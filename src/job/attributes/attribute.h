@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* attribute: evaluates values of grids, dense volumes and meshes of files at points.
  *
- * There are two steps. attribute_find checks, before the computation, whether a file has the requested attribute.
- * attribute_read computes the values once the points are known. World space; the space of a file differs if
- * transforms move the surface. One request at a time.
+ * There are two steps. attribute_find checks, before the computation, whether a file has the requested
+ * attribute. attribute_read computes the values once the points are known. World space; the space of a file
+ * differs if transforms move the surface. One request at a time.
  */
 #ifndef HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
 #define HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
@@ -13,8 +13,8 @@
 #include "io/volumes/exr_stack.h"
 #include "io/points/points.h"
 
-/* The last mesh that was read, for consecutive requests: reading takes longer than evaluating. Initially empty;
- * attribute_forget empties it. */
+/* The last mesh that was read, for consecutive requests: reading takes longer than evaluating. Initially
+ * empty; attribute_forget empties it. */
 typedef struct attribute_mesh attribute_mesh;
 
 /* The requested attribute and its file. Texts are owned by the caller. */
@@ -40,8 +40,8 @@ typedef struct attribute_counts {
     dense_warnings warnings; /* of a dense volume */
 } attribute_counts;
 
-/* Determines the kind and number of values without reading them. Errors, with the file: attribute_missing (with the
- * attributes of the file), and those of the reader. */
+/* Determines the kind and number of values without reading them. Errors, with the file: attribute_missing
+ * (with the attributes of the file), and those of the reader. */
 bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
 
 void attribute_forget(attribute_mesh **last);

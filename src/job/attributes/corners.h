@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* corners: attributes of mesh vertices, interpolated at the nearest position of the nearest triangle. Contracts:
- * attribute.h.
+/* corners: attributes of mesh vertices, interpolated at the nearest position of the nearest triangle.
+ * Contracts: attribute.h.
  */
 #ifndef HEXAD_JOB_ATTRIBUTES_CORNERS_H
 #define HEXAD_JOB_ATTRIBUTES_CORNERS_H

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* dense_attributes: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by slice; at most
- * four slices are in memory. Contracts: attribute.h.
+/* dense_attributes: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by
+ * slice; at most four slices are in memory. Contracts: attribute.h.
  */
 #ifndef HEXAD_JOB_ATTRIBUTES_DENSE_ATTRIBUTES_H
 #define HEXAD_JOB_ATTRIBUTES_DENSE_ATTRIBUTES_H

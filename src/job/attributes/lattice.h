@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* lattice: interpolates between the samples of a grid of any file. Any number of threads, if `read` permits it. */
+/* lattice: interpolates between the samples of a grid of any file. Any number of threads, if `read`
+ * permits it. */
 #ifndef HEXAD_JOB_ATTRIBUTES_LATTICE_H
 #define HEXAD_JOB_ATTRIBUTES_LATTICE_H
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* stencil: the samples of a lattice that an interpolated value depends on, and their weights. Index space. Pure
- * functions.
+/* stencil: the samples of a lattice that an interpolated value depends on, and their weights. Index space.
+ * Pure functions.
  */
 #ifndef HEXAD_JOB_ATTRIBUTES_STENCIL_H
 #define HEXAD_JOB_ATTRIBUTES_STENCIL_H

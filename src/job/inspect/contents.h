@@ -13,8 +13,8 @@ typedef struct contents_input {
     const run_options *options;
 } contents_input;
 
-/* Adds the members of the format to the inspection, and appends to its array `suggestions`. Errors: those of a job
- * that reads the file. */
+/* Adds the members of the format to the inspection, and appends to its array `suggestions`. Errors: those of
+ * a job that reads the file. */
 typedef bool contents_reader(const contents_input *in, json *inspection, error *e);
 
 contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_tiff,

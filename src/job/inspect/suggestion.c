@@ -16,8 +16,8 @@
 
 /* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
 static const double FEWEST = 2000, MOST = 100000;
-/* Work limits of an inspection, on any machine: cells scanned over all surfaces, as many as a cube of 256 voxels has,
- * and voxels read to open them. */
+/* Work limits of an inspection, on any machine: cells scanned over all surfaces, as many as a cube of 256
+ * voxels has, and voxels read to open them. */
 static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;
 /* Cells that a plane passes, for each square of their side: the mean over its directions. */
 static const double CELLS_OF_A_PLANE = 1.5;
@@ -50,15 +50,16 @@ static json *spec_of(const json *shape, double count)
     return document;
 }
 
-/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches of any
- * size, so their number does not give the area. */
+/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches
+ * of any size, so their number does not give the area. */
 static double estimate_area(const field *f)
 {
     if (f->patches) return field_patches_area(f->patches);
     return (double)f->ops->cell_count(f) * f->cell_size * f->cell_size / CELLS_OF_A_PLANE;
 }
 
-/* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even opened. */
+/* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even
+ * opened. */
 static void describe_unseen(const field *f, const json *shape, json *item)
 {
     json_put_number(item, "cells", f ? (double)f->ops->cell_count(f) : NAN);
@@ -70,7 +71,8 @@ static void describe_unseen(const field *f, const json *shape, json *item)
     json_put(item, "spec", spec_of(shape, MOST));
 }
 
-/* The job's points may show thinner walls than an inspection measures, and its report may then ask for more points. */
+/* The job's points may show thinner walls than an inspection measures, and its report may then ask for
+ * more points. */
 static void warn_of_thinner_walls(const clearance *room, json *warnings)
 {
     if (room->factor > room->least_factor || room->least_factor >= 1) return;

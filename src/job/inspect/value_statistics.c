@@ -9,7 +9,8 @@
 
 enum { KEPT = 1 << 20, BINS = 32, FINE_BINS = 1024 };
 
-/* Otsu's threshold looks at what lies between these quantiles: a few far values would leave all others in one bin. */
+/* Otsu's threshold looks at what lies between these quantiles: a few far values would leave all others in
+ * one bin. */
 static const double TAIL = 0.001;
 /* Share of the values above the most frequent one. */
 static const double QUANTILES[] = {0.5, 0.25, 0.9};

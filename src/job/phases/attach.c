@@ -20,7 +20,8 @@
 
 static const char what[] = "the points of a result";
 
-/* Doubles of memory per number of a point: the columns, the attributes made of them, and the sets that are written. */
+/* Doubles of memory per number of a point: the columns, the attributes made of them, and the sets that are
+ * written. */
 static const double COPIES = 3;
 
 typedef struct attach {
@@ -142,7 +143,8 @@ static bool keep_attributes(attach *a, error *e)
     return true;
 }
 
-/* The arrays of the places, by the first name with all endings; NULL and attribute_missing if there is none. */
+/* The arrays of the places, by the first name with all endings; NULL and attribute_missing if there is
+ * none. */
 static bool find_places(attach *a, error *e)
 {
     for (size_t k = 0; k < a->kept; k++) {
@@ -276,7 +278,8 @@ static bool place(job *j, error *e)
                                (vec3 *)p->position, (vec3 *)p->normal, e);
 }
 
-/* Sets the members of a spec that attributes_find checks: only these attributes, and no outputs, which may need others. */
+/* Sets the members of a spec that attributes_find checks: only these attributes, and no outputs, which may
+ * need others. */
 static spec spec_with(const spec *s, spec_attribute *list, size_t count)
 {
     spec how = *s;
@@ -288,7 +291,8 @@ static spec spec_with(const spec *s, spec_attribute *list, size_t count)
     return how;
 }
 
-/* Whether the file of this frame has an attribute. One that it lacks keeps the values of the result, with a warning. */
+/* Whether the file of this frame has an attribute. One that it lacks keeps the values of the result, with
+ * a warning. */
 static bool has_values(attach *a, spec_attribute *one, bool *out, error *e)
 {
     job *j = &a->job;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* attach: places the points of an earlier result on another frame of its meshes (sampling.attach), instead of sampling.
+/* attach: places the points of an earlier result on another frame of its meshes (sampling.attach), instead of
+ * sampling.
  *
- * points.ply of the result has the place of each point (job/attributes/attachment.h). Positions and normals are evaluated on the meshes of the spec's
- * surface, and attributes from files are read again. All other values are those of the result.
+ * points.ply of the result has the place of each point (job/attributes/attachment.h). Positions and normals
+ * are evaluated on the meshes of the spec's surface, and attributes from files are read again. All other
+ * values are those of the result.
  */
 #ifndef HEXAD_JOB_PHASES_ATTACH_H
 #define HEXAD_JOB_PHASES_ATTACH_H
@@ -13,7 +15,8 @@
 #include "job/report/outcome.h"
 #include "spec/spec.h"
 
-/* As run_job. Errors: attribute_missing (points.ply lacks a property), input_unsupported (the topology of a mesh differs), those of run_job. */
+/* As run_job. Errors: attribute_missing (points.ply lacks a property), input_unsupported (the topology of
+ * a mesh differs), those of run_job. */
 bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e);
 
 /* As run_estimate; area and box are those of the result, and seconds are null. */

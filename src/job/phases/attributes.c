@@ -58,8 +58,8 @@ static const spec_surface *find_part(const spec_surface *s, const char *path, do
     return NULL;
 }
 
-/* The map of a file that no part of the surface uses: the transforms outside any combination, which move the whole
- * surface. */
+/* The map of a file that no part of the surface uses: the transforms outside any combination, which move the
+ * whole surface. */
 static void place_beside(const spec_surface *s, double m[3][4])
 {
     for (; s->part_count == 1; s = s->parts[0])
@@ -117,8 +117,8 @@ static char *name_of(const spec_attribute *a, int place)
     return name;
 }
 
-/* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also the two
- * labels. */
+/* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also
+ * the two labels. */
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
 /* Property of points if some are given and kept. */
 static const char kept_name[] = "kept";
@@ -329,8 +329,8 @@ static void read_place(const char *name, const source *from, const solver_points
     }
 }
 
-/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary: the first
- * component that is not nearly zero is positive. */
+/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary:
+ * the first component that is not nearly zero is positive. */
 static vec3 principal_direction(const field_sample *s, bool larger)
 {
     static const double zero = 1e-9;
@@ -496,7 +496,8 @@ static void warn(json *warnings, const attributes_entry *entry, size_t count, co
     free(text);
 }
 
-/* The meshes on which points have places, with what determines their numbers; a later attachment compares it. */
+/* The meshes on which points have places, with what determines their numbers; a later attachment compares
+ * it. */
 static void describe_meshes(const attributes *a, const attributes_entry *entry, json *object, json *warnings)
 {
     json *list = json_put_array(object, "meshes");

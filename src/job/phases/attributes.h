@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* attributes: values that the points of a job carry in addition to their own properties.
  *
- * They are located when the job opens its inputs, and read when the points are final. On a surface with patches the
- * first ones are `feature` (solver_feature) and `patch`. The place of the points on the meshes of the surface (`source`) is one
- * attribute of the spec and several of the points (job/attributes/attachment.h). One thread at a time.
+ * They are located when the job opens its inputs, and read when the points are final. On a surface with
+ * patches the first ones are `feature` (solver_feature) and `patch`. The place of the points on the meshes of
+ * the surface (`source`) is one attribute of the spec and several of the points
+ * (job/attributes/attachment.h). One thread at a time.
  */
 #ifndef HEXAD_JOB_PHASES_ATTRIBUTES_H
 #define HEXAD_JOB_PHASES_ATTRIBUTES_H
@@ -25,28 +26,31 @@ typedef struct attributes {
     vec3 *color;             /* values of the first color attribute, or NULL */
     double *uv;              /* values of the first texture coordinates, or NULL */
     surface_meshes meshes;   /* if places on them are requested */
-    const bool *
-        kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode keep) */
+    const bool *kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode
+                       * keep) */
 } attributes;
 
-/* Checks that the points have the attributes that pictures and instances name. Errors: attribute_missing, spec_invalid. */
+/* Checks that the points have the attributes that pictures and instances name. Errors: attribute_missing,
+ * spec_invalid. */
 bool attributes_check_named(const spec *s, const points *set, error *e);
 
-/* Locates all attributes of the spec (`from` may be a source that is not open, but for its roots), and checks the columns of output.ply.properties. Errors: attribute_missing,
- * spec_invalid (a name occurs twice or is one of the points' own properties), those of attribute_find and
- * source_open_file. Free *out after failure, too. */
+/* Locates all attributes of the spec (`from` may be a source that is not open, but for its roots), and checks
+ * the columns of output.ply.properties. Errors: attribute_missing, spec_invalid (a name occurs twice or is
+ * one of the points' own properties), those of attribute_find and source_open_file. Free *out after
+ * failure, too. */
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e);
 
-/* Adds attributes whose values are known, before all others and in the order of the list. One that *a has located under the same name replaces a given
- * one. Takes ownership of the names and values. */
+/* Adds attributes whose values are known, before all others and in the order of the list. One that *a has
+ * located under the same name replaces a given one. Takes ownership of the names and values. */
 void attributes_adopt(attributes *a, const point_attribute *given, size_t count);
 
-/* Reads the values at the points of `set`, which are those of `solved`, and sets its attributes, color and uv; `a` owns
- * these arrays. Errors: limit_memory and those of the readers of each file. */
+/* Reads the values at the points of `set`, which are those of `solved`, and sets its attributes, color and
+ * uv; `a` owns these arrays. Errors: limit_memory and those of the readers of each file. */
 bool attributes_read(attributes *a, const source *from, const solver_points *solved, size_t memory_limit,
                      points *set, error *e);
 
-/* Puts the values in another order: point k gets those of point order[k]. Sets the attributes of the set again. Error: limit_memory. */
+/* Puts the values in another order: point k gets those of point order[k]. Sets the attributes of the set
+ * again. Error: limit_memory. */
 bool attributes_permute(attributes *a, const uint32_t *order, points *set, error *e);
 
 /* The member `attributes` of the report, which the caller frees; NULL: there are none. Adds warnings. */

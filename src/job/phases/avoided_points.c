@@ -14,10 +14,12 @@
 
 /* Samples of the surface for each point of the result, and their bounds. */
 static const double SAMPLES_PER_POINT = 4, SAMPLES_LEAST = 20000, SAMPLES_MOST = 2e6;
-/* The number of points of a packing within an area varies with the position of its lattice. Its standard deviation is .17 to .33 times the square root of
- * the number of cells on the area's border; this is the factor that is allowed for. Larger: points end farther from the given ones than the distance. */
+/* The number of points of a packing within an area varies with the position of its lattice. Its standard
+ * deviation is .17 to .33 times the square root of the number of cells on the area's border; this is the
+ * factor that is allowed for. Larger: points end farther from the given ones than the distance. */
 static const double BORDER_VARIATION = 0.75;
-/* Another packing is made if points are missing, or if more than EXCESS_SLACKS times the slack are too many; ROUNDS_MOST packings in all. */
+/* Another packing is made if points are missing, or if more than EXCESS_SLACKS times the slack are too
+ * many; ROUNDS_MOST packings in all. */
 static const double EXCESS_SLACKS = 4;
 enum { ROUNDS_MOST = 4 };
 /* Rounding of coordinates to floats, relative. */
@@ -109,7 +111,8 @@ static int compare_ranks(const void *a, const void *b)
     return (p->point > q->point) - (p->point < q->point);
 }
 
-/* Sorts the points, farthest first. *far: how many are far enough, also when their coordinates are rounded to floats. */
+/* Sorts the points, farthest first. *far: how many are far enough, also when their coordinates are rounded
+ * to floats. */
 static bool rank_points(const given_points *g, const spec *s, const source *from, const vec3 *position,
                         size_t count, ranked *out, size_t *far, error *e)
 {

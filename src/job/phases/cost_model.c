@@ -5,26 +5,29 @@
 
 #include "sampling/solver/schedule.h"
 
-/* Fraction of the remaining time that a run may be predicted to take: the number of sweeps varies by a few tenths. */
+/* Fraction of the remaining time that a run may be predicted to take: the number of sweeps varies by a few
+ * tenths. */
 static const double FILL = 0.75;
 /* Maximum ratio of the counts of consecutive runs: each run costs a sixth of the next. */
 static const double LONGEST_STRIDE = 6;
 /* Minimum ratio of the counts: a smaller gain is not worth a run. */
 static const double LEAST_GAIN = 1.05;
-/* Exponent of time over count: assumed after the first run, and the range accepted from two runs. Work that does not
- * depend on the count reduces it; an increasing number of sweeps raises it. */
+/* Exponent of time over count: assumed after the first run, and the range accepted from two runs. Work that
+ * does not depend on the count reduces it; an increasing number of sweeps raises it. */
 static const double POWER_FIRST = 1.1, POWER_LOW = 0.7, POWER_HIGH = 1.4;
 /* Minimum time of a run: the resolution of clocks. */
 static const double SHORTEST_S = 1e-3;
 
-/* Fitted to schedule_multilevel: after a change of its sweeps, fit this and PER_POINT again (tools/estimates.py).
- * Time of a level of at least schedule.defects_count points, over the time of its minimum number of sweeps. Most such
- * levels take 3 times as many sweeps, but these have fewer guarded steps than those of coarser levels, and converged
- * points are skipped. Median over the meshes of doc/measured/estimates.md. Larger: longer estimates from 5 000 points. */
+/* Fitted to schedule_multilevel: after a change of its sweeps, fit this and PER_POINT again
+ * (tools/estimates.py).
+ * Time of a level of at least schedule.defects_count points, over the time of its minimum number of sweeps.
+ * Most such levels take 3 times as many sweeps, but these have fewer guarded steps than those of coarser
+ * levels, and converged points are skipped. Median over the meshes of doc/measured/estimates.md. Larger:
+ * longer estimates from 5 000 points. */
 static const double LONGER = 1.5;
-/* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000 points,
- * meshes take 1.7 times as long as with 10 000 (median of doc/measured/meshes.md). Larger: longer estimates from 50 000
- * points. */
+/* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000
+ * points, meshes take 1.7 times as long as with 10 000 (median of doc/measured/meshes.md). Larger: longer
+ * estimates from 50 000 points. */
 static const double PER_POINT = 30;
 /* Minimum number of points of the coarsest level (doc/method.md, multilevel schedule). */
 enum { LEVEL_LEAST = 100 };

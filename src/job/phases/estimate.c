@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* estimate: the memory, CPU time and count that a job is expected to need, for the command `estimate` (run.h, run_estimate). */
+/* estimate: the memory, CPU time and count that a job is expected to need, for the command `estimate`
+ * (run.h, run_estimate). */
 #include <math.h>
 #include <stdlib.h>
 
@@ -19,29 +20,32 @@
 #include "sampling/sizing/clearance.h"
 #include "surface/scan/surface.h"
 
-/* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the coarsest
- * level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10 000, and at least
- * COST_MODEL_FIRST. */
+/* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the
+ * coarsest level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10
+ * 000, and at least COST_MODEL_FIRST. */
 enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
-/* Limits of CPU time, which does not depend on other processes: for the first trial, and for all trials together.
- * Trials with fewer points follow only if the first one did not end. Larger: slower jobs get an estimate, which takes
- * longer. */
+/* Limits of CPU time, which does not depend on other processes: for the first trial, and for all trials
+ * together. Trials with fewer points follow only if the first one did not end. Larger: slower jobs get an
+ * estimate, which takes longer. */
 static const double REHEARSAL_S[2] = {3, 4};
-/* Minimum number of points for which threads, used by the finest levels, reduce the total time significantly. */
+/* Minimum number of points for which threads, used by the finest levels, reduce the total time
+ * significantly. */
 static const size_t SHARED_FROM = 20000;
 /* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
-/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal and part of
- * the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most LISTED_MOST points at a time
- * (sampling/voronoi/partitions). */
+/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal
+ * and part of the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most
+ * LISTED_MOST points at a time (sampling/voronoi/partitions). */
 static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
-/* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on the count. */
+/* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on
+ * the count. */
 typedef struct run_cost {
     double relax_s, measure_s;
 } run_cost;
 
-/* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of the job. */
+/* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of
+ * the job. */
 static bool rehearse_once(job *j, double end_s, run_cost *out)
 {
     solution s = {0};
@@ -97,8 +101,8 @@ static double measuring_memory(const job *j, double count)
     return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
 }
 
-/* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the surface
- * without points. */
+/* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the
+ * surface without points. */
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->points_in[FILE_FORMAT_VDB] ? BYTES_WITH_OPENVDB : 0);
@@ -106,7 +110,8 @@ static double memory_for(const job *j, int64_t held, double count)
                                                 measuring_memory(j, count) + plan_picture_memory(j->spec));
 }
 
-/* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before the job. */
+/* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before
+ * the job. */
 static void describe_resolution(const job *j, int64_t held, json *warnings, json *advice)
 {
     clearance c;
@@ -157,8 +162,8 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     if (s->attach) return attach_estimate(s, options, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
-        /* Some work uses all threads, some only one. Its time is at most that of the clock, which other processes
-         * lengthen, and at most the CPU time of all threads. */
+        /* Some work uses all threads, some only one. Its time is at most that of the clock, which other
+         * processes lengthen, and at most the CPU time of all threads. */
         int64_t held = job_held_memory();
         double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);

@@ -11,12 +11,14 @@
 #include "io/meshes/mesh_file.h"
 #include "job/source/mesh_projection.h"
 
-/* Maximum distance of a given point from the surface, in spacings: a point of a coarser file, or on the triangles of a level set, is
- * nearer. A point farther away belongs to another surface, or has other units. */
+/* Maximum distance of a given point from the surface, in spacings: a point of a coarser file, or on the
+ * triangles of a level set, is nearer. A point farther away belongs to another surface, or has other
+ * units. */
 static const double MAX_DISTANCE = 0.1;
 /* Points of a solve, at least: fewer have no packing. */
 enum { START_LEAST = 4 };
-/* Maximum distance of its projection onto the sampled surface, in spacings; a level set of a mesh may miss thin parts. */
+/* Maximum distance of its projection onto the sampled surface, in spacings; a level set of a mesh may miss
+ * thin parts. */
 static const double MAX_DISPLACEMENT = 1;
 enum { GRAIN = 256 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* given_points: the points of sampling.points: read, checked against the surface, and found again in the result. One thread at a time; work is
- * done on the job's pool. */
+/* given_points: the points of sampling.points: read, checked against the surface, and found again in the
+ * result. One thread at a time; work is done on the job's pool. */
 #ifndef HEXAD_JOB_PHASES_GIVEN_POINTS_H
 #define HEXAD_JOB_PHASES_GIVEN_POINTS_H
 
@@ -27,21 +27,22 @@ typedef struct given_points {
 
 #define GIVEN_POINTS_NEW FRAME_TRANSFER_NONE /* rows are those of frame_transfer.fixed */
 
-/* Reads the file of the spec, if it names one. Free *out after failure, too. Errors: those of source_open_file and mesh_file_read_points, with
- * the path. */
+/* Reads the file of the spec, if it names one. Free *out after failure, too. Errors: those of
+ * source_open_file and mesh_file_read_points, with the path. */
 bool given_points_read(const spec *s, source *from, size_t memory_limit, given_points *out, error *e);
 
-/* Projects the points onto the surface. `h`: spacing of an even packing of `count` points. Errors: spec_invalid (the count is too small),
- * input_unsupported (a point is too far from the surface; names its row), not_supported (surface or mode), limit_memory, cancelled. */
+/* Projects the points onto the surface. `h`: spacing of an even packing of `count` points. Errors:
+ * spec_invalid (the count is too small), input_unsupported (a point is too far from the surface; names its
+ * row), not_supported (surface or mode), limit_memory, cancelled. */
 bool given_points_place(given_points *g, const spec *s, const source *from, double h, size_t count,
                         threads *pool, error *e);
 
-/* With mode keep: sets row and kept of `count` points; `row` has those of the points that are kept, see frame_transfer.fixed. Error:
- * limit_memory. */
+/* With mode keep: sets row and kept of `count` points; `row` has those of the points that are kept, see
+ * frame_transfer.fixed. Error: limit_memory. */
 bool given_points_note(given_points *g, const uint32_t *row, size_t count, error *e);
 
-/* Puts points that are kept back at their positions. `point`: per position its point, NULL: it is its index. `world`: positions are in world space,
- * else in the space that is sampled. */
+/* Puts points that are kept back at their positions. `point`: per position its point, NULL: it is its index.
+ * `world`: positions are in world space, else in the space that is sampled. */
 void given_points_restore(const given_points *g, const uint32_t *point, size_t count, bool world,
                           vec3 *position);
 

@@ -14,11 +14,12 @@ typedef struct instances {
     scene_instancer scene; /* of the arrays above */
 } instances;
 
-/* Whether the attributes that orientations and sizes are to be taken from are there and have a suitable number of components. The
- * values of the set are not used. Errors: attribute_missing, spec_invalid. */
+/* Whether the attributes that orientations and sizes are to be taken from are there and have a suitable
+ * number of components. The values of the set are not used. Errors: attribute_missing, spec_invalid. */
 bool instances_check(const spec *s, const points *set, error *e);
 
-/* The instances of a set in the order of the outputs, with attributes. Free also after failure. Error: limit_memory. */
+/* The instances of a set in the order of the outputs, with attributes. Free also after failure. Error:
+ * limit_memory. */
 bool instances_make(const spec *s, const points *set, instances *out, error *e);
 void instances_free(instances *i);
 

@@ -91,8 +91,8 @@ static int64_t peak_of(int who)
     return (int64_t)usage.ru_maxrss * 1024;
 }
 
-/* A row of /proc/self/status, bytes. rusage is not used: its maximum includes that of the process which started this
- * one. */
+/* A row of /proc/self/status, bytes. rusage is not used: its maximum includes that of the process which
+ * started this one. */
 static int64_t own_memory(const char *row)
 {
     char line[128];
@@ -174,17 +174,18 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
     return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
-/* From this fraction of unresolved points, the discs of a picture are smaller, so that overlaps are visible. */
+/* From this fraction of unresolved points, the discs of a picture are smaller, so that overlaps are
+ * visible. */
 static const double UNRESOLVED_PICTURE = 0.25;
-/* Default distances over which curvature is averaged: for amplitudes, in mean spacings; for a sizing field, in local
- * spacings. Amplitudes that vary over shorter distances cannot be met by any packing: on meshes with creases
- * energy_excess is 0.08 with one spacing and 0.04 with two. */
+/* Default distances over which curvature is averaged: for amplitudes, in mean spacings; for a sizing field,
+ * in local spacings. Amplitudes that vary over shorter distances cannot be met by any packing: on meshes with
+ * creases energy_excess is 0.08 with one spacing and 0.04 with two. */
 static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 
-/* Minimum spacing that features may request, in voxels. Where walls meet at an acute angle they are less than a voxel
- * apart, and the spline determines how they separate. With 1 and a ratio of 1, 13 of 2 524 points of the mesh fertility
- * are unresolved; with a quarter, none of 3 107. A mesh with `resolve` uses 1: its cells are as large as voxels would
- * be, and its triangles are exact. */
+/* Minimum spacing that features may request, in voxels. Where walls meet at an acute angle they are less than
+ * a voxel apart, and the spline determines how they separate. With 1 and a ratio of 1, 13 of 2 524 points of
+ * the mesh fertility are unresolved; with a quarter, none of 3 107. A mesh with `resolve` uses 1: its cells
+ * are as large as voxels would be, and its triangles are exact. */
 static const double DEFAULT_FLOOR = 0.25;
 /* Step along curves, in local spacings; the error of the spacing is a tenth of it. */
 static const double CURVE_STEP = 0.05;
@@ -299,7 +300,8 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     return NULL;
 }
 
-/* Puts the given points that are kept among the points of a packing by levels, whose points near them are removed. */
+/* Puts the given points that are kept among the points of a packing by levels, whose points near them are
+ * removed. */
 static bool place_around_kept(job *j, const solver_params *params, frame_transfer_params carry,
                               frame_transfer *out, error *e)
 {
@@ -502,8 +504,8 @@ static bool may_lack_memory(bool ok, const error *why, error *e)
     return false;
 }
 
-/* Makes the triangles between the points on a mesh. They remain NULL if memory does not suffice: most measures need the
- * points only. */
+/* Makes the triangles between the points on a mesh. They remain NULL if memory does not suffice: most
+ * measures need the points only. */
 static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
@@ -526,10 +528,11 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
     return may_lack_memory(ok, &why, e);
 }
 
-/* Maximum deviation of the triangles from the mesh, in spacings. The documented limit is a third of the feature size. */
+/* Maximum deviation of the triangles from the mesh, in spacings. The documented limit is a third of the
+ * feature size. */
 static const double MOST_DEVIATION = 0.3;
-/* Maximum rounds of pinning. Maximum pinned points: one in PINNED_OF of all, or PINNED_FEW if that is more. One of five pinned points
- * causes a narrow triangle. */
+/* Maximum rounds of pinning. Maximum pinned points: one in PINNED_OF of all, or PINNED_FEW if that is more.
+ * One of five pinned points causes a narrow triangle. */
 enum { PIN_ROUNDS = 4, PINNED_OF = 400, PINNED_FEW = 50 };
 
 /* Number of points to pin next, of those still permitted: the worst half, because pinning one may resolve its

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* job: a running job and its phases. Private to run.c (runs the phases), time_target.c (relaxation when the target is a
- * time) and estimate.c (resources that a job would take). One thread at a time; phases use the job's pool.
+/* job: a running job and its phases. Private to run.c (runs the phases), time_target.c (relaxation when the
+ * target is a time) and estimate.c (resources that a job would take). One thread at a time; phases use the
+ * job's pool.
  */
 #ifndef HEXAD_JOB_PHASES_JOB_H
 #define HEXAD_JOB_PHASES_JOB_H
@@ -62,8 +63,8 @@ typedef struct job {
 /* A phase of a job. Errors: those of run_job. */
 typedef bool job_phase(job *j, error *e);
 
-/* False if the job must stop; the error is cancelled or limit_time. Called after every loop that can be stopped: such a
- * loop reports cancelled for both. */
+/* False if the job must stop; the error is cancelled or limit_time. Called after every loop that can be
+ * stopped: such a loop reports cancelled for both. */
 bool job_may_continue(const job *j, error *e);
 
 /* Sets the memory limit and creates the pool. */
@@ -72,25 +73,26 @@ bool job_make_pool(job *j, error *e);
 /* Creates the pool, chooses the instruction set, and opens the previous frame and the source. */
 bool job_load(job *j, error *e);
 
-/* Scans the surface and computes the count from the target, unless the target is a time. Makes the sizing field if
- * features bound it. */
+/* Scans the surface and computes the count from the target, unless the target is a time. Makes the sizing
+ * field if features bound it. */
 bool job_survey(job *j, error *e);
 
 /* Places j->count particles, or the points of the previous frame. Free *out after failure, too. */
 bool job_place(job *j, solution *out, error *e);
 
-/* Sweeps until the system has converged. If the target is a time, ends also when only `reserve_s` seconds are left. */
+/* Sweeps until the system has converged. If the target is a time, ends also when only `reserve_s` seconds
+ * are left. */
 bool job_relax(job *j, solver *s, double reserve_s, error *e);
 
 /* Projects the points onto the surface to rounding, or onto the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
 
-/* If given points are avoided: chooses the points of the result. *again: there are too few or far too many, and another solve, with j->count points,
- * has been placed. */
+/* If given points are avoided: chooses the points of the result. *again: there are too few or far too many,
+ * and another solve, with j->count points, has been placed. */
 bool job_choose_points(job *j, bool *again, error *e);
 
-/* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from the mesh,
- * pins points at the deviations and relaxes all others again. */
+/* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from
+ * the mesh, pins points at the deviations and relaxes all others again. */
 bool job_pin_unrepresented(job *j, solution *s, error *e);
 
 /* Measures a solution whose points are final. */
@@ -111,8 +113,8 @@ double job_bytes_per_particle(const job *j);
 /* Start and times of the phases. */
 report_timing job_timing(const job *j);
 
-/* Peak bytes of memory: of the worker alone, or of the worker and its reader while inputs were loaded, whichever is
- * larger. */
+/* Peak bytes of memory: of the worker alone, or of the worker and its reader while inputs were loaded,
+ * whichever is larger. */
 int64_t job_peak_memory(const job *j);
 
 /* Current bytes of memory of the worker. */

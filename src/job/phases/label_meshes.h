@@ -8,8 +8,9 @@
 
 enum { LABEL_MESHES_MOST = 128 };
 
-/* A mesh with only the vertices that it needs. Vertices have positions and the attribute `point`, their index in the
- * whole. Triangles are oriented so that normals point out of the label. Must not be copied: `set` points into it. */
+/* A mesh with only the vertices that it needs. Vertices have positions and the attribute `point`, their index
+ * in the whole. Triangles are oriented so that normals point out of the label. Must not be copied: `set`
+ * points into it. */
 typedef struct label_mesh_part {
     points set;
     point_attribute point;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* layout: the folders of the frames of a sequence, relative to one frame and to the folder that contains all. They follow
- * output.directory if it is given; otherwise each frame is in a folder named by its number, as clients fetch results.
+/* layout: the folders of the frames of a sequence, relative to one frame and to the folder that contains all.
+ * They follow output.directory if it is given; otherwise each frame is in a folder named by its number, as
+ * clients fetch results.
  */
 #ifndef HEXAD_JOB_PHASES_LAYOUT_H
 #define HEXAD_JOB_PHASES_LAYOUT_H

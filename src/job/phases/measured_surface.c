@@ -58,8 +58,8 @@ static const mesh_faces *faces_of(const source *s)
     return faces && !mesh_faces_has_hidden(faces) ? faces : NULL;
 }
 
-/* Uses the mesh of a level set, in world units. Not if there are several components: those inside or close below the
- * walls of others are not sampled. */
+/* Uses the mesh of a level set, in world units. Not if there are several components: those inside or close
+ * below the walls of others are not sampled. */
 static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
 {
     const mesh *m = mesh_faces_mesh(faces);

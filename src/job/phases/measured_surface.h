@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* measured_surface: the triangles or grid cells on which the measures of a result are computed.
  *
- * Meshes and interfaces of labels are measured on their triangles. A mesh that was sampled through a level set is
- * measured on its triangles if no part of it can be hidden: it has one component. All other surfaces are measured on
- * the cells of their scan.
+ * Meshes and interfaces of labels are measured on their triangles. A mesh that was sampled through a level
+ * set is measured on its triangles if no part of it can be hidden: it has one component. All other surfaces
+ * are measured on the cells of their scan.
  */
 #ifndef HEXAD_JOB_PHASES_MEASURED_SURFACE_H
 #define HEXAD_JOB_PHASES_MEASURED_SURFACE_H
@@ -22,7 +22,8 @@ typedef struct measured_surface {
     vec3 *vertex; /* vertices in world units, if the mesh has another unit; otherwise NULL */
 } measured_surface;
 
-/* Refers to the source and the scan, which outlive *out. Close *out also after failure. Error: limit_memory. */
+/* Refers to the source and the scan, which outlive *out. Close *out also after failure. Error:
+ * limit_memory. */
 bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e);
 void measured_surface_close(measured_surface *m); /* accepts a zeroed object */
 

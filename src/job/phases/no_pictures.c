@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Replaces pictures.c in a build without pictures. The parser of the spec refuses jobs that would call these. */
+/* Replaces pictures.c in a build without pictures. The parser of the spec refuses jobs that would call
+ * these. */
 #include "base/core/build_part.h"
 #include "job/phases/pictures.h"
 

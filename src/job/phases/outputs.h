@@ -11,7 +11,8 @@
 json *outputs_add(json *outputs, const char *name);
 void outputs_put_facts(json *output, const store_facts *facts);
 
-/* Verifies a written file (store_file_place_verified), appends it to `outputs`, and renames it to its final name. */
+/* Verifies a written file (store_file_place_verified), appends it to `outputs`, and renames it to its
+ * final name. */
 bool outputs_commit(store_file *file, const char *name, json *outputs, error *e);
 
 #endif

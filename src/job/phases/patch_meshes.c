@@ -144,7 +144,8 @@ static tie tie_of(uint32_t a, uint32_t b, bool is_step)
     return (tie){a < b ? a : b, a < b ? b : a, is_step};
 }
 
-/* A patch must have one triangle at each step along its curves. *out: the number of missing and excess triangles. */
+/* A patch must have one triangle at each step along its curves. *out: the number of missing and excess
+ * triangles. */
 static bool count_off_curves(const piece *p, const triangulation *made, size_t *out, error *e)
 {
     const size_t count = 3 * made->facts.triangles + p->sides;
@@ -203,8 +204,8 @@ static bool mesh_of_patch(repair *m, size_t patch, mesh *out, error *e)
     return true;
 }
 
-/* Triangulates the points along the triangles of the patch, and replaces the triangles of *p if the result has fewer
- * faults. */
+/* Triangulates the points along the triangles of the patch, and replaces the triangles of *p if the result
+ * has fewer faults. */
 static bool make_along(repair *m, size_t patch, size_t faults, piece *p, error *e)
 {
     mesh along;

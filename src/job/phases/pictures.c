@@ -67,7 +67,8 @@ static bool write_turntable(const char *directory, int frames, const points *set
     return ok;
 }
 
-/* Sets the values of an attribute in the look: three per point for a color, otherwise one. The caller frees *values. */
+/* Sets the values of an attribute in the look: three per point for a color, otherwise one. The caller
+ * frees *values. */
 static bool show_attribute(const points *set, const char *name, quantity_look *look, double **values,
                            error *e)
 {

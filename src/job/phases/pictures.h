@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written,
- * verified (results.h), and added to `outputs`. A build without pictures has no_pictures.c instead of pictures.c.
+ * verified (results.h), and added to `outputs`. A build without pictures has no_pictures.c instead of
+ * pictures.c.
  */
 #ifndef HEXAD_JOB_PHASES_PICTURES_H
 #define HEXAD_JOB_PHASES_PICTURES_H
@@ -8,8 +9,8 @@
 #include "io/points/quantity.h"
 #include "job/phases/results.h"
 
-/* Writes the pictures of output.preview, with this look or with the values of output.preview.attribute. Errors: those
- * of results_write; not_supported in a build without pictures. */
+/* Writes the pictures of output.preview, with this look or with the values of output.preview.attribute.
+ * Errors: those of results_write; not_supported in a build without pictures. */
 bool pictures_write_preview(const char *directory, const results_input *in, const quantity_look *look,
                             threads *pool, json *outputs, error *e);
 

@@ -112,7 +112,8 @@ bool point_order_find(const spec *s, const points *set, const solver_points *sol
     return ok;
 }
 
-/* The arrays of a set, and the bytes of an element. The array with elements of 4 bytes is the last one, so that all are aligned. */
+/* The arrays of a set, and the bytes of an element. The array with elements of 4 bytes is the last one, so
+ * that all are aligned. */
 static const struct {
     size_t member, size;
 } arrays[] = {

@@ -31,14 +31,15 @@ typedef struct point_order {
     void *storage;   /* of the arrays of a set */
 } point_order;
 
-/* `solved` are the points of `set` in the space of the solver, `labels` the interfaces on which they lie or NULL. Given points that are kept come
- * first, unless the spec has an order. Points that avoided_points has not taken are left out. Free also after failure. Errors: limit_memory,
- * cancelled. */
+/* `solved` are the points of `set` in the space of the solver, `labels` the interfaces on which they lie or
+ * NULL. Given points that are kept come first, unless the spec has an order. Points that avoided_points has
+ * not taken are left out. Free also after failure. Errors: limit_memory, cancelled. */
 bool point_order_find(const spec *s, const points *set, const solver_points *solved,
                       const point_order_known *known, const label_surface *labels, const given_points *given,
                       const avoided_points *avoided, const threads *pool, point_order *out, error *e);
 
-/* Puts a set and its attributes in order. The count and the arrays of the set are then those of the order. Error: limit_memory. */
+/* Puts a set and its attributes in order. The count and the arrays of the set are then those of the order.
+ * Error: limit_memory. */
 bool point_order_apply(point_order *order, points *set, attributes *a, error *e);
 void point_order_free(point_order *order);
 

@@ -17,8 +17,9 @@ const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_T
 
 static const int64_t INTERVAL_MS = 100;
 
-/* End of each phase as a fraction of the job. Only the solver reports its own progress. Within PACE_S seconds another
- * phase covers two thirds of its range, asymptotically, so that progress is visible from the first second. */
+/* End of each phase as a fraction of the job. Only the solver reports its own progress. Within PACE_S seconds
+ * another phase covers two thirds of its range, asymptotically, so that progress is visible from the first
+ * second. */
 static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
 static const double PACE_S = 4;
 
@@ -106,8 +107,8 @@ void progress_enter(progress *p, progress_phase phase)
     pthread_mutex_lock(&p->lock);
     leave(p, clock_monotonic_ms());
     p->phase = (int)phase;
-    /* a relaxation that converges early is complete; the fraction that a short loading leaves is divided among later
-     * phases */
+    /* a relaxation that converges early is complete; the fraction that a short loading leaves is divided
+     * among later phases */
     p->entered = phase > PROGRESS_RELAX ? fmax(p->fraction, phase_end[phase - 1]) : p->fraction;
     p->last = (progress_numbers){0};
     report(p, &p->last);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* progress: a running job's progress, as JSON lines on a descriptor.
  *
- * At most ten lines per second; the first line of a phase is always written. A line that the reader cannot accept at
- * once is dropped. doc/worker.md lists the members. One thread runs the job; another one may call progress_tick.
+ * At most ten lines per second; the first line of a phase is always written. A line that the reader cannot
+ * accept at once is dropped. doc/worker.md lists the members. One thread runs the job; another one may call
+ * progress_tick.
  */
 #ifndef HEXAD_JOB_PHASES_PROGRESS_H
 #define HEXAD_JOB_PHASES_PROGRESS_H

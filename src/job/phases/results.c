@@ -134,8 +134,8 @@ static double largest_rounding(const points *set, vec3 origin, double h, threads
     return worst;
 }
 
-/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence with a smaller motion
- * mostly share it; programs that interpolate translations between frames then change none. */
+/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence with a smaller
+ * motion mostly share it; programs that interpolate translations between frames then change none. */
 static vec3 origin_of(const points *set)
 {
     bbox box = bbox_empty();
@@ -146,8 +146,8 @@ static vec3 origin_of(const points *set)
     return middle;
 }
 
-/* Writes points.ply or a mesh; `job` has the points, and is completed here. With `beside` it is written by another
- * thread while other outputs are written, if it is large enough and binary: text uses all threads. */
+/* Writes points.ply or a mesh; `job` has the points, and is completed here. With `beside` it is written by
+ * another thread while other outputs are written, if it is large enough and binary: text uses all threads. */
 static late_commit *begin_ply(const char *directory, const char *name, const spec *s, bool as_float,
                               threads *pool, bool beside, ply_job *job, error *e)
 {
@@ -189,7 +189,8 @@ static bool write_format(const char *directory, file_format format, writer_part 
     return ok;
 }
 
-/* Writes the formats of points, or of their mesh. A file of a whole sequence is written by the frame listed first. */
+/* Writes the formats of points, or of their mesh. A file of a whole sequence is written by the frame
+ * listed first. */
 static bool write_formats(const char *directory, const results_input *in, const points *set, bool of_mesh,
                           vec3 origin, json *outputs, error *e)
 {
@@ -306,8 +307,8 @@ static bool repair(const results_input *in, const triangulation_input *sites, th
     return ok;
 }
 
-/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not a
- * manifold, along the mesh, which takes longer. */
+/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not
+ * a manifold, along the mesh, which takes longer. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {
@@ -322,8 +323,8 @@ static bool triangulate(const results_input *in, const triangulation_input *site
     return false;
 }
 
-/* Corners that are points in the order of the solver become points in the order of the outputs. The least comes first, as
- * triangulation.h has it. */
+/* Corners that are points in the order of the solver become points in the order of the outputs. The least
+ * comes first, as triangulation.h has it. */
 static void renumber(triangulation *made, const uint32_t *place)
 {
     for (size_t k = 0; k < made->facts.triangles; k++) {
@@ -384,8 +385,8 @@ static bool has_attribute(const points *set, const char *name)
     return property_find_attribute(set->attributes, set->attribute_count, name) != NULL;
 }
 
-/* Renames attributes for readers of VDB points: v is the velocity (an attribute of a file takes precedence over the
- * velocity between frames), Cd the color. */
+/* Renames attributes for readers of VDB points: v is the velocity (an attribute of a file takes precedence
+ * over the velocity between frames), Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
     vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values); /* and the rows */
@@ -407,8 +408,8 @@ static vdb_point_values *name_values(const points *set, bool *has_velocity)
     return values;
 }
 
-/* The row of each point in the other outputs: a points grid is ordered by voxels, and the ids of a sequence are not rows. The caller
- * frees the array. */
+/* The row of each point in the other outputs: a points grid is ordered by voxels, and the ids of a sequence
+ * are not rows. The caller frees the array. */
 static double *rows_of(const points *set, error *e)
 {
     double *rows = mem_array(set->count, sizeof *rows, "points.vdb", e);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* results: the files of a finished job. Each is written under a temporary name, read from the disk again, compared with
- * what was written, and then renamed (files/file.h). */
+/* results: the files of a finished job. Each is written under a temporary name, read from the disk again,
+ * compared with what was written, and then renamed (files/file.h). */
 #ifndef HEXAD_JOB_PHASES_RESULTS_H
 #define HEXAD_JOB_PHASES_RESULTS_H
 
@@ -19,8 +19,8 @@
 
 typedef struct results_input {
     const spec *spec;
-    const field *
-        field; /* in world space, as the points of the set; 0 on the surface; NULL: residuals are not measured */
+    const field *field; /* in world space, as the points of the set; 0 on the surface; NULL: residuals are not
+                         * measured */
     const points *set;
     const label_surface *labels; /* for interfaces; otherwise NULL */
     const field *sampled;        /* the field that was sampled, in its own space */
@@ -41,16 +41,17 @@ typedef struct results_input {
     size_t sweep_count;
 } results_input;
 
-/* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to `outputs`.
- * Errors: storage_full, storage_failed (also if a file is not read as it was written), internal, limit_memory,
- * cancelled. */
+/* Writes the outputs of spec->output to `directory`, and appends {name, bytes, sha256} of each file to
+ * `outputs`. Errors: storage_full, storage_failed (also if a file is not read as it was written), internal,
+ * limit_memory, cancelled. */
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    report_outputs *out, error *e);
 
 /* Writes the summary and then the report: a directory with a report is complete. */
 bool results_write_report(const char *directory, const json *report, error *e);
 
-/* results_remove removes the results of an earlier run; results_clear the temporary files of an interrupted one. */
+/* results_remove removes the results of an earlier run; results_clear the temporary files of an
+ * interrupted one. */
 bool results_remove(const char *directory, error *e);
 void results_clear(const char *directory);
 

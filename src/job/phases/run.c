@@ -39,8 +39,8 @@ static bool write_results(job *j, error *e)
     return job_write_points(j, e);
 }
 
-/* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean energy is
- * ideal, unless the count determines it. */
+/* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean
+ * energy is ideal, unless the count determines it. */
 static outcome_input outcome_input_of(const job *j)
 {
     const solver *s = j->solution.solver;

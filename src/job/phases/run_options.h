@@ -21,8 +21,8 @@ typedef struct run_options {
     int progress_fd;                     /* -1: no progress lines */
     bool progress_bar;                   /* also draw a bar on standard error */
     const volatile sig_atomic_t *cancel; /* number of a signal: stop; SIGALRM: time limit; may be NULL */
-    /* Prints e and ends the process. Called on another thread if the job must stop and is in a call that cannot be
-     * interrupted; no incomplete file remains. NULL: the job waits for the call. */
+    /* Prints e and ends the process. Called on another thread if the job must stop and is in a call that
+     * cannot be interrupted; no incomplete file remains. NULL: the job waits for the call. */
     void (*leave)(const error *e);
 } run_options;
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* sequence: a frame of a coherent sequence. It starts from the points of the previous frame, keeps their ids, and gives
- * each point a velocity. It reads the previous frame's points.ply and report.json, and needs no daemon.
+/* sequence: a frame of a coherent sequence. It starts from the points of the previous frame, keeps their ids,
+ * and gives each point a velocity. It reads the previous frame's points.ply and report.json, and needs no
+ * daemon.
  */
 #ifndef HEXAD_JOB_PHASES_SEQUENCE_H
 #define HEXAD_JOB_PHASES_SEQUENCE_H
@@ -43,13 +44,13 @@ void sequence_close(sequence_files *files); /* accepts closed files */
 /* Reads the previous frame; `files` NULL: this frame is the first. Errors: input_damaged, limit_memory. */
 bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e);
 
-/* Transfers the points of the previous frame, and sets them in `params`. The caller frees *out. Errors: those of
- * frame_transfer_points. */
+/* Transfers the points of the previous frame, and sets them in `params`. The caller frees *out. Errors: those
+ * of frame_transfer_points. */
 bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_transfer_params params,
                        threads *pool, frame_transfer *out, error *e);
 
-/* For final points: computes velocities, assigns ids to new points, and measures the drift. Errors: limit_memory;
- * internal (ids are exhausted). */
+/* For final points: computes velocities, assigns ids to new points, and measures the drift. Errors:
+ * limit_memory; internal (ids are exhausted). */
 bool sequence_end(sequence *s, const solver_points *p, error *e);
 
 /* Adds the member `sequence`; `energy_excess` is that of this frame. */

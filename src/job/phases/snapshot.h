@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* snapshot: some points of a running job, in a file that the daemon shows to the owner of the job.
  *
- * The file WORKER_SNAPSHOT_NAME is binary PLY (doc/worker.md lists its properties). It is renamed to its name when
- * complete, is not flushed to disk, and is removed before the report is written. The state of the job is only read:
- * snapshots do not change the result. If the file cannot be written, it is skipped. Not thread-safe, except for
- * snapshot_end.
+ * The file WORKER_SNAPSHOT_NAME is binary PLY (doc/worker.md lists its properties). It is renamed to its name
+ * when complete, is not flushed to disk, and is removed before the report is written. The state of the job is
+ * only read: snapshots do not change the result. If the file cannot be written, it is skipped. Not
+ * thread-safe, except for snapshot_end.
  */
 #ifndef HEXAD_JOB_PHASES_SNAPSHOT_H
 #define HEXAD_JOB_PHASES_SNAPSHOT_H
@@ -26,8 +26,8 @@ typedef struct snapshot {
 /* `directory` NULL: no snapshots. Otherwise the caller calls snapshot_end. */
 void snapshot_begin(snapshot *w, const char *directory);
 
-/* Writes the current particles of `s`, in world space, if 2 s have passed since snapshot_begin and since the last snapshot.
- * If there are more than 20 000 particles, it writes every k-th. */
+/* Writes the current particles of `s`, in world space, if 2 s have passed since snapshot_begin and since the
+ * last snapshot. If there are more than 20 000 particles, it writes every k-th. */
 void snapshot_offer(snapshot *w, const solver *s, const source *from, const spec *asked);
 
 /* Removes the file. May be called by another thread just before the process ends. */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* surface_meshes: the mesh files of the surface that a spec names, and the maps that move them to the world. One thread. */
+/* surface_meshes: the mesh files of the surface that a spec names, and the maps that move them to the
+ * world. One thread. */
 #ifndef HEXAD_JOB_PHASES_SURFACE_MESHES_H
 #define HEXAD_JOB_PHASES_SURFACE_MESHES_H
 
@@ -13,7 +14,8 @@ typedef struct surface_meshes {
     attachment_file *file; /* in the order of the spec, opened; their paths are the spec's */
 } surface_meshes;
 
-/* Opens the meshes. Errors: attribute_missing (the surface has none), those of source_open_file. Free *out after failure, too. */
+/* Opens the meshes. Errors: attribute_missing (the surface has none), those of source_open_file. Free *out
+ * after failure, too. */
 bool surface_meshes_open(const spec_surface *s, source *from, surface_meshes *out, error *e);
 void surface_meshes_close(surface_meshes *m); /* accepts a zeroed object */
 

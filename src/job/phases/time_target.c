@@ -9,14 +9,15 @@
 
 /* Safety factor for the predicted time of the work after the relaxation. */
 static const double TAIL_SLACK = 1.3;
-/* A run that is stopped before convergence is still a valid result if its rms step, in units of h, is below this: its
- * points keep their neighbours. */
+/* A run that is stopped before convergence is still a valid result if its rms step, in units of h, is below
+ * this: its points keep their neighbours. */
 static const double STEP_FIT = 0.01;
-/* Fraction of the particles that memory permits: the last result is kept during the run that may replace it. */
+/* Fraction of the particles that memory permits: the last result is kept during the run that may replace
+ * it. */
 static const double TWO_RUNS = 0.8;
 
-/* One run of j->count points, which ends when at most reserve_s seconds are left. *late, with *out empty: it did not
- * converge in time, and its points are not a valid result. */
+/* One run of j->count points, which ends when at most reserve_s seconds are left. *late, with *out empty: it
+ * did not converge in time, and its points are not a valid result. */
 static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, bool *late, error *e)
 {
     int64_t begin = clock_monotonic_ms();

@@ -5,16 +5,16 @@
 
 #include "geometry/space/bbox.h"
 
-/* A base is the part of the surface within the fraction LOW of the height, whose normals point down with a cosine of at
- * least DOWN. */
+/* A base is the part of the surface within the fraction LOW of the height, whose normals point down with a
+ * cosine of at least DOWN. */
 static const double LOW = 0.02, DOWN = 0.9;
-/* A base must have at least the fraction BASE of the area of the bounding box across the axis, and at least CLEARLY
- * times the base along the other axis. In the collection, statues and the screwdriver have 0.33 and 0.7; objects
- * whose base is along the other axis have at most 0.02. */
+/* A base must have at least the fraction BASE of the area of the bounding box across the axis, and at least
+ * CLEARLY times the base along the other axis. In the collection, statues and the screwdriver have 0.33 and
+ * 0.7; objects whose base is along the other axis have at most 0.02. */
 static const double BASE = 0.1, CLEARLY = 3;
 
-/* The area of the base over that of the bounding box, with `axis` up. Normals of points on open surfaces may have
- * either sign. */
+/* The area of the base over that of the bounding box, with `axis` up. Normals of points on open surfaces may
+ * have either sign. */
 static double base_share(const points *set, bbox box, int axis)
 {
     const vec3 size = bbox_size(box);

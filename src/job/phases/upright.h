@@ -8,8 +8,9 @@
 #include "io/points/points.h"
 #include "spec/spec.h"
 
-/* Whether y points up, not z, as the spec or the kind of file determines. For kinds of file with no convention
- * (spec_up_is_certain): the axis along which the surface has a flat base, if only one of y and z has. */
+/* Whether y points up, not z, as the spec or the kind of file determines. For kinds of file with no
+ * convention (spec_up_is_certain): the axis along which the surface has a flat base, if only one of y and
+ * z has. */
 bool upright_y(const spec *s, const points *set);
 
 #endif

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* watchdog: a thread that writes a job's progress lines on time, and ends the process soon after a request to stop.
+/* watchdog: a thread that writes a job's progress lines on time, and ends the process soon after a request to
+ * stop.
  *
- * The thread runs every few milliseconds. Loops of the job check `cancel` themselves and end normally. Work that cannot
- * check it, such as a library that reads a file, is interrupted: PATIENCE_MS after the request the thread calls
- * `leave`, which ends the process.
+ * The thread runs every few milliseconds. Loops of the job check `cancel` themselves and end normally. Work
+ * that cannot check it, such as a library that reads a file, is interrupted: PATIENCE_MS after the request
+ * the thread calls `leave`, which ends the process.
  */
 #ifndef HEXAD_JOB_PHASES_WATCHDOG_H
 #define HEXAD_JOB_PHASES_WATCHDOG_H

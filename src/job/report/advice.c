@@ -67,8 +67,8 @@ static double rounded_down(double value)
     return floor(value / unit * (1 + 1e-12)) * unit;
 }
 
-/* The member of the spec that determines the number of points, and its value at this resolution. NULL: the target is a
- * time. */
+/* The member of the spec that determines the number of points, and its value at this resolution. NULL: the
+ * target is a time. */
 static const char *choose_target(const spec *s, double area, advice_resolution to, double *value)
 {
     *value = s->spacing > 0   ? rounded_down(to.spacing)

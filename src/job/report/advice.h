@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* advice: changes of a spec that would improve its result, as members of the spec with values computed from the data.
+/* advice: changes of a spec that would improve its result, as members of the spec with values computed from
+ * the data.
  *
- * Reports, estimates and descriptions of files contain it as `advice: [{code, message, set}]`: a stable code, a
- * complete sentence for people, and the members to set, by their JSON Pointers. Pure functions, any thread.
+ * Reports, estimates and descriptions of files contain it as `advice: [{code, message, set}]`: a stable code,
+ * a complete sentence for people, and the members to set, by their JSON Pointers. Pure functions, any thread.
  */
 #ifndef HEXAD_JOB_REPORT_ADVICE_H
 #define HEXAD_JOB_REPORT_ADVICE_H
@@ -18,19 +19,19 @@ typedef struct advice_resolution {
     double count;
 } advice_resolution;
 
-/* The resolution that separates the walls of a surface: `area` in world units squared, `count` points at present, whose
- * spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used. */
+/* The resolution that separates the walls of a surface: `area` in world units squared, `count` points at
+ * present, whose spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used. */
 advice_resolution advice_resolve(double area, size_t count, double factor);
 
-/* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and the
- * resolution that separates them. The caller frees it. */
+/* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and
+ * the resolution that separates them. The caller frees it. */
 char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to);
 
 /* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);
 
-/* Appends an item with the code `unresolved` that sets the target of the spec. `memory_mb`: limits.memory_mb needed for
- * that number of points; the item sets it, too, if it exceeds `limit_mb`. */
+/* Appends an item with the code `unresolved` that sets the target of the spec. `memory_mb`: limits.memory_mb
+ * needed for that number of points; the item sets it, too, if it exceeds `limit_mb`. */
 void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
                               double limit_mb);
 

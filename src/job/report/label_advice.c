@@ -11,11 +11,12 @@
 /* Maximum number of groups in the text of a message; `set` has all of them. */
 enum { MOST_TOLD = 10 };
 
-/* The majority filter to try next, in spacings, or relative to the previous filter. The slices of a frog, up to ten
- * voxels apart, converge with 1.5 spacings of 10 000 points. */
+/* The majority filter to try next, in spacings, or relative to the previous filter. The slices of a frog, up
+ * to ten voxels apart, converge with 1.5 spacings of 10 000 points. */
 static const double WIDER = 1.5;
 
-/* The thin labels of a surface: the number that merge with another label, and the number that are rows of voxels. */
+/* The thin labels of a surface: the number that merge with another label, and the number that are rows of
+ * voxels. */
 typedef struct thin_labels {
     const label_thin *list;
     size_t count, united, rows, alone; /* alone: rows that do not merge */

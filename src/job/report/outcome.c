@@ -8,12 +8,13 @@
 
 const char *const outcome_names[] = {OUTCOME_LIST(WORDS_TEXT, OUTCOME)};
 
-/* In spacings. The maximum distance of a place from the nearest point is .58 in an ideal packing, and 1 at a vacancy. A
- * place beyond COVERAGE_MISSING is a hole. */
+/* In spacings. The maximum distance of a place from the nearest point is .58 in an ideal packing, and 1 at a
+ * vacancy. A place beyond COVERAGE_MISSING is a hole. */
 static const double LARGEST_COVERAGE = 1.2;
 /* Maximum fractions of the area or of the points; smaller defects are not visible to users. */
 static const double MISSING_SHARE = 0.01, CLOSE_SHARE = 0.01, EMPTY_SHARE = 0.01, LOST_SHARE = 0.01;
-/* Maximum fraction of points without a proper Voronoi cell: with more, the measures describe too little of the result. */
+/* Maximum fraction of points without a proper Voronoi cell: with more, the measures describe too little of
+ * the result. */
 static const double UNMEASURED_SHARE = 0.1;
 
 /* One criterion. `fails` also returns the number that was compared, and its bound. */

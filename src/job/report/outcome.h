@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* outcome: the outcome of a job, from the measures of the delivered points.
  *
- * not_converged: the solve was stopped, still moves, or missed a target. unresolved: the points do not represent the
- * surface. converged: neither. Each criterion compares one number with its bound; the failed ones are the reasons.
- * doc/report.md has the table. The regularity of the packing is rated, and does not affect the outcome unless
- * outcome.require names it. Pure functions, any thread.
+ * not_converged: the solve was stopped, still moves, or missed a target. unresolved: the points do not
+ * represent the surface. converged: neither. Each criterion compares one number with its bound; the failed
+ * ones are the reasons. doc/report.md has the table. The regularity of the packing is rated, and does not
+ * affect the outcome unless outcome.require names it. Pure functions, any thread.
  */
 #ifndef HEXAD_JOB_REPORT_OUTCOME_H
 #define HEXAD_JOB_REPORT_OUTCOME_H

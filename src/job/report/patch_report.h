@@ -11,8 +11,8 @@
 /* Maximum number of listed patches, and of listed curves. Totals include all. */
 enum { PATCH_REPORT_LISTED = 1000 };
 
-/* Adds the members `patches` and `curves`. `farthest`: one value per patch, see coverage_measure. `h`: spacing of the
- * packing, world units. `labels`: for interfaces; otherwise NULL. */
+/* Adds the members `patches` and `curves`. `farthest`: one value per patch, see coverage_measure. `h`:
+ * spacing of the packing, world units. `labels`: for interfaces; otherwise NULL. */
 void patch_report_put(const field_patches *patches, const solver_points *solved, const double *farthest,
                       double h, const label_surface *labels, json *report);
 

@@ -13,8 +13,8 @@ typedef struct rated_measure {
     double good, fair;
 } rated_measure;
 
-/* Good: reached by converged runs on scans and CAD models with 10 000 points. Poor: visibly irregular, as after a few
- * sweeps. */
+/* Good: reached by converged runs on scans and CAD models with 10 000 points. Poor: visibly irregular, as
+ * after a few sweeps. */
 static const rated_measure rated[] = {
     {"hex_fraction", offsetof(measures, hex_fraction), 0.85, 0.6},
     {"edge_cv", offsetof(measures, edge_cv), 0.08, 0.13},

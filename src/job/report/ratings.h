@@ -9,8 +9,8 @@
 #include "base/json/json.h"
 #include "sampling/measures/measures.h"
 
-/* Adds the member `ratings`: the measures of packing, or with blue noise the measures that it bounds, each with its value and its rating. A measure without a value has the rating
- * null. */
+/* Adds the member `ratings`: the measures of packing, or with blue noise the measures that it bounds, each
+ * with its value and its rating. A measure without a value has the rating null. */
 void ratings_describe(const measures *m, bool is_blue_noise, json *report);
 
 #endif

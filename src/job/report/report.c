@@ -56,7 +56,8 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
-/* Up to this number of points, their neighbourhoods do not show whether there are walls thinner than the spacing. */
+/* Up to this number of points, their neighbourhoods do not show whether there are walls thinner than the
+ * spacing. */
 static const size_t FEW_POINTS = 100;
 /* Minimum ratio of the advised count to the present one: smaller increases are not worth advice. */
 static const double WORTH_ADVICE = 1.1;
@@ -67,10 +68,10 @@ typedef struct thin_walls {
     bool of_surface;
 } thin_walls;
 
-/* On curved walls the distance of two points from their tangent planes is far from the thickness, so rays between the
- * walls measure it, as before the job. They can take longer than the job, so they are traced only where the points show
- * thin walls, or are too few. The walls of an unresolved result are thinner than the smallest distance that rays
- * measure. */
+/* On curved walls the distance of two points from their tangent planes is far from the thickness, so rays
+ * between the walls measure it, as before the job. They can take longer than the job, so they are traced only
+ * where the points show thin walls, or are too few. The walls of an unresolved result are thinner than the
+ * smallest distance that rays measure. */
 static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
     const size_t count = solver_result_points(facts->solver)->count;
@@ -104,8 +105,9 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
             facts->memory_limit / (1 << 20));
 }
 
-/* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A majority
- * filter comes before groups, which merge labels. More points do not make the packing regular on single voxels. */
+/* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A
+ * majority filter comes before groups, which merge labels. More points do not make the packing regular on
+ * single voxels. */
 static void put_advice(json *report, json *warnings, const report_facts *facts)
 {
     json *advice = json_put_array(report, "advice");
@@ -381,7 +383,8 @@ static void put_target(json *report, const report_facts *facts)
     }
 }
 
-/* What describes the solve and not its result: as members of `diagnostics`, and until version 2 of the report itself. */
+/* What describes the solve and not its result: as members of `diagnostics`, and until version 2 of the
+ * report itself. */
 static void put_diagnostics(json *object, const report_facts *facts)
 {
     const solver_points *solved = solver_result_points(facts->solver);

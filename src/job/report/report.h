@@ -14,8 +14,8 @@
 
 /* The files of points and meshes. */
 typedef struct report_outputs {
-    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply, without points that are kept. For meshes and labels: the distance from
-     * the triangles over h. */
+    /* Maximum and rms of |F| / (|grad F| h) at the positions in points.ply, without points that are kept. For
+     * meshes and labels: the distance from the triangles over h. */
     double max_residual, rms_residual;
     bool widened;    /* float was requested, double was written */
     vec3 origin;     /* of floats in glTF and USD; 0 if floats represent the positions without an origin */

@@ -6,9 +6,9 @@
 #include "surface/field/creased.h"
 #include "job/source/source.h"
 
-/* `part`: the whole surface, opened. `inside`: the surface of the region, if the region is bounded by a surface.
- * Both, and the spec, outlive the result. Errors: those of creased_new; not_supported (too many smooth pieces, or an
- * open surface in a combination). */
+/* `part`: the whole surface, opened. `inside`: the surface of the region, if the region is bounded by a
+ * surface. Both, and the spec, outlive the result. Errors: those of creased_new; not_supported (too many
+ * smooth pieces, or an open surface in a combination). */
 creased *creased_source_open(const spec *s, const source_part *part, const source_part *inside, error *e);
 
 #endif

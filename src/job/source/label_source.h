@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* label_source: opens a segmentation: a dense volume, a stack of images, or a grid of whole numbers in an OpenVDB
- * file. Outside of its active voxels such a grid has its background value.
+/* label_source: opens a segmentation: a dense volume, a stack of images, or a grid of whole numbers in an
+ * OpenVDB file. Outside of its active voxels such a grid has its background value.
  */
 #ifndef HEXAD_JOB_SOURCE_LABEL_SOURCE_H
 #define HEXAD_JOB_SOURCE_LABEL_SOURCE_H

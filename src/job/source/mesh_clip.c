@@ -43,7 +43,8 @@ static vec3 meet(vec3 a, vec3 b, int axis, double at)
     return out;
 }
 
-/* Keeps what is above `at` along the axis, or below. Source: Sutherland and Hodgman 1974, "Reentrant Polygon Clipping". */
+/* Keeps what is above `at` along the axis, or below. Source: Sutherland and Hodgman 1974, "Reentrant
+ * Polygon Clipping". */
 static int cut(vec3 corner[MOST_CORNERS], int count, int axis, double at, bool above)
 {
     vec3 kept[MOST_CORNERS];

@@ -11,10 +11,11 @@
 
 /* Tolerance, as a share of the extent, within which a point is on a face of the region. */
 static const double ON_FACE = 1e-9;
-/* Maximum steps of the alternating projection onto a face of the region and the triangles, which meet at any angle. */
+/* Maximum steps of the alternating projection onto a face of the region and the triangles, which meet at
+ * any angle. */
 static const int MOST_STEPS = 100;
-/* In spacings: a point that moves farther than FAR_MOVE may come close to another point. Points nearer than NEAR are
- * moved apart, in at most APART_ROUNDS rounds. */
+/* In spacings: a point that moves farther than FAR_MOVE may come close to another point. Points nearer than
+ * NEAR are moved apart, in at most APART_ROUNDS rounds. */
 static const double FAR_MOVE = 0.1, NEAR = 0.55;
 enum { APART_ROUNDS = 8 };
 /* Points in a chunk of work. */
@@ -37,8 +38,8 @@ static bool find_in_part(const source_part *p, size_t k, vec3 x, bool any, vec3 
     return true;
 }
 
-/* The place for x of the part's surface: on the triangles that look its way; or the nearest of all its surfaces. False where it
- * has none. */
+/* The place for x of the part's surface: on the triangles that look its way; or the nearest of all its
+ * surfaces. False where it has none. */
 static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
 {
     if (p->part_count > 0 && !any) return find_in_part(p, source_nearest_part(p, x), x, any, out);
@@ -149,7 +150,8 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
     m->largest[begin / GRAIN] = largest;
 }
 
-/* By which place i leaves those that are too near; of two at one place the one of the lower number goes along x. */
+/* By which place i leaves those that are too near; of two at one place the one of the lower number goes
+ * along x. */
 static vec3 way_out(const moving *m, const neighbours *near, size_t i)
 {
     vec3 way = {0, 0, 0};

@@ -19,20 +19,22 @@
 
 /* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
 static const double least_cells = 32; /* along the longest side of the mesh */
-/* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest side unless the
- * spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of their area's root. A scan bends by a
- * triangle's side, and with a third of it the ends of a dragon's thorns are missed by half the spacing. */
+/* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest
+ * side unless the spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of
+ * their area's root. A scan bends by a triangle's side, and with a third of it the ends of a dragon's
+ * thorns are missed by half the spacing. */
 static const double most_cells = 6.25e5, own_floor = 1.0 / 256, triangle_floor = 0.4;
-/* In longest sides of a mesh: a mesh farther from the origin is moved, with its middle at the origin. Doubles lose 3 of
- * 16 digits at this distance; a mesh of usual coordinates is not moved. */
+/* In longest sides of a mesh: a mesh farther from the origin is moved, with its middle at the origin. Doubles
+ * lose 3 of 16 digits at this distance; a mesh of usual coordinates is not moved. */
 static const double FAR_AWAY = 1000;
 /* Share of the area that may be missing; with more the outcome would be unresolved. */
 static const double most_missing = 0.01;
-/* Feature angle, in radians, of a mesh that is to be resolved and has no other sharp edges. A side of h that cuts off an
- * edge bent by this misses it by a quarter of h, and by a third where the side is as long as any. */
+/* Feature angle, in radians, of a mesh that is to be resolved and has no other sharp edges. A side of h that
+ * cuts off an edge bent by this misses it by a quarter of h, and by a third where the side is as long as
+ * any. */
 static const double cut_angle = 1.1;
-/* Shares of the area of a closed mesh: with more than most_hidden inside of its solids it is a level set, unless the
- * spec says otherwise; with more than shown_hidden there is a warning. */
+/* Shares of the area of a closed mesh: with more than most_hidden inside of its solids it is a level set,
+ * unless the spec says otherwise; with more than shown_hidden there is a warning. */
 static const double most_hidden = 0.01, shown_hidden = 0.001;
 
 /* The spacing of the requested points; 0: unknown before features are computed. */
@@ -60,8 +62,9 @@ static bool asks_for_volume(const mesh_source_request *r)
     return r->as_level_set || !s->on_mesh || s->voxel_size > 0 || s->resolution > 0;
 }
 
-/* Whether level sets cannot represent a closed mesh with hidden parts: even with the smallest voxels, more than the
- * permitted area is missing. Meshes with displaced vertices also take the most time as level sets. */
+/* Whether level sets cannot represent a closed mesh with hidden parts: even with the smallest voxels, more
+ * than the permitted area is missing. Meshes with displaced vertices also take the most time as level
+ * sets. */
 static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
 {
     static const double surely = 5; /* times: a share that is estimated from a thousand places */
@@ -102,7 +105,8 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     return *out || asks_for_volume(r) || shows_enough(r, p, out, notes, e);
 }
 
-/* The mesh of a file, welded once for all that is made of it where that is possible: its edges are known then. */
+/* The mesh of a file, welded once for all that is made of it where that is possible: its edges are known
+ * then. */
 typedef struct welded {
     mesh m;
     mesh_edges edges;
@@ -135,7 +139,8 @@ static bool make_patches(const mesh_source_request *r, const welded *w, double f
     return false;
 }
 
-/* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would leave out. */
+/* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would
+ * leave out. */
 static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_notes *read,
                       mesh_patches *given, mesh_notes *notes, error *e)
 {
@@ -150,7 +155,8 @@ static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little, or encloses no volume. */
+/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little, or
+ * encloses no volume. */
 static bool choose_patches(const mesh_source_request *r, const welded *w, bool thin, mesh_notes *notes,
                            mesh_patches *made, error *e)
 {
@@ -205,9 +211,9 @@ static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, u
     return holes;
 }
 
-/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to it, so that
- * an even number of triangles meets at every new edge. *holes: how many there were. Errors: limit_memory; the mesh is
- * untouched then. */
+/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to
+ * it, so that an even number of triangles meets at every new edge. *holes: how many there were. Errors:
+ * limit_memory; the mesh is untouched then. */
 static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e)
 {
     seam_edge *open = NULL;
@@ -280,9 +286,9 @@ static volume *open_level_set(const mesh_source_request *r, const welded *w, con
     return v;
 }
 
-/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with voxels of
- * our choice, or the lack of one, may leave out more than may be missing of a surface. Patches are cut where faces
- * overlap, and closed then, which a level set is not. */
+/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with
+ * voxels of our choice, or the lack of one, may leave out more than may be missing of a surface. Patches are
+ * cut where faces overlap, and closed then, which a level set is not. */
 static const char *why_triangles(const mesh_source_request *r, const volume *v, const error *e)
 {
     const spec_mesh *s = r->spec;
@@ -340,8 +346,9 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* The middle along an axis along which the mesh is farther from the origin than FAR_AWAY times its longest side; else 0.
- * There all coordinates are within a factor of 2 of the middle, so that the difference is exact (Sterbenz). */
+/* The middle along an axis along which the mesh is farther from the origin than FAR_AWAY times its longest
+ * side; else 0. There all coordinates are within a factor of 2 of the middle, so that the difference is
+ * exact (Sterbenz). */
 static vec3 far_origin(const mesh *m, threads *pool)
 {
     const bbox box = mesh_box(m, pool);

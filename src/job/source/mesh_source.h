@@ -13,8 +13,8 @@
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;
-    /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: it may be opened as
-     * patches */
+    /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: it may be
+     * opened as patches */
     bool alone;
     bool as_level_set; /* a closed mesh is sampled through a level set, unless its features are requested */
     bool resolve;
@@ -25,10 +25,10 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* Opens the mesh either as patches or as a volume, by the table in doc/volumes.md. Patches are transformed and cut,
- * a volume is not. *notes: notes on the patches. *origin: the vector that was subtracted from all coordinates,
- * without rounding; 0 unless may_move is set and the mesh is far from the origin. Errors, after which the outputs
- * are unchanged: those of volume_of_mesh and mesh_surface_new, prefixed with the path. */
+/* Opens the mesh either as patches or as a volume, by the table in doc/volumes.md. Patches are transformed
+ * and cut, a volume is not. *notes: notes on the patches. *origin: the vector that was subtracted from all
+ * coordinates, without rounding; 0 unless may_move is set and the mesh is far from the origin. Errors, after
+ * which the outputs are unchanged: those of volume_of_mesh and mesh_surface_new, prefixed with the path. */
 bool mesh_source_open(const mesh_source_request *request, volume **as_volume, mesh_surface **as_patches,
                       vec3 *origin, mesh_notes *notes, error *e);
 

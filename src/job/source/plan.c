@@ -6,8 +6,8 @@
 
 #include "geometry/space/packing.h"
 
-/* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350 while the
- * result is measured; lists of over-dense particles are longer. */
+/* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350
+ * while the result is measured; lists of over-dense particles are longer. */
 static const double BYTES_PER_PARTICLE = 400;
 /* For the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
@@ -19,7 +19,8 @@ static const double BYTES_PER_VERTEX = 120;
 static const double BYTES_PER_GRID_POINT = 200;
 /* For a frame with transferred points: places for births and their lists, besides the previous points. */
 static const double BYTES_PER_CARRIED = 800;
-/* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried together. */
+/* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried
+ * together. */
 static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
 /* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double REPAIRED_MAX = 2.4e6;
@@ -92,8 +93,8 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
         ceil((limit + particles - memory) / MIB), fewer);
 }
 
-/* Error: the target, which is not a count, gives too few or too many points. It names the value that gives the least or
- * the largest count. */
+/* Error: the target, which is not a count, gives too few or too many points. It names the value that gives
+ * the least or the largest count. */
 static bool refuse_count(const spec *s, double area, double count, error *e)
 {
     const bool high = count > PLAN_COUNT_MAX, by_density = !(s->spacing > 0) && s->density > 0;

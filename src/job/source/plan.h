@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* plan: the number of points that a job requests, and whether it fits into the job's memory. Pure functions, any
- * thread.
+/* plan: the number of points that a job requests, and whether it fits into the job's memory. Pure functions,
+ * any thread.
  */
 #ifndef HEXAD_JOB_SOURCE_PLAN_H
 #define HEXAD_JOB_SOURCE_PLAN_H
@@ -18,26 +18,26 @@
 /* Whether defects of the converged packing are repaired (solver_repair_defects). */
 bool plan_repairs_defects(const spec *s);
 
-/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of repair regions.
- * May be negative. */
+/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of repair
+ * regions. May be negative. */
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 
 /* Bytes of the pictures while they are drawn. */
 double plan_picture_memory(const spec *s);
 
-/* Bytes that one particle takes at the peak. `is_continued`: points are carried over, from the previous frame or
- * around given points that are kept. */
+/* Bytes that one particle takes at the peak. `is_continued`: points are carried over, from the previous frame
+ * or around given points that are kept. */
 double plan_bytes_per_particle(const spec *s, bool is_continued);
 
 /* Whether `count` particles fit into `memory` bytes, which are left of `limit`. Error: limit_memory. */
 bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e);
 
-/* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits. 0: the
- * target is a count or a time. */
+/* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits.
+ * 0: the target is a count or a time. */
 double plan_spacing(const spec *s);
 
-/* Computes the count from the target, which is not a time, and the surface's area. `points`: the count that the sizing
- * field requires if the target is `resolve`. Error: spec_invalid (the count is out of range). */
+/* Computes the count from the target, which is not a time, and the surface's area. `points`: the count that
+ * the sizing field requires if the target is `resolve`. Error: spec_invalid (the count is out of range). */
 bool plan_count(const spec *s, double area, double points, size_t *out, error *e);
 
 #endif

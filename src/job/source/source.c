@@ -18,16 +18,18 @@
 #include "job/source/plan.h"
 #include "files/sent_file.h"
 
-/* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal rounding.
+/* Tolerance, as a share of the squared scale, for columns of a rotation that are orthonormal up to decimal
+ * rounding.
  */
 static const double ANGLE_ROUNDING = 1e-6;
 
-/* Margins, as shares of the longest side, by which an unbounded surface is computed beyond a region, so that the region
- * cuts it. They differ at the two ends, so that no planes through a region's middle lie on corners of cells: areas
- * beside edges in them are 3e-3 too small. */
+/* Margins, as shares of the longest side, by which an unbounded surface is computed beyond a region, so that
+ * the region cuts it. They differ at the two ends, so that no planes through a region's middle lie on corners
+ * of cells: areas beside edges in them are 3e-3 too small. */
 static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 
-/* How often cells of a combination are halved in thin walls, and of one within another, whose cells they bind. */
+/* How often cells of a combination are halved in thin walls, and of one within another, whose cells they
+ * bind. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
 /* Waits for the hash of the input that was opened last: no other is under way. */
@@ -72,7 +74,8 @@ static int open_input(void *context, const char *path, error *e)
     return -1;
 }
 
-/* The same of a path that may be that of a directory, whose files are opened below *tree. -1: an error, or a directory. */
+/* The same of a path that may be that of a directory, whose files are opened below *tree. -1: an error, or
+ * a directory. */
 static int open_file_or_tree(source *s, const char *path, store_tree **tree, error *e)
 {
     bool is_directory = false;
@@ -279,8 +282,8 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
-/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may have
- * another origin. Errors about a mesh whose interior is dropped name positions. */
+/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may
+ * have another origin. Errors about a mesh whose interior is dropped name positions. */
 static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
 {
     const spec *s = o->spec;
@@ -381,7 +384,8 @@ static volume *open_images(const spec_exr *x, bool exr_alone, double isovalue, s
     return open_dense(from, x->path, isovalue, how, o, e);
 }
 
-/* Rims lie on faces of boxes along the axes of the space that is sampled; oblique data must not end within `box`.
+/* Rims lie on faces of boxes along the axes of the space that is sampled; oblique data must not end within
+ * `box`.
  */
 static bool check_ends(const volume *v, bbox box, const char *path, error *e)
 {
@@ -801,8 +805,8 @@ static size_t memory_of_part(const source_part *p)
     return bytes;
 }
 
-/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are thin, and
- * thin walls. */
+/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are
+ * thin, and thin walls. */
 typedef struct shortage {
     double of_meshes, thin;
     double combined; /* of the outermost combination, and the walls of those within */

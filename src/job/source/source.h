@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* source: opens the surface that a spec names: a formula, a B-spline, a volume, a mesh, or a combination of these. */
+/* source: opens the surface that a spec names: a formula, a B-spline, a volume, a mesh, or a combination
+ * of these. */
 #ifndef HEXAD_JOB_SOURCE_SOURCE_H
 #define HEXAD_JOB_SOURCE_SOURCE_H
 
@@ -69,8 +70,9 @@ typedef struct source {
     late_hash *hash;    /* unfinished hash of the last input; or NULL */
 } source;
 
-/* `memory`: maximum bytes of the surface. `kernels`: instruction set for sampling. The spec outlives the source.
- * Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
+/* `memory`: maximum bytes of the surface. `kernels`: instruction set for sampling. The spec outlives the
+ * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts
+ * a zeroed struct. */
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e);
 void source_close(source *s);
@@ -81,8 +83,8 @@ int source_open_file(source *s, const char *path, error *e);
 /* Returns the parameters for opening a stack of images, without a memory limit. `files` opens the images. */
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
-/* Adds the origin of the sampled space to an error that contains positions in it, unless it is that of the world.
- * Returns false. */
+/* Adds the origin of the sampled space to an error that contains positions in it, unless it is that of the
+ * world. Returns false. */
 bool source_prefix_origin(const source *s, error *e);
 
 /* The surface in world space, for evaluations of F: `field`, unless the sampled space is rotated or moved. */
@@ -91,25 +93,28 @@ const field *source_world(const source *s);
 /* The bounding box of the surface in world space, from a scan of the field. */
 bbox source_box(const source *s, const surface *scan);
 
-/* The number of parts of the first combination of the surface, 1 without a combination; and the index of the part on
- * which a point of the surface lies. */
+/* The number of parts of the first combination of the surface, 1 without a combination; and the index of the
+ * part on which a point of the surface lies. */
 size_t source_part_count(const source *s);
 size_t source_part_at(const source *s, vec3 x);
 
-/* The index of the part of `whole` that is nearest to x; 0 if it has at most one part. x is in the space of `whole`. */
+/* The index of the part of `whole` that is nearest to x; 0 if it has at most one part. x is in the space
+ * of `whole`. */
 size_t source_nearest_part(const source_part *whole, vec3 x);
 
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
-/* Returns the larger of two fractions of area: of the meshes, parts that are not sampled, since they are thinner
- * than the voxels; of combinations, parts that may be missing, since they are thinner than the cells. */
+/* Returns the larger of two fractions of area: of the meshes, parts that are not sampled, since they are
+ * thinner than the voxels; of combinations, parts that may be missing, since they are thinner than the
+ * cells. */
 double source_missing_share(const source *s);
-/* Returns the number of places on parts of a mesh that its level set omits. *place: the places, in the sampled
- * space, owned by the source. 0 for a mesh that is transformed, cut or one of several. */
+/* Returns the number of places on parts of a mesh that its level set omits. *place: the places, in the
+ * sampled space, owned by the source. 0 for a mesh that is transformed, cut or one of several. */
 size_t source_thin_places(const source *s, const vec3 **place);
 
-/* The mesh on whose triangles the points lie, or NULL; source_closed_mesh: NULL also if the mesh is not closed. */
+/* The mesh on whose triangles the points lie, or NULL; source_closed_mesh: NULL also if the mesh is not
+ * closed. */
 const mesh *source_mesh(const source *s);
 const mesh *source_closed_mesh(const source *s);
 

@@ -5,8 +5,8 @@
 
 /* Triangles are not divided further below this radius, in spacings: their middle decides. */
 static const double LEAST_RADIUS = 0.02;
-/* Places of the surface next to two places of a triangle are at most this many times as far apart as these: of a scan, whose triangles lie beside
- * the surface. */
+/* Places of the surface next to two places of a triangle are at most this many times as far apart as these:
+ * of a scan, whose triangles lie beside the surface. */
 static const double STRETCH = 2;
 /* Divisions into four that suffice for any triangle of double coordinates. */
 enum { DEEPEST = 40 };

@@ -13,11 +13,12 @@
 
 /* Items of a leaf; with 4 the nodes take twice the memory, and measuring takes as long. */
 enum { LEAF_ITEMS = 8, DEEPEST = 64 };
-/* The middle of an edge that is farther from the surface than this, in lengths of the edge, belongs to another part of it: an arc of a
- * right angle rises by 0.21. */
+/* The middle of an edge that is farther from the surface than this, in lengths of the edge, belongs to
+ * another part of it: an arc of a right angle rises by 0.21. */
 static const double MIDDLE_RISE = 0.25;
-/* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends in the cell (field_bend). They
- * only bound what a node's items may face; triangles are tested with their own normals. */
+/* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends
+ * in the cell (field_bend). They only bound what a node's items may face; triangles are tested with their
+ * own normals. */
 static const float CELL_ANGLE[] = {[FIELD_BENT] = 1.05f, [FIELD_GENTLE] = 0.5f, [FIELD_FLAT] = 0.15f};
 /* Directions whose cosine is above 1 minus this are one edge at a corner; 1e-4 radians. */
 static const double SAME_DIRECTION = 5e-9;
@@ -439,7 +440,8 @@ int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TR
     return kept;
 }
 
-/* Moves x onto the surface of a scan; false, x unchanged, where Newton's method finds no place within `reach`. */
+/* Moves x onto the surface of a scan; false, x unchanged, where Newton's method finds no place within
+ * `reach`. */
 static bool onto_surface(const facets *f, uint32_t patch, vec3 *x, double side, double reach)
 {
     const projection_limits limits = projection_draft(side);
@@ -536,8 +538,8 @@ static void search_nodes(item_search *s)
     }
 }
 
-/* The grid cell of a scan whose middle is nearest to x, or one almost as near. Its triangles bound the distance of the nearest ones closely,
- * without those of the cells around it. */
+/* The grid cell of a scan whose middle is nearest to x, or one almost as near. Its triangles bound the
+ * distance of the nearest ones closely, without those of the cells around it. */
 static size_t near_cell(const facets *f, vec3 x)
 {
     uint32_t stack[DEEPEST];

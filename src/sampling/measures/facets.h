@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* facets: a surface as triangles in a bounding-volume hierarchy, for measures of points on it.
  *
- * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when they are
- * visited. The items are in Morton order. Each node of the hierarchy bounds the items of a range: a sphere around
- * them, and a cone that contains their normals. Both kinds of surface are therefore measured by one program, and the
- * triangles of a scan are never all in memory.
+ * An item is a triangle of a mesh, or a grid cell of a scanned surface, whose triangles are computed when
+ * they are visited. The items are in Morton order. Each node of the hierarchy bounds the items of a range: a
+ * sphere around them, and a cone that contains their normals. Both kinds of surface are therefore measured by
+ * one program, and the triangles of a scan are never all in memory.
  *
  * Lengths are world units of the sampled space. Immutable once built; every function is safe in any number of
  * threads.
@@ -51,7 +51,8 @@ typedef struct facets {
     double area;        /* of the surface */
     facets_node *node;  /* node 0 is the root */
     size_t node_count;
-    /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound angles */
+    /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound
+     * angles */
     float (*face_normal)[3];
 } facets;
 
@@ -64,8 +65,8 @@ typedef struct facet {
     size_t item; /* its place in the order */
 } facet;
 
-/* The arrays of the input are owned by the caller and must outlive *out. Free *out also after failure. Errors:
- * limit_memory, cancelled. */
+/* The arrays of the input are owned by the caller and must outlive *out. Free *out also after failure.
+ * Errors: limit_memory, cancelled. */
 bool facets_build(const facets_input *in, threads *pool, facets *out, error *e);
 void facets_free(facets *f); /* accepts a zeroed object */
 
@@ -79,17 +80,17 @@ typedef struct facets_item {
 /* The item at place k of the order. */
 facets_item facets_item_at(const facets *f, size_t k);
 
-/* Computes the triangles with area of the item at place k of the order; returns their number. `exact`: the corners
- * of the triangles of a grid cell lie on the surface. Otherwise they are computed for F that is linear between the
- * corners of the cell, which takes less time. */
+/* Computes the triangles with area of the item at place k of the order; returns their number. `exact`: the
+ * corners of the triangles of a grid cell lie on the surface. Otherwise they are computed for F that is
+ * linear between the corners of the cell, which takes less time. */
 int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES]);
 
-/* Returns the place of the surface for a place x of a triangle. For a mesh it is x. The triangles of a scan are near
- * the surface: then it is found by Newton's method, or by bisection towards a corner of the cell. */
+/* Returns the place of the surface for a place x of a triangle. For a mesh it is x. The triangles of a scan
+ * are near the surface: then it is found by Newton's method, or by bisection towards a corner of the cell. */
 vec3 facets_onto(const facets *f, const facet *of, vec3 x);
 
-/* Returns the place of the surface for the midpoint of an edge of such a triangle: the nearest one that Newton's
- * method finds, or the midpoint itself. */
+/* Returns the place of the surface for the midpoint of an edge of such a triangle: the nearest one that
+ * Newton's method finds, or the midpoint itself. */
 vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b);
 
 /* The place in the order of the item whose triangles are nearest to x. */

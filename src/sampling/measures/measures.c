@@ -21,9 +21,9 @@ static const double ON_EDGE = 1e-6;
 static const double EVEN_REQUEST = 1.05;
 /* Angles over 60 degrees that are this near to an integer have one ideal degree. */
 static const double NEAR_INTEGER = 0.2;
-/* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map. Its cells are
- * larger by GROWTH_CELL g^2 than the requested ones, its energies by GROWTH_ENERGY g^2; right to 3 % up to a g of
- * GROWTH_MOST. */
+/* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map.
+ * Its cells are larger by GROWTH_CELL g^2 than the requested ones, its energies by GROWTH_ENERGY g^2; right
+ * to 3 % up to a g of GROWTH_MOST. */
 static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
 static const char what[] = "the measures of the points";
@@ -32,8 +32,8 @@ static const char what[] = "the measures of the points";
 typedef struct point_table {
     size_t count;
     double *spacing; /* h at each */
-    double *
-        ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2 faces */
+    double *ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2
+                    * faces */
     double *share; /* angle of the surface over a full turn */
     bool *border, *fork;
     uint32_t *degree;
@@ -283,8 +283,8 @@ typedef struct cell_sums {
     moments edge, area, ratio;
     slope grading;
     double regular, degrees, turn, unmeasured;
-    double
-        straight; /* areas of cells with straight lines across their sides; over h^2 and the share of the angle */
+    double straight; /* areas of cells with straight lines across their sides; over h^2 and the share of the
+                      * angle */
 } cell_sums;
 
 static void sum_cells(const measures_input *in, const restricted_voronoi *v, const point_table *t,
@@ -312,7 +312,8 @@ static void sum_cells(const measures_input *in, const restricted_voronoi *v, con
     }
 }
 
-/* The mean of the square of how much the requested spacing grows per distance: half of it along one direction. */
+/* The mean of the square of how much the requested spacing grows per distance: half of it along one
+ * direction. */
 static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, const point_table *t,
                          double *out, error *e)
 {
@@ -332,10 +333,10 @@ static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, 
     return sum != NULL;
 }
 
-/* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6 times the
- * turn (Gauss and Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies depend on straight
- * distances, which a bent surface makes shorter than its own: `straight` has this in one of two directions, `flat` in
- * both. */
+/* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6
+ * times the turn (Gauss and Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies
+ * depend on straight distances, which a bent surface makes shorter than its own: `straight` has this in one
+ * of two directions, `flat` in both. */
 static double disorder_of(const cell_sums *c, double energy_excess, double growth2)
 {
     const double n = c->area.n, turn = 1 - c->turn / n;
@@ -431,7 +432,8 @@ static sites sites_of(const measures_input *in, const point_table *t, const cell
     return s;
 }
 
-/* Without a request the diagram is built twice: its cells give the spacing by which its distances are then divided. */
+/* Without a request the diagram is built twice: its cells give the spacing by which its distances are then
+ * divided. */
 static bool build_diagram(const measures_input *in, const facets *f, const cell_list *near, threads *pool,
                           point_table *t, restricted_voronoi *v, error *e)
 {

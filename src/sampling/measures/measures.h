@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* measures: the quality of a result, over all of its points and all of its surface (doc/report.md defines each
- * measure).
+/* measures: the quality of a result, over all of its points and all of its surface (doc/report.md defines
+ * each measure).
  *
  * No point is left out. The degree and the cell of a point are those in the Voronoi diagram restricted to the
- * surface (restricted_voronoi.h). Distances are divided by the requested spacing; for a pair, by the mean of both.
- * If no spacing is requested (`achieved`), the spacing of a point is the mean local spacing of the point and its
- * neighbours.
+ * surface (restricted_voronoi.h). Distances are divided by the requested spacing; for a pair, by the mean of
+ * both. If no spacing is requested (`achieved`), the spacing of a point is the mean local spacing of the
+ * point and its neighbours.
  */
 #ifndef HEXAD_SAMPLING_MEASURES_MEASURES_H
 #define HEXAD_SAMPLING_MEASURES_MEASURES_H
@@ -37,7 +37,8 @@ typedef struct measures_input {
     const uint32_t *copy_patch;        /* NULL: one patch */
     const uint8_t *copy_flags;         /* of point_flags.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
-    /* Receive for each point, or NULL: its piece of the surface, and the spacing by which its distances are divided. */
+    /* Receive for each point, or NULL: its piece of the surface, and the spacing by which its distances
+     * are divided. */
     uint32_t *out_piece;
     double *out_spacing;
 } measures_input;
@@ -65,10 +66,10 @@ typedef struct measures {
 /* Minimum share of points on walls thinner than the spacing for a note in the report. */
 #define MEASURES_THIN_SHARE 0.02
 
-/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell over the
- * share of a full turn that the surface has at the point; of a point without a cell the requested spacing. `degree`
- * (count values, or NULL): the number of neighbours. `farthest` (one value for each patch): the coverage of each
- * patch. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+/* `local` (count values) receives the local spacing sqrt(2 a / sqrt 3), with a the area of the point's cell
+ * over the share of a full turn that the surface has at the point; of a point without a cell the requested
+ * spacing. `degree` (count values, or NULL): the number of neighbours. `farthest` (one value for each patch):
+ * the coverage of each patch. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
 bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,
                    measures *out, error *e);
 

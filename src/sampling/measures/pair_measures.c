@@ -54,8 +54,8 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
-/* How far apart the opposite walls of two points are, in spacings; INFINITY: they say nothing of it. Beside a sharp edge, where its faces meet,
- * they are not walls. */
+/* How far apart the opposite walls of two points are, in spacings; INFINITY: they say nothing of it. Beside a
+ * sharp edge, where its faces meet, they are not walls. */
 static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* pair_measures: measures of pairs of near points: energies, close pairs, opposite walls. Private to measures.c. */
+/* pair_measures: measures of pairs of near points: energies, close pairs, opposite walls. Private to
+ * measures.c. */
 #ifndef HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H
 #define HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H
 
@@ -17,8 +18,8 @@ typedef struct pair_measures_input {
     const bool *kept;     /* see measures_input */
 } pair_measures_input;
 
-/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors: limit_memory,
- * cancelled. Deterministic. */
+/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors:
+ * limit_memory, cancelled. Deterministic. */
 bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *out, error *e);
 
 #endif

@@ -38,9 +38,9 @@ typedef struct order_tree {
     vec3 *normal;
     bool *one_sided;
     entry *entry;
-    vec3 *
-        facing; /* of each entry: single_normal, apart from it, since few entries that are looked at need it */
-    node *node; /* children of k: 2 k + 1 and 2 k + 2 */
+    vec3 *facing; /* of each entry: single_normal, apart from it, since few entries that are looked at need
+                   * it */
+    node *node;   /* children of k: 2 k + 1 and 2 k + 2 */
     size_t first_leaf;
     vec3 middle; /* of the points: floats are exact enough relative to it */
 } order_tree;
@@ -241,7 +241,8 @@ static bool update_leaf(order_tree *t, const choice *c, size_t k, size_t begin, 
     return changed;
 }
 
-/* Takes the chosen point into account in node k, whose points are entries begin .. end. False: nothing has changed. */
+/* Takes the chosen point into account in node k, whose points are entries begin .. end. False: nothing has
+ * changed. */
 static bool update(order_tree *t, const choice *c, size_t k, size_t begin, size_t end)
 {
     if (k >= t->first_leaf) return update_leaf(t, c, k, begin, end);

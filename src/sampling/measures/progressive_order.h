@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 /* progressive_order: an order of points in which each prefix is spread evenly over the surface.
  *
- * Farthest-point order (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"), within 2 %: each point is at least
- * PROGRESSIVE_ORDER_BATCH times as far from the points before it as the farthest one. Points of one batch are chosen in the order of their
- * places, so that consecutive choices use the same memory. The distance of two points is their distance in space over the mean of their spacings. Points of different pieces
- * and of opposite walls (sites.h) count as PROGRESSIVE_ORDER_APART times as far apart: the walls of a thin plate get points of their own,
- * and small pieces beside a large one do not precede the points that cover it.
+ * Farthest-point order (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"), within 2
+ * %: each point is at least PROGRESSIVE_ORDER_BATCH times as far from the points before it as the farthest
+ * one. Points of one batch are chosen in the order of their places, so that consecutive choices use the same
+ * memory. The distance of two points is their distance in space over the mean of their spacings. Points of
+ * different pieces and of opposite walls (sites.h) count as PROGRESSIVE_ORDER_APART times as far apart: the
+ * walls of a thin plate get points of their own, and small pieces beside a large one do not precede the
+ * points that cover it.
  *
- * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the next one;
- * a new point changes only nodes closer to it than their farthest point is to the earlier points. The sum over all
- * points is O(n log n) on surfaces.
+ * The points are the leaves of a tree of boxes. Each node holds its farthest point, so the root holds the
+ * next one; a new point changes only nodes closer to it than their farthest point is to the earlier points.
+ * The sum over all points is O(n log n) on surfaces.
  */
 #ifndef HEXAD_SAMPLING_MEASURES_PROGRESSIVE_ORDER_H
 #define HEXAD_SAMPLING_MEASURES_PROGRESSIVE_ORDER_H
@@ -21,8 +23,8 @@
 #include "base/core/threads.h"
 #include "geometry/space/vec3.h"
 
-/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are less
- * even in space. doc/measured/order.md has both. */
+/* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are
+ * less even in space. doc/measured/order.md has both. */
 #define PROGRESSIVE_ORDER_APART 3.0
 /* Smaller: faster, and prefixes are less even. */
 #define PROGRESSIVE_ORDER_BATCH 0.98

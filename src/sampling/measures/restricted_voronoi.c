@@ -8,22 +8,22 @@
 #include "base/core/memory.h"
 #include "sampling/measures/coverage_search.h"
 
-/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one for
- * POINTS_OF_TASK points, and at most TASKS. The number of threads does not matter. */
+/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one
+ * for POINTS_OF_TASK points, and at most TASKS. The number of threads does not matter. */
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks whose records are kept at once, for each thread. */
 enum { TASKS_OF_THREAD = 4 };
 /* Items at which distances are bounded before the tasks, for each point: at most. */
 enum { PROBES_OF_POINT = 2 };
-/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the square of
- * their number. */
+/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the
+ * square of their number. */
 enum { MOST_CANDIDATES = 12 };
 /* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
 static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 3;
-/* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite wall, a
- * triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
+/* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
+ * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
@@ -41,8 +41,8 @@ typedef struct area_record {
     double area;
 } area_record;
 
-/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete` of the
- * node's centre. */
+/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete`
+ * of the node's centre. */
 typedef struct candidates {
     size_t first, count;
     double complete;
@@ -63,8 +63,8 @@ typedef struct build_job {
     const facets *f;
     const sites *s;
     task *task;
-    double *
-        farthest; /* of each worker, of each patch: of the task at hand, and behind these of all of its tasks */
+    double *farthest;    /* of each worker, of each patch: of the task at hand, and behind these of all of its
+                          * tasks */
     const double *known; /* of each patch: a bound from below */
 } build_job;
 
@@ -170,7 +170,8 @@ static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)
     return best;
 }
 
-/* Pushes the candidates of a node, chosen from those of its parent. *certain: each of them faces all items. False: failed. */
+/* Pushes the candidates of a node, chosen from those of its parent. *certain: each of them faces all
+ * items. False: failed. */
 static bool choose_candidates(descent *d, const facets_node *n, const candidates *from, vec3 from_centre,
                               candidates *out, bool *certain)
 {
@@ -207,8 +208,9 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
 typedef struct polygon {
     int count;
     vec3 corner[MOST_CORNERS]; /* relative to the site */
-    uint32_t behind
-        [MOST_CORNERS]; /* of the edge from this corner to the next: the site behind its bisector, or NO_SITE */
+    uint32_t
+        behind[MOST_CORNERS]; /* of the edge from this corner to the next: the site behind its bisector, or
+                               * NO_SITE */
 } polygon;
 
 /* Keeps what has dot(normal, x) <= offset. */
@@ -291,8 +293,8 @@ static double distance_at(const sites *s, vec3 x)
     return distance / s->spacing[nearest];
 }
 
-/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of the surface
- * next to x: points lie on the surface, which x lies beside. */
+/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of
+ * the surface next to x: points lie on the surface, which x lies beside. */
 static void raise_to_place(const descent *d, const facet *of, vec3 x, double *known)
 {
     if (distance_at(d->s, x) > *known) *known = fmax(*known, distance_at(d->s, facets_onto(d->f, of, x)));
@@ -339,7 +341,8 @@ static bool is_same(const corner_distances *a, const corner_distances *b)
     return a->of[0] == b->of[0] && a->of[1] == b->of[1] && a->of[2] == b->of[2];
 }
 
-/* The part of the triangle in the cell of candidate `own` of `count` from `base` on; false if there is none. */
+/* The part of the triangle in the cell of candidate `own` of `count` from `base` on; false if there is
+ * none. */
 static bool cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own, polygon *p)
 {
     const uint32_t *list = d->list + base, site = list[own];
@@ -378,7 +381,8 @@ static bool has_own_edge(const polygon *p)
     return found;
 }
 
-/* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off there. */
+/* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off
+ * there. */
 static void mark_sides_on_edges(const descent *d, size_t base, size_t count, size_t own, polygon *p)
 {
     const uint32_t *list = d->list + base;
@@ -444,8 +448,8 @@ static int longest_edge(const part *t, double *length)
     return longest;
 }
 
-/* Whether a site is farther from all corners than another one: it is then farther from every place of the triangle,
- * since the difference of the squares is linear. */
+/* Whether a site is farther from all corners than another one: it is then farther from every place of the
+ * triangle, since the difference of the squares is linear. */
 static bool is_dominated(const corner_distances *d, const corner_distances *by)
 {
     return d->of[0] > by->of[0] * (1 + MARGIN) && d->of[1] > by->of[1] * (1 + MARGIN) &&
@@ -459,17 +463,20 @@ typedef struct judge {
     corner_distances at;
 } judge;
 
-/* Sites in one place do not dominate each other, and no division separates them. All but the first are discarded. */
+/* Sites in one place do not dominate each other, and no division separates them. All but the first are
+ * discarded. */
 static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
 {
     return by->site < site && is_equally_far(at, &by->at, 0) && is_equally_far(at, &by->at, 1) &&
            is_equally_far(at, &by->at, 2);
 }
 
-/* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new one. */
+/* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new
+ * one. */
 enum { ALL_CORNERS = 3 };
 
-/* Pushes those of `count` candidates from `from` on that the sites nearest to each corner, and to all three, do not dominate. */
+/* Pushes those of `count` candidates from `from` on that the sites nearest to each corner, and to all
+ * three, do not dominate. */
 static void push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     enum { JUDGES = 4 };
@@ -502,7 +509,8 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
     }
 }
 
-/* `count` candidates from `from` on, which all belong to the triangle's piece and do not lie on opposite walls. */
+/* `count` candidates from `from` on, which all belong to the triangle's piece and do not lie on opposite
+ * walls. */
 static bool visit_part(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     const size_t base = d->top;
@@ -756,7 +764,8 @@ static void probe_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) probe_item(job, k * job->f->item_count / count, known);
 }
 
-/* The largest distance at places of some items. With it as a lower bound, tasks discard most searches immediately. */
+/* The largest distance at places of some items. With it as a lower bound, tasks discard most searches
+ * immediately. */
 static void probe(const build_job *job, size_t workers, threads *pool, double *known)
 {
     const size_t patches = job->f->in.patch_count;
@@ -767,7 +776,8 @@ static void probe(const build_job *job, size_t workers, threads *pool, double *k
 
 /* ---- tasks */
 
-/* What a task finds must not depend on those before it on the same thread, so each begins with the same known distances. */
+/* What a task finds must not depend on those before it on the same thread, so each begins with the same
+ * known distances. */
 static void run_tasks(void *context, int worker, size_t begin, size_t end)
 {
     const build_job *job = context;
@@ -786,7 +796,8 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
 
 /* ---- sums */
 
-/* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three quarters full. */
+/* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three
+ * quarters full. */
 typedef struct side_table {
     voronoi_side *entry; /* b == 0: free */
     size_t room, count;  /* room: a power of two */

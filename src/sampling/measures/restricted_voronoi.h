@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* restricted_voronoi: the Voronoi diagram of points, restricted to the surface on which they lie.
  *
- * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece that
- * are not of an opposite wall, is this one. Triangles are clipped by the bisectors of the points near them (Yan,
- * Levy, Liu, Sun and Wang 2009, "Isotropic remeshing with fast and exact computation of restricted Voronoi
- * diagram"). Those points are found by descending the hierarchy of facets: a node keeps the points that can be
- * nearest to a place in its sphere.
+ * The cell of a point consists of the places of its piece whose nearest point, among the points of that piece
+ * that are not of an opposite wall, is this one. Triangles are clipped by the bisectors of the points near
+ * them (Yan, Levy, Liu, Sun and Wang 2009, "Isotropic remeshing with fast and exact computation of restricted
+ * Voronoi diagram"). Those points are found by descending the hierarchy of facets: a node keeps the points
+ * that can be nearest to a place in its sphere.
  */
 #ifndef HEXAD_SAMPLING_MEASURES_RESTRICTED_VORONOI_H
 #define HEXAD_SAMPLING_MEASURES_RESTRICTED_VORONOI_H
@@ -30,7 +30,8 @@ typedef struct restricted_voronoi {
     double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
 } restricted_voronoi;
 
-/* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory, cancelled. */
+/* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,
+ * cancelled. */
 bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
                               error *e);
 void restricted_voronoi_free(restricted_voronoi *v); /* accepts a zeroed object */

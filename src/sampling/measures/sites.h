@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* sites: the delivered points as the measures of a surface use them.
  *
- * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are on
- * opposite walls if n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's. Pure
- * functions.
+ * A point on a curve lies on several faces and has a normal for each. A place with normal n and a point are
+ * on opposite walls if n . m <= SITES_OPPOSITE for all normals m of the point. The arrays are the caller's.
+ * Pure functions.
  */
 #ifndef HEXAD_SAMPLING_MEASURES_SITES_H
 #define HEXAD_SAMPLING_MEASURES_SITES_H
@@ -16,8 +16,8 @@
 #include "geometry/space/vec3.h"
 #include "sampling/voronoi/resolution.h"
 
-/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay above
- * it. */
+/* Cosine. The interaction energy is 1 down to -0.5 and 0 below -0.8 (voronoi.h); creases of right angles stay
+ * above it. */
 #define SITES_OPPOSITE RESOLUTION_OPPOSITE
 
 typedef struct sites {
@@ -31,13 +31,14 @@ typedef struct sites {
     const bool *one_sided; /* of each normal: its sign has no meaning */
     const uint32_t *patch; /* of each normal */
     const uint32_t (*patch_labels)
-        [2]; /* NULL, or of each patch the labels that it separates; normals point from the first to the second */
+        [2]; /* NULL, or of each patch the labels that it separates; normals point from the first to the
+              * second */
     double largest_spacing;
     const cell_list *near; /* of `position` */
 } sites;
 
-/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points in
- * their order. */
+/* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points
+ * in their order. */
 typedef struct sites_copies {
     size_t count;          /* of copies */
     const vec3 *normal;    /* NULL: not known */
@@ -46,13 +47,13 @@ typedef struct sites_copies {
     const uint8_t *flags;  /* of point_flags.h; NULL: none */
 } sites_copies;
 
-/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value for
- * each copy), and normal if normals are known. */
+/* Lists the copies of each point: fills side (points + 1 values, zeroed before), one_sided and patch (a value
+ * for each copy), and normal if normals are known. */
 void sites_gather(const sites_copies *copies, size_t points, uint32_t *side, vec3 *normal, bool *one_sided,
                   uint32_t *patch);
 
-/* The sign with which the cosine of normals of two patches is compared: 1, -1, or 0: the patches are never opposite.
- * Interfaces with a common label are compared by the normals that point out of it. */
+/* The sign with which the cosine of normals of two patches is compared: 1, -1, or 0: the patches are never
+ * opposite. Interfaces with a common label are compared by the normals that point out of it. */
 static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
 {
     if (!s->patch_labels) return 1;
@@ -60,8 +61,8 @@ static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
     return a[0] == b[0] || a[1] == b[1] ? 1 : a[0] == b[1] || a[1] == b[0] ? -1 : 0;
 }
 
-/* The cosine between the k-th normal and a direction n of a patch, with the sign of sites_sign; its absolute value
- * if the normal is one-sided; 1 if the patches are never opposite. */
+/* The cosine between the k-th normal and a direction n of a patch, with the sign of sites_sign; its absolute
+ * value if the normal is one-sided; 1 if the patches are never opposite. */
 static inline double sites_cosine(const sites *s, uint32_t k, vec3 n, uint32_t patch)
 {
     const int sign = sites_sign(s, s->patch[k], patch);

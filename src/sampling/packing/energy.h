@@ -14,8 +14,9 @@ typedef struct energy_function {
     double (*value)(double u);  /* u > 0 */
     double (*first)(double u);  /* d phi / d u */
     double (*second)(double u); /* d2 phi / d u2 */
-    /* energy of a particle of the ideal hexagonal packing: the full sum over the six neighbours at u = 1 / sqrt 3; the next six lie at
-     * the support (Figure 3). With the factor 1/2 of (3) it would be half of this. */
+    /* energy of a particle of the ideal hexagonal packing: the full sum over the six neighbours at u = 1 /
+     * sqrt 3; the next six lie at the support (Figure 3). With the factor 1/2 of (3) it would be half of
+     * this. */
     double ideal;
     /* d log E / d log sigma of that packing */
     double ideal_slope;
@@ -24,7 +25,8 @@ typedef struct energy_function {
 /* The default: cot w + w - pi/2 with w = u pi/2. Approximately scale invariant, and compact. */
 extern const energy_function energy_cotangent;
 
-/* exp(-(3 u)^2 / 2): the Gaussian of Witkin and Heckbert. The standard deviation is a third of the support, where it is truncated. */
+/* exp(-(3 u)^2 / 2): the Gaussian of Witkin and Heckbert. The standard deviation is a third of the
+ * support, where it is truncated. */
 extern const energy_function energy_gaussian;
 
 /* 1 / u, truncated: scale invariant, but its steady states depend on the truncation. */

@@ -12,10 +12,11 @@
 
 enum { LANES = FAST_KERNEL_LANES };
 
-/* Added to w^2, which is 2.47 at the support: coincident particles get a positive distance, and at other distances it
- * vanishes in rounding. */
+/* Added to w^2, which is 2.47 at the support: coincident particles get a positive distance, and at other
+ * distances it vanishes in rounding. */
 static const float CLOSEST = 2.5e-10f;
-/* The potential of a neighbour at a twentieth of the support, and no more, scales what the turning of normals adds. */
+/* The potential of a neighbour at a twentieth of the support, and no more, scales what the turning of
+ * normals adds. */
 static const float TURNING_MOST = 11.24f;
 
 /* (11)(12) in the tangent frame. */

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/* fast_kernel: forces, steps and energies of sixteen particles at once, one per SIMD lane. Most of the time of a solve is spent here.
+/* fast_kernel: forces, steps and energies of sixteen particles at once, one per SIMD lane. Most of the time
+ * of a solve is spent here.
  *
- * A fast step is one step of the quadratic model of the energy in the tangent plane, followed by one Newton step onto the surface. The energy at its end
- * is not evaluated. Forces are in single precision: the derivative (7) of the cotangent potential (6) and the first term of its Hessian (10) in the
- * tangent frame, as in pair_forces_at. Guarded steps use the same functions, with facing weights, damping, and energies at the end. Positions are
- * integers, so that their differences are exact; the error of a step is about 1e-6 spacings. The result of a lane is the same to the last bit for
- * every instruction set and for any contents of the other lanes. Pure functions, any thread. */
+ * A fast step is one step of the quadratic model of the energy in the tangent plane, followed by one Newton
+ * step onto the surface. The energy at its end is not evaluated. Forces are in single precision: the
+ * derivative (7) of the cotangent potential (6) and the first term of its Hessian (10) in the tangent frame,
+ * as in pair_forces_at. Guarded steps use the same functions, with facing weights, damping, and energies at
+ * the end. Positions are integers, so that their differences are exact; the error of a step is about 1e-6
+ * spacings. The result of a lane is the same to the last bit for every instruction set and for any
+ * contents of the other lanes. Pure functions, any thread. */
 #ifndef HEXAD_SAMPLING_PACKING_FAST_KERNEL_H
 #define HEXAD_SAMPLING_PACKING_FAST_KERNEL_H
 
@@ -17,14 +20,15 @@
 
 #define FAST_KERNEL_LANES VEC3_LANES
 
-/* For all steps. FAST_KERNEL_HESSIAN_FLOOR, over the trace, is added to the diagonal: the 2 x 2 system stays regular if all neighbours
- * are collinear. FAST_KERNEL_BOUND_SHARE: maximum length of the step in the tangent plane over the maximum displacement; the projection
- * adds to it. */
+/* For all steps. FAST_KERNEL_HESSIAN_FLOOR, over the trace, is added to the diagonal: the 2 x 2 system stays
+ * regular if all neighbours are collinear. FAST_KERNEL_BOUND_SHARE: maximum length of the step in the tangent
+ * plane over the maximum displacement; the projection adds to it. */
 #define FAST_KERNEL_HESSIAN_FLOOR 1e-9
 #define FAST_KERNEL_BOUND_SHARE 0.9
 
-/* Particles and their neighbour lists. Each list is read up to the largest `count` of all lanes; all entries read must be points.
- * Entries beyond the lane's own count do not affect its result, also if another thread moves these points. */
+/* Particles and their neighbour lists. Each list is read up to the largest `count` of all lanes; all entries
+ * read must be points. Entries beyond the lane's own count do not affect its result, also if another
+ * thread moves these points. */
 typedef struct fast_kernel_particles {
     const uint32_t *list[FAST_KERNEL_LANES];
     uint32_t count[FAST_KERNEL_LANES];
@@ -47,8 +51,9 @@ typedef struct fast_kernel_forces {
     float nearest2
         /* squared distance of the nearest neighbour with weight > 0 within the support; infinity: none */
         [FAST_KERNEL_LANES];
-    /* Derivative of the energy with respect to the particle's normal, through the facing weights; 0 if all weights are 0 or 1. The
-     * caller multiplies it by the rotation of the normal along the axes and adds the product to d1 and d2. */
+    /* Derivative of the energy with respect to the particle's normal, through the facing weights; 0 if all
+     * weights are 0 or 1. The caller multiplies it by the rotation of the normal along the axes and adds
+     * the product to d1 and d2. */
     float turning[3][FAST_KERNEL_LANES];
     float pairs[FAST_KERNEL_LANES]; /* number of neighbours within the support, weighted */
 } fast_kernel_forces;
@@ -88,8 +93,8 @@ typedef struct fast_kernel {
     /* The Newton step onto the surface, from value and gradient. */
     void (*land)(const fast_kernel_particles *particles, const fast_kernel_params *params,
                  fast_kernel_way *way);
-    /* E_i over size^2 of the first `count` particles, as `forces` computes it. All lanes hold points. Half of the lanes take half of
-     * the time, except with avx512. */
+    /* E_i over size^2 of the first `count` particles, as `forces` computes it. All lanes hold points. Half of
+     * the lanes take half of the time, except with avx512. */
     void (*energy)(const neighbours_place *place, const fast_kernel_particles *particles,
                    const fast_kernel_params *params, size_t count, float out[FAST_KERNEL_LANES]);
 } fast_kernel;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* fast_kernel_pairs: what fast_kernel.c compiles once for each instruction set, with VERSION(name) the name that it has there,
- * VERSION_WIDTH the particles that are summed at a time, and VERSION_ROOT(x), VERSION_LEAST(a, b) of vectors of as many floats.
- * Not a header for others, and without a guard: it is included again and again. (Vectors go by pointer: passed by value, they have
- * one ABI with AVX and another without. Sums over lanes are left to no loop: GCC 12 drops stores from one.) */
+/* fast_kernel_pairs: what fast_kernel.c compiles once for each instruction set, with VERSION(name) the name
+ * that it has there, VERSION_WIDTH the particles that are summed at a time, and VERSION_ROOT(x),
+ * VERSION_LEAST(a, b) of vectors of as many floats. Not a header for others, and without a guard: it is
+ * included again and again. (Vectors go by pointer: passed by value, they have one ABI with AVX and
+ * another without. Sums over lanes are left to no loop: GCC 12 drops stores from one.) */
 
 typedef float VERSION(floats) __attribute__((vector_size(4 * VERSION_WIDTH)));
 typedef int32_t VERSION(ints) __attribute__((vector_size(4 * VERSION_WIDTH)));
@@ -103,7 +104,8 @@ ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_n
     out->dx = __builtin_convertvector(own->x - b.x, VERSION(floats));
     out->dy = __builtin_convertvector(own->y - b.y, VERSION(floats));
     out->dz = __builtin_convertvector(own->z - b.z, VERSION(floats));
-    /* Behind its list a particle may find itself: far away, since powers of a w^2 of 0 would be denormal, which is slow. */
+    /* Behind its list a particle may find itself: far away, since powers of a w^2 of 0 would be denormal,
+     * which is slow. */
     out->r2 = out->dx * out->dx + out->dy * out->dy + out->dz * out->dz +
               (VERSION(floats))((VERSION(ints))VERSION_ALL(INFINITY) & (own->count <= (int32_t)k));
     out->scale2 = scale * scale;

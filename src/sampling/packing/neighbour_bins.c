@@ -74,7 +74,8 @@ static uint64_t spot_of(const place *bin)
     return key_of(&block) << 3 * BLOCK_SHIFT | cell_of(bin);
 }
 
-/* Where in `cell` the cell of a spot is. If it had no bin it has one now; NO_CELL when there is no room for that. */
+/* Where in `cell` the cell of a spot is. If it had no bin it has one now; NO_CELL when there is no room
+ * for that. */
 static uint32_t cell_at(neighbours *n, uint64_t spot, visit *last)
 {
     const uint64_t key = spot >> 3 * BLOCK_SHIFT;
@@ -109,10 +110,11 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
                     (int64_t)(p->z * scale) >> level}};
 }
 
-/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists, list_begin holds of
- * each point its spot's number within the chunk. For the k-th spot of a chunk that begins with point b, `list` holds
- * its position, as a uint64_t at b + k, bin_item[b + k] how many points the chunk has, and list_count[b + k] its cell,
- * its bin, then where in bin_item the chunk's points of that bin go; bin_item ends with a 0. */
+/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists,
+ * list_begin holds of each point its spot's number within the chunk. For the k-th spot of a chunk that begins
+ * with point b, `list` holds its position, as a uint64_t at b + k, bin_item[b + k] how many points the chunk
+ * has, and list_count[b + k] its cell, its bin, then where in bin_item the chunk's points of that bin go;
+ * bin_item ends with a 0. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
@@ -159,8 +161,9 @@ static bool split_level(neighbours *n, int level, visit *last)
     return true;
 }
 
-/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the points; then
- * come those that have only bins below them. False when there are more than there is room for. */
+/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the
+ * points; then come those that have only bins below them. False when there are more than there is room
+ * for. */
 static bool number_bins(neighbours *n)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);

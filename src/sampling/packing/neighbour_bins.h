@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* neighbour_bins: positions and points of the bins and blocks of neighbour lists (neighbours.h). Private to neighbours.c and
- * independent_sets.c. */
+/* neighbour_bins: positions and points of the bins and blocks of neighbour lists (neighbours.h). Private to
+ * neighbours.c and independent_sets.c. */
 #ifndef HEXAD_SAMPLING_PACKING_NEIGHBOUR_BINS_H
 #define HEXAD_SAMPLING_PACKING_NEIGHBOUR_BINS_H
 
@@ -67,11 +67,12 @@ static inline size_t slot_of(const neighbours *n, uint64_t key)
 
 #define NO_KEY UINT64_MAX
 
-/* Allocates bins and blocks for the typical number of `points` points on a surface; they grow later if necessary. Error: limit_memory. */
+/* Allocates bins and blocks for the typical number of `points` points on a surface; they grow later if
+ * necessary. Error: limit_memory. */
 bool neighbour_bins_reserve(neighbours *n, size_t points, error *e);
 
-/* Sorts the points into bins, and bins and blocks into the order of updates. Input: place, edge and cutoff. Uses list, list_begin and
- * list_count as scratch memory. Errors: limit_memory, cancelled. */
+/* Sorts the points into bins, and bins and blocks into the order of updates. Input: place, edge and cutoff.
+ * Uses list, list_begin and list_count as scratch memory. Errors: limit_memory, cancelled. */
 bool neighbour_bins_fill(neighbours *n, threads *pool, error *e);
 
 #endif

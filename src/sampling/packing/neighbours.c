@@ -17,8 +17,8 @@
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
 static const size_t FIRST_ENTRIES = 20;
-/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a point to
- * the next level. */
+/* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a
+ * point to the next level. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
 enum { CHUNK = 4096 }; /* of points */
@@ -90,7 +90,8 @@ typedef struct list_search {
     place at;                  /* of the bin at hand */
     candidates near;           /* points that may be neighbours of its points */
     candidates
-        all; /* where bins are of one level, the points of the block and of the bins next to it, cell after cell */
+        all; /* where bins are of one level, the points of the block and of the bins next to it, cell after
+              * cell */
     uint32_t cell_begin[WIDE_CELLS + 1]; /* of these */
     size_t entries, entry_capacity;      /* the lists, one after the other */
     uint32_t *entry;
@@ -308,8 +309,8 @@ static void search_level(list_search *s)
             }
 }
 
-/* The points of a block and of the bins next to it, where all bins are of one level: each bin is looked up once, and points of
- * successive bins are contiguous. */
+/* The points of a block and of the bins next to it, where all bins are of one level: each bin is looked up
+ * once, and points of successive bins are contiguous. */
 static void gather_block(list_search *s)
 {
     const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1; /* from the lowest of the blocks around */
@@ -352,8 +353,8 @@ static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32
     return kept;
 }
 
-/* The lists of the points of the bin at hand, which begin where they do among those of the block. What there is no room
- * for is counted, not kept. */
+/* The lists of the points of the bin at hand, which begin where they do among those of the block. What there
+ * is no room for is counted, not kept. */
 static size_t list_bin(list_search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;

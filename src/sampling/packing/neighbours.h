@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/* neighbours: neighbour lists from spatial bins, and an order of updates for which the result does not depend on the number of threads.
- * Each point has a size. Two points are neighbours if their distance is below the cutoff times the mean of their sizes. Bins have levels:
- * the points of a level have sizes within a factor of 2, and lie in cubes whose edge is the cutoff for the largest size of the level. The
- * cubes of levels nest. They are gathered in blocks, which are hashed, so that memory is used only where points are. Blocks of one level
- * whose coordinates have the same parity have one colour. Two points in different blocks of one colour are farther apart than their
- * cutoff, so that neither is in the list of the other. The blocks of a colour are therefore updated in parallel, and the colours one after
- * the other, with the result of one thread (Gauss-Seidel). Lists are valid until a point has moved farther than its size times (cutoff -
- * support) / 2. */
+/* neighbours: neighbour lists from spatial bins, and an order of updates for which the result does not depend
+ * on the number of threads. Each point has a size. Two points are neighbours if their distance is below the
+ * cutoff times the mean of their sizes. Bins have levels: the points of a level have sizes within a factor of
+ * 2, and lie in cubes whose edge is the cutoff for the largest size of the level. The cubes of levels nest.
+ * They are gathered in blocks, which are hashed, so that memory is used only where points are. Blocks of one
+ * level whose coordinates have the same parity have one colour. Two points in different blocks of one colour
+ * are farther apart than their cutoff, so that neither is in the list of the other. The blocks of a colour
+ * are therefore updated in parallel, and the colours one after the other, with the result of one thread
+ * (Gauss-Seidel). Lists are valid until a point has moved farther than its size times (cutoff - support) /
+ * 2. */
 #ifndef HEXAD_SAMPLING_PACKING_NEIGHBOURS_H
 #define HEXAD_SAMPLING_PACKING_NEIGHBOURS_H
 
@@ -19,7 +21,8 @@
 #include "base/core/threads.h"
 #include "geometry/space/vec3.h"
 
-/* An assertion in inner loops, which would cost one or two per cent of a job: enabled in the sanitized build only. */
+/* An assertion in inner loops, which would cost one or two per cent of a job: enabled in the sanitized
+ * build only. */
 #ifdef __SANITIZE_ADDRESS__
 #define NEIGHBOURS_CHECK(condition) assert(condition)
 #else
@@ -29,8 +32,8 @@
 #define NEIGHBOURS_LEVELS 16 /* sizes up to 1 : 2^15 */
 #define NEIGHBOURS_COLOURS (8 * NEIGHBOURS_LEVELS)
 
-/* The position of a point in units of 2^-30 of the bounding box, and its size. Differences are exact for any origin. The struct takes a
- * quarter of a cache line. */
+/* The position of a point in units of 2^-30 of the bounding box, and its size. Differences are exact for any
+ * origin. The struct takes a quarter of a cache line. */
 typedef struct neighbours_place {
     int32_t x, y, z;
     float size;
@@ -65,7 +68,7 @@ typedef struct neighbours {
 
     const uint32_t
         *label; /* of each point, the caller's, set before a build: lists hold points of the same label alone.
-                            * NULL: all */
+                 * NULL: all */
     size_t list_limit;    /* bytes that the lists may take */
     size_t list_capacity; /* entries there is memory for */
     uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
@@ -78,20 +81,22 @@ typedef struct neighbours {
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e);
 void neighbours_free(neighbours *n);
 
-/* Builds bins and lists for `count` points of the given sizes, > 0 (NULL: 1). Lists are full: j is in the list of i if and only if i is
- * in the list of j; a point is not in its own list. May allocate memory if points are dense. Errors: limit_memory, cancelled. */
+/* Builds bins and lists for `count` points of the given sizes, > 0 (NULL: 1). Lists are full: j is in the
+ * list of i if and only if i is in the list of j; a point is not in its own list. May allocate memory if
+ * points are dense. Errors: limit_memory, cancelled. */
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e);
 
-/* The list_count[i] neighbours of point i. Reading on up to the length of the longest list is permitted; the further entries are
- * points, too. */
+/* The list_count[i] neighbours of point i. Reading on up to the length of the longest list is permitted; the
+ * further entries are points, too. */
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {
     NEIGHBOURS_CHECK(i < n->count && n->list_begin[i] <= n->list_capacity);
     return n->list + n->list_begin[i];
 }
 
-/* The points of the blocks `from` .. `to` - 1, in the order of updates: bin_item[*begin] .. bin_item[*end - 1]. */
+/* The points of the blocks `from` .. `to` - 1, in the order of updates: bin_item[*begin] ..
+ * bin_item[*end - 1]. */
 static inline void neighbours_block_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
                                            uint32_t *end)
 {

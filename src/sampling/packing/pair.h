@@ -20,8 +20,8 @@
 
 #define PAIR_LANES 8
 
-/* Gathered neighbours of a particle, in `blocks` groups of PAIR_LANES. Padding entries have weight 0 and any position except that of
- * the particle. Arrays are aligned to 64 bytes. */
+/* Gathered neighbours of a particle, in `blocks` groups of PAIR_LANES. Padding entries have weight 0 and any
+ * position except that of the particle. Arrays are aligned to 64 bytes. */
 typedef struct pair_list {
     size_t blocks;
     double *x, *y, *z; /* positions, world space */
@@ -35,7 +35,8 @@ typedef struct pair_list {
 /* The number of arrays of a pair_list. */
 enum { PAIR_LIST_ARRAYS = 9 };
 
-/* A list without neighbours whose arrays are in `number`, PAIR_LIST_ARRAYS times `length` doubles. `length`: a multiple of PAIR_LANES. */
+/* A list without neighbours whose arrays are in `number`, PAIR_LIST_ARRAYS times `length` doubles.
+ * `length`: a multiple of PAIR_LANES. */
 static inline pair_list pair_list_in(double *number, size_t length)
 {
     pair_list list = {0};
@@ -45,7 +46,8 @@ static inline pair_list pair_list_in(double *number, size_t length)
     return list;
 }
 
-/* Sets entry k: position, unit normal, amplitude and size of the pair. The weight is the amplitude until pair_weigh. */
+/* Sets entry k: position, unit normal, amplitude and size of the pair. The weight is the amplitude until
+ * pair_weigh. */
 static inline void pair_list_set(pair_list *list, size_t k, vec3 x, vec3 n, double amplitude, double size)
 {
     list->x[k] = x.x;
@@ -58,9 +60,10 @@ static inline void pair_list_set(pair_list *list, size_t k, vec3 x, vec3 n, doub
     list->size2[k] = size * size;
 }
 
-/* Facing weight of a pair, by the cosine of the normals: 1 above -0.5 (120 degrees), 0 below PAIR_FACING_NONE (143 degrees: opposite
- * walls of a thin part), with a smooth step between. At a sharp edge, where the normals of a spline differ by up to 112 degrees, the
- * weight is 1. Otherwise both sides of the edge would place particles along it. */
+/* Facing weight of a pair, by the cosine of the normals: 1 above -0.5 (120 degrees), 0 below PAIR_FACING_NONE
+ * (143 degrees: opposite walls of a thin part), with a smooth step between. At a sharp edge, where the
+ * normals of a spline differ by up to 112 degrees, the weight is 1. Otherwise both sides of the edge would
+ * place particles along it. */
 #define PAIR_FACING_NONE -0.8
 #define PAIR_FACING_RANGE 0.3
 
@@ -70,8 +73,9 @@ static inline double pair_facing(vec3 a, vec3 b)
     return fmin(fmax((vec3_dot(a, b) - PAIR_FACING_NONE) / (-0.5 - PAIR_FACING_NONE), 0), 1);
 }
 
-/* Sets `weight` for a particle with normal n: amplitude times facing weight. The weight is part of the energy, so that a trial uses the
- * normal at its end. With constant weights, particles at creases that h does not resolve would never converge. */
+/* Sets `weight` for a particle with normal n: amplitude times facing weight. The weight is part of the
+ * energy, so that a trial uses the normal at its end. With constant weights, particles at creases that h
+ * does not resolve would never converge. */
 void pair_weigh(pair_list *list, vec3 n);
 
 typedef struct pair_forces {
@@ -81,8 +85,9 @@ typedef struct pair_forces {
     double nearest2;      /* squared distance of the nearest neighbour with weight > 0; infinity: none */
 } pair_forces;
 
-/* The sums for a particle at x with the axes of its tangent frame. `sigma`: the support times the size of the particle, world units.
- * The cotangent potential is vectorised; other potentials are evaluated by their function pointers. */
+/* The sums for a particle at x with the axes of its tangent frame. `sigma`: the support times the size of the
+ * particle, world units. The cotangent potential is vectorised; other potentials are evaluated by their
+ * function pointers. */
 void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
                     double sigma, pair_forces *out);
 double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma);

@@ -9,21 +9,22 @@
 #include "surface/field/projection.h"
 #include "sampling/voronoi/resolution.h"
 
-/* Number of sampled places: a fraction of 2 % has a standard deviation below 0.5 %. If no wall is close to any of the
- * FIRST ones, the others are not sampled: with thin walls on 2 % of the surface the probability of that is 0.6 %. */
+/* Number of sampled places: a fraction of 2 % has a standard deviation below 0.5 %. If no wall is close to
+ * any of the FIRST ones, the others are not sampled: with thin walls on 2 % of the surface the probability
+ * of that is 0.6 %. */
 enum { SAMPLES = 1024, FIRST = 256, GRAIN = 16 };
 /* The smallest spacing of a packing over the requested one. */
 static const double UNEVEN = 0.9;
-/* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the tube of
- * smallest diameter is seen with the smallest gap. */
+/* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the
+ * tube of smallest diameter is seen with the smallest gap. */
 enum { TILTED = 6 };
 static const double TILT = 0.58;
-/* Steps along a ray, in cell sizes. They grow by a factor up to LONGEST: walls that are skipped are thin, and are found
- * from their own places. Cells of patches are as large as the spacing, which is unrelated to the thickness of parts:
- * there the first step is small, and growth is unlimited. */
+/* Steps along a ray, in cell sizes. They grow by a factor up to LONGEST: walls that are skipped are thin, and
+ * are found from their own places. Cells of patches are as large as the spacing, which is unrelated to the
+ * thickness of parts: there the first step is small, and growth is unlimited. */
 static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
-/* On triangles |F| is the distance: a step has this fraction of it, and the ray ends if |F| exceeds its remaining
- * length. */
+/* On triangles |F| is the distance: a step has this fraction of it, and the ray ends if |F| exceeds its
+ * remaining length. */
 static const double CLEAR = 0.9;
 /* Newton steps to the surface, and their tolerance in cell sizes. */
 static const int PROJECT_STEPS = 10;
@@ -36,7 +37,8 @@ typedef struct clearance_job {
     double h;
     size_t begin; /* first sample to measure */
     double *
-        /* Per sample: the largest spacing that resolves it over the requested one; INFINITY: no opposite wall. */
+        /* Per sample: the largest spacing that resolves it over the requested one; INFINITY: no opposite
+         * wall. */
         ratio;
 } clearance_job;
 
@@ -45,8 +47,8 @@ static double first_step(const field *f)
     return (f->patches ? PATCH_STRIDE : STRIDE) * f->cell_size;
 }
 
-/* Whether the ray from x meets an opposite wall within `reach`; *end, *normal: where. `inside`: the ray goes into the
- * solid. `hint`: see field_sample_near, for x. */
+/* Whether the ray from x meets an opposite wall within `reach`; *end, *normal: where. `inside`: the ray goes
+ * into the solid. `hint`: see field_sample_near, for x. */
 static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, uint32_t hint, vec3 *end,
                  vec3 *normal)
 {

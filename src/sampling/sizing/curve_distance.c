@@ -24,8 +24,8 @@ static size_t parts_of(const field_patches *p, const field_curve *c, size_t side
     return (size_t)fmin(1 + vec3_norm(vec3_sub(to, from)) / step, PARTS_MOST);
 }
 
-/* First pass (place NULL): counts the samples of patch p in begin[p + 1]. Second pass: stores them from begin[p], which
- * is advanced. */
+/* First pass (place NULL): counts the samples of patch p in begin[p + 1]. Second pass: stores them from
+ * begin[p], which is advanced. */
 static void sample_curves(const field_patches *p, double step, curve_distance *d)
 {
     for (const field_curve *c = p->curve; c < p->curve + p->curve_count; c++)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* elements: a coarse description of the surface: mean position, normal and area of its part in each cube. A cube has a
- * separate element for each of six directions of the normal, so that opposite walls are separate, and for each patch.
- * World units. Immutable after construction, any thread.
+/* elements: a coarse description of the surface: mean position, normal and area of its part in each cube. A
+ * cube has a separate element for each of six directions of the normal, so that opposite walls are separate,
+ * and for each patch. World units. Immutable after construction, any thread.
  */
 #ifndef HEXAD_SAMPLING_SIZING_ELEMENTS_H
 #define HEXAD_SAMPLING_SIZING_ELEMENTS_H
@@ -39,21 +39,23 @@ typedef struct elements_cube {
     int32_t at[3];
 } elements_cube;
 
-/* Makes elements from samples of the cells. `edge`: of a cube. Free *out also after failure. Error: limit_memory. */
+/* Makes elements from samples of the cells. `edge`: of a cube. Free *out also after failure. Error:
+ * limit_memory. */
 bool elements_make(const surface *scan, const cell_samples *sample, double edge, elements *out, error *e);
 void elements_free(elements *s);
 
 elements_cube elements_cube_of(const elements *s, vec3 x);
 
-/* The first element of the cube at the offset (i, j, k); continue with `next`. BLOCK_MAP_NONE: there is none. */
+/* The first element of the cube at the offset (i, j, k); continue with `next`. BLOCK_MAP_NONE: there is
+ * none. */
 static inline uint32_t elements_first(const elements *s, elements_cube from, int i, int j, int k)
 {
     uint32_t number = block_map_find(&s->map, from.at[0] + i, from.at[1] + j, from.at[2] + k);
     return number == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : s->first[number];
 }
 
-/* The first element of a patch in the cube at the offset; continue with `next_of_patch`. A cube may have thousands of
- * patches. */
+/* The first element of a patch in the cube at the offset; continue with `next_of_patch`. A cube may have
+ * thousands of patches. */
 static inline uint32_t elements_first_of(const elements *s, elements_cube from, int i, int j, int k,
                                          uint32_t patch)
 {

@@ -8,13 +8,13 @@
 #include "sampling/voronoi/resolution.h"
 #include "sampling/sizing/elements.h"
 
-/* Maximum distance, in cubes, of the contact of a ball with the plane of an element from the centre of the element: no
- * gap between two elements remains. */
+/* Maximum distance, in cubes, of the contact of a ball with the plane of an element from the centre of the
+ * element: no gap between two elements remains. */
 static const double PATCH = 0.9;
 /* Half the diagonal of a cube: maximum distance of an element from the centre of its cube. */
 static const double HALF_DIAGONAL = 0.8660254037844386;
-/* Balls are searched within REACH cubes, and cubes grow by the factor GROWTH: except at the first level a ball is at
- * least two cubes wide. */
+/* Balls are searched within REACH cubes, and cubes grow by the factor GROWTH: except at the first level a
+ * ball is at least two cubes wide. */
 enum { REACH = 4, GROWTH = 2 };
 enum { OFFSETS_SIDE = 2 * (REACH + 1) + 1, MOST_OFFSETS = OFFSETS_SIDE * OFFSETS_SIDE * OFFSETS_SIDE };
 
@@ -58,8 +58,8 @@ static bool list_offsets(measuring *m, error *e)
     return true;
 }
 
-/* The radius of the ball that touches the surface at x and the plane of an opposite element. INFINITY: it does not
- * touch the plane within the element. */
+/* The radius of the ball that touches the surface at x and the plane of an opposite element. INFINITY: it
+ * does not touch the plane within the element. */
 static double ball_radius(const elements *s, const element *other, vec3 x, vec3 normal)
 {
     double cosine = vec3_dot(normal, other->normal);
@@ -130,7 +130,8 @@ static void look_from_cells(void *context, int worker, size_t begin, size_t end)
             m->size[k] = find_ball(m, s->position[k], s->normal[k]);
 }
 
-/* Finds balls within the reach of cubes of this edge. *open: some cells have no size. False: out of memory. */
+/* Finds balls within the reach of cubes of this edge. *open: some cells have no size. False: out of
+ * memory. */
 static bool measure_level(measuring *m, double edge, threads *pool, bool *open, error *e)
 {
     const char *what = "the feature size";
@@ -158,8 +159,8 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
     return ok;
 }
 
-/* Uses the normals of the triangles themselves. Interpolated normals turn over a whole triangle, so that opposite walls
- * near an edge of large triangles would not be detected. */
+/* Uses the normals of the triangles themselves. Interpolated normals turn over a whole triangle, so that
+ * opposite walls near an edge of large triangles would not be detected. */
 static bool take_faces(measuring *m, const cell_samples *sample, error *e)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];

@@ -13,7 +13,8 @@
 static const double EDGE_SCALE = 0.75;
 /* Weights are 0 beyond this number of scales: exp(-4). */
 static const double REACH = 2;
-/* Relative damping of the matrix: a neighbourhood that is nearly a line does not determine the curvature across it. */
+/* Relative damping of the matrix: a neighbourhood that is nearly a line does not determine the curvature
+ * across it. */
 static const double DAMPING = 1e-3;
 
 struct scaled_curvature {

@@ -11,8 +11,8 @@
 #include "geometry/space/packing.h"
 #include "sampling/sizing/spacing_request.h"
 
-/* Edge of a cube of nodes: in cell sizes, so that every cube that the surface crosses contains samples; and in mean
- * spacings, below which the request is not resolved. */
+/* Edge of a cube of nodes: in cell sizes, so that every cube that the surface crosses contains samples; and
+ * in mean spacings, below which the request is not resolved. */
 static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
 /* Maximum of an unbounded spacing: this many mean spacings, or the surface's size. */
 static const double WIDEST_EVEN = 10;
@@ -26,11 +26,11 @@ static const double GRADIENT_DAMPING = 0.02;
 static const double RATIO_LEFT = 0.8;
 /* A node's linear model is limited to its neighbours, and to this relative change of the spacing. */
 static const double MODEL_LIMIT = 0.5;
-/* Maximum second derivative of the spacing, see smooth_chunk: the limit for a packing, for requests at points; and the
- * limit for few defects, for requests over a distance. */
+/* Maximum second derivative of the spacing, see smooth_chunk: the limit for a packing, for requests at
+ * points; and the limit for few defects, for requests over a distance. */
 static const double BEND_AT_POINTS = 0.08, BEND_OVER_DISTANCE = 0.02;
-/* Difference of the mean over the neighbours and the node for a Laplacian of 1 per squared cube; and the tolerance of
- * smoothing. */
+/* Difference of the mean over the neighbours and the node for a Laplacian of 1 per squared cube; and the
+ * tolerance of smoothing. */
 static const double AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 
@@ -216,8 +216,8 @@ static uint32_t heap_take(making *m)
     return first;
 }
 
-/* Reduces adjacent spacings that exceed that of node k by more than `gradation` times the distance. Returns whether
- * there were any. `only_test`: nothing is changed. */
+/* Reduces adjacent spacings that exceed that of node k by more than `gradation` times the distance. Returns
+ * whether there were any. `only_test`: nothing is changed. */
 static bool limit_neighbours(making *m, uint32_t k, bool only_test)
 {
     const node *n = &m->g->node[k];
@@ -234,7 +234,8 @@ static bool limit_neighbours(making *m, uint32_t k, bool only_test)
     return false;
 }
 
-/* Reduces spacings until none exceeds that of an adjacent node by more than `gradation` times their distance. */
+/* Reduces spacings until none exceeds that of an adjacent node by more than `gradation` times their
+ * distance. */
 static void limit_growth(making *m)
 {
     if (isinf(m->g->params.gradation)) return;
@@ -243,7 +244,8 @@ static void limit_growth(making *m)
     while (m->heap_count > 0 && !threads_stopped(m->pool)) limit_neighbours(m, heap_take(m), false);
 }
 
-/* Sets the spacings for a scale, and returns the number of points. `widest`: replaces a missing upper bound. */
+/* Sets the spacings for a scale, and returns the number of points. `widest`: replaces a missing upper
+ * bound. */
 static double points_under(making *m, double scale, double widest)
 {
     sizing_field *g = m->g;
@@ -286,8 +288,8 @@ static bool count_impossible(making *m, const surface *scan, size_t count, doubl
         count, p->gradation);
 }
 
-/* Finds the scale for `want` points. Without bounds the number of points is proportional to its inverse square; bounds
- * and growth weaken that. Half a point of error is sufficient. */
+/* Finds the scale for `want` points. Without bounds the number of points is proportional to its inverse
+ * square; bounds and growth weaken that. Half a point of error is sufficient. */
 static bool find_scale(making *m, double want, double first, double widest)
 {
     double scale = first, low = 0, high = INFINITY,
@@ -310,9 +312,9 @@ static bool find_scale(making *m, double want, double first, double widest)
 
 /* --- noise --- */
 
-/* A packing cannot follow a spacing whose second derivative is large. The growth limit bounds the first derivative;
- * this bounds the second: averages over adjacent nodes until the Laplacian of the logarithm of the spacing is at most
- * `bend` / spacing^2 everywhere. Nodes below that do not change. */
+/* A packing cannot follow a spacing whose second derivative is large. The growth limit bounds the first
+ * derivative; this bounds the second: averages over adjacent nodes until the Laplacian of the logarithm of
+ * the spacing is at most `bend` / spacing^2 everywhere. Nodes below that do not change. */
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *m = context;
@@ -460,8 +462,8 @@ static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 
     return found;
 }
 
-/* Interpolates the models of the eight cubes. A missing node is replaced by any node with weight 0: half of them are
- * missing on a surface, and a branch would often be mispredicted. */
+/* Interpolates the models of the eight cubes. A missing node is replaced by any node with weight 0: half of
+ * them are missing on a surface, and a branch would often be mispredicted. */
 ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
 {
     blend b = {0};
@@ -498,8 +500,8 @@ static double sum_points(sizing_field *g, const surface *scan, const vec3 *posit
     return g->points_before[scan->cells];
 }
 
-/* Smooths after the growth limit, so that a crease takes effect before it is averaged, and the fine end of noise
- * remains. Painted maps are not smoothed. */
+/* Smooths after the growth limit, so that a crease takes effect before it is averaged, and the fine end of
+ * noise remains. Painted maps are not smoothed. */
 static void smooth_spacing(making *m)
 {
     sizing_field *g = m->g;
@@ -519,8 +521,8 @@ static void rescale(sizing_field *g, double factor)
         g->node[k].spacing = fmin(fmax(factor * g->node[k].spacing, low), high);
 }
 
-/* Scales the spacings to `count` points, first by the nodes, then corrected by a few percent by the cells. `is_rough`:
- * only the spacings are used; no correction, no smoothing. */
+/* Scales the spacings to `count` points, first by the nodes, then corrected by a few percent by the cells.
+ * `is_rough`: only the spacings are used; no correction, no smoothing. */
 static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
                        bool is_rough, threads *pool, error *e)
 {
@@ -570,7 +572,8 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
 /* Every node has at least one cell. */
 static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
-    /* spacings before and after an iteration, points before a cell, three arrays of smoothing; two of the heap */
+    /* spacings before and after an iteration, points before a cell, three arrays of smoothing; two of the
+     * heap */
     const size_t node_bytes = sizeof(node) + sizeof(node_links) + sizeof(double[6]) + sizeof(uint32_t[2]);
     const double bytes = (double)(cells * (SPACING_REQUEST_CELL_BYTES + node_bytes) + block_map_bytes(cells));
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
@@ -605,8 +608,8 @@ static void describe(sizing_field *g, size_t cells)
     g->facts.points = g->points_before[cells];
 }
 
-/* Makes the field of a request. If that depends on the spacing, makes rough fields first: the curvature of each
- * iteration is over the geometric mean of the spacings of the last two. */
+/* Makes the field of a request. If that depends on the spacing, makes rough fields first: the curvature of
+ * each iteration is over the geometric mean of the spacings of the last two. */
 static bool fill_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
 {
     size_t cells = r->scan->cells;
@@ -634,8 +637,8 @@ static double ratio_of(const sizing_field *g)
     return g->facts.largest / g->facts.least;
 }
 
-/* Makes the field. While growth and smoothing (not a bound) reduce a ratio too much, halves fine_share, as long as that
- * helps. */
+/* Makes the field. While growth and smoothing (not a bound) reduce a ratio too much, halves fine_share, as
+ * long as that helps. */
 static bool find_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
 {
     const sizing_field_params *p = &g->params;

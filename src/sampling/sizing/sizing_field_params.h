@@ -18,8 +18,8 @@ typedef enum sizing_field_kind {
 typedef struct sizing_field_params {
     sizing_field_kind kind;
     double chord_error;
-    /* Distance over which curvature is averaged (scaled_curvature): in local spacings, or in world units. Both 0: the
-     * field's own curvature, at points. */
+    /* Distance over which curvature is averaged (scaled_curvature): in local spacings, or in world units.
+     * Both 0: the field's own curvature, at points. */
     double scale_spacings, scale_world;
     double ratio, exponent;
     /* value of the map at x; NaN: it has none, and no points are requested there */
@@ -27,9 +27,9 @@ typedef struct sizing_field_params {
     const void *map_context;
     double feature_ratio; /* maximum spacing over the feature size (feature_size); 0: no bound */
     double feature_floor; /* minimum spacing that features can request, > 0 */
-    /* On curves the spacing is curve_share, 0 < curve_share <= 1, times that around them, and grows from there by
-     * `gradation`, which must be finite then. NULL: curves have no spacing of their own. Joined; not owned, outlives
-     * the sizing field. */
+    /* On curves the spacing is curve_share, 0 < curve_share <= 1, times that around them, and grows from
+     * there by `gradation`, which must be finite then. NULL: curves have no spacing of their own. Joined; not
+     * owned, outlives the sizing field. */
     const curve_distance *curves;
     double curve_share;
     double min_spacing, max_spacing; /* 0: no bound */

@@ -10,11 +10,11 @@
 #include "sampling/sizing/feature_size.h"
 #include "sampling/sizing/scaled_curvature.h"
 
-/* The curvature at the fine end of a ratio is exceeded on this fraction of the area: initially, and at least. A single
- * tip or noise must not set the scale. */
+/* The curvature at the fine end of a ratio is exceeded on this fraction of the area: initially, and at least.
+ * A single tip or noise must not set the scale. */
 static const double FINE_SHARE = 0.01, LEAST_FINE_SHARE = 0.00125;
-/* A surface that bends by less than this angle, in radians, over the even spacing is flat: on flat facets rounding leaves curvatures of 1e-15
- * and less, which differ from facet to facet. */
+/* A surface that bends by less than this angle, in radians, over the even spacing is flat: on flat facets
+ * rounding leaves curvatures of 1e-15 and less, which differ from facet to facet. */
 static const double FLAT_ANGLE = 1e-9;
 /* The curvature that is exceeded on all but this fraction of the area limits the ratio at its coarse end. */
 static const double FLAT_SHARE = 0.001;

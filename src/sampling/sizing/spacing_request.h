@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* spacing_request: the spacing that a job requests at each cell of the surface, before it is scaled to a count.
+/* spacing_request: the spacing that a job requests at each cell of the surface, before it is scaled to a
+ * count.
  *
- * For a painted map it is the value of the map. From curvature, it follows from the field's curvature at a point of the
- * cell, or from that over a distance (scaled_curvature), which is computed at octaves of the mean spacing and
- * interpolated. World space and world units. One thread.
+ * For a painted map it is the value of the map. From curvature, it follows from the field's curvature at a
+ * point of the cell, or from that over a distance (scaled_curvature), which is computed at octaves of the
+ * mean spacing and interpolated. World space and world units. One thread.
  */
 #ifndef HEXAD_SAMPLING_SIZING_SPACING_REQUEST_H
 #define HEXAD_SAMPLING_SIZING_SPACING_REQUEST_H
@@ -47,12 +48,13 @@ bool spacing_request_is_implicit(const sizing_field_params *params);
 bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing_field_params *params,
                            double even, threads *pool, error *e);
 
-/* The spacing of each cell up to a common factor; NaN: unknown. `over`: the present spacing of each cell, used if the
- * request is implicit. Errors: input_unsupported (a value of the map is not a spacing), limit_memory. */
+/* The spacing of each cell up to a common factor; NaN: unknown. `over`: the present spacing of each cell,
+ * used if the request is implicit. Errors: input_unsupported (a value of the map is not a spacing),
+ * limit_memory. */
 bool spacing_request_find(spacing_request *r, const double *over, double *spacing, error *e);
 
-/* For curvature over a distance: halves fine_share. False: the curvatures do not have such a ratio, or the fraction
- * would be too small. */
+/* For curvature over a distance: halves fine_share. False: the curvatures do not have such a ratio, or the
+ * fraction would be too small. */
 bool spacing_request_refine(spacing_request *r);
 
 /* The maximum spacing at a feature of this size: the ratio times the size, but not below the floor. */

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* blue_noise: points without regular packing, as a solver_method (solver_state.h). See "Blue noise" in doc/method.md.
+/* blue_noise: points without regular packing, as a solver_method (solver_state.h). See "Blue noise" in
+ * doc/method.md.
  *
- * The particles start at random positions. A few steps on the energy of the packing equalise their density. Each further step corrects
- * only pairs that are too close and places that are too far from all particles. The steps are those of all particles at once (Jacobi), so
- * that the result does not depend on the number of threads. Particles of all patches interact, and none is held on a curve.
+ * The particles start at random positions. A few steps on the energy of the packing equalise their density.
+ * Each further step corrects only pairs that are too close and places that are too far from all particles.
+ * The steps are those of all particles at once (Jacobi), so that the result does not depend on the number of
+ * threads. Particles of all patches interact, and none is held on a curve.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -17,44 +19,51 @@
 #include "sampling/solver/solver_state.h"
 #include "sampling/voronoi/resolution.h"
 
-/* Number of Newton steps on the energy. Fewer: more power at low frequencies; more: a more regular packing. */
+/* Number of Newton steps on the energy. Fewer: more power at low frequencies; more: a more regular
+ * packing. */
 enum { ENERGY_STEPS = 4 };
 /* Longest step, in spacings. Longer: particles pass each other. */
 static const double LONGEST_STEP = 0.3;
 /* Maximum number of corrections. On smooth surfaces 30 to 110 suffice; the last ones move few particles. */
 enum { MAX_CORRECTIONS = 200 };
-/* Distances that corrections aim at, in spacings: of pairs, and of places from their nearest particle. Nearer to the bounds: the
- * corrections converge slowly; beyond them: more regular points. */
+/* Distances that corrections aim at, in spacings: of pairs, and of places from their nearest particle. Nearer
+ * to the bounds: the corrections converge slowly; beyond them: more regular points. */
 static const double PAIR_DISTANCE = 0.75, PLACE_DISTANCE = 0.76;
 /* Fraction of a deviation that each particle concerned corrects in one step. */
 static const double CORRECTION = 0.5;
-/* Deviations below this are not corrected, in spacings. It is smaller than the margin between the bounds and the distances
- * that corrections aim at. Smaller: more particles move in each step. */
+/* Deviations below this are not corrected, in spacings. It is smaller than the margin between the bounds and
+ * the distances that corrections aim at. Smaller: more particles move in each step. */
 static const double LEAST_CORRECTION = 0.002;
 /* Number of corrections without fewer particles that miss a bound after which the points are stuck. */
 enum { PATIENCE = 40 };
-/* Convergence: the bounds of pairs and places, in spacings. They are narrower than SOLVER_BLUE_NOISE_LEAST and SOLVER_BLUE_NOISE_COVERAGE,
- * because places of smooth surfaces are examined only near corners of cells in the tangent plane. */
+/* Convergence: the bounds of pairs and places, in spacings. They are narrower than SOLVER_BLUE_NOISE_LEAST
+ * and SOLVER_BLUE_NOISE_COVERAGE, because places of smooth surfaces are examined only near corners of
+ * cells in the tangent plane. */
 static const double LEAST = SOLVER_BLUE_NOISE_LEAST + 0.005,
                     COVERAGE = SOLVER_BLUE_NOISE_LEAST * SOLVER_BLUE_NOISE_COVERAGE;
-/* Cutoff of the neighbour lists, in spacings: twice the largest distance of a place in a nearly converged set. */
+/* Cutoff of the neighbour lists, in spacings: twice the largest distance of a place in a nearly converged
+ * set. */
 static const double CUTOFF = 2;
 /* Reach of the lists beyond the cutoff (Verlet skin), in spacings. Larger: fewer builds of longer lists. */
 static const double SKIN = 0.2;
-/* Half the side of the square of the tangent plane, or of the cube, that a Voronoi cell is cut from, in spacings. Larger: cells take more
- * time, and beyond half of the cutoff the lists do not have all neighbours of a place; smaller: large holes are closed more slowly. */
+/* Half the side of the square of the tangent plane, or of the cube, that a Voronoi cell is cut from, in
+ * spacings. Larger: cells take more time, and beyond half of the cutoff the lists do not have all
+ * neighbours of a place; smaller: large holes are closed more slowly. */
 static const double CELL_SIDE = 0.9;
-/* Distance in the tangent plane, in spacings, below which a place of a curved surface is nearer than PLACE_DISTANCE. */
+/* Distance in the tangent plane, in spacings, below which a place of a curved surface is nearer than
+ * PLACE_DISTANCE. */
 static const double EXAMINED = 0.73;
 /* Bisections that find the end of the surface along a step or a probe. */
 enum { BISECTIONS = 8 };
-/* Maximum distance, in spacings, of the places at which one patch ends and the next begins: the step of the last bisection. */
+/* Maximum distance, in spacings, of the places at which one patch ends and the next begins: the step of
+ * the last bisection. */
 static const double MAX_CROSSING = 0.05;
-/* Directions and length, in spacings, in which an energy step searches the end of the surface. The length is half of the support: farther
- * from the end no mirrored particle is within the support. */
+/* Directions and length, in spacings, in which an energy step searches the end of the surface. The length is
+ * half of the support: farther from the end no mirrored particle is within the support. */
 enum { PROBES = 6 };
 static const double PROBE = 0.87;
-/* Least determinant of the Hessian over the square of its trace: below it, all neighbours lie in one direction. */
+/* Least determinant of the Hessian over the square of its trace: below it, all neighbours lie in one
+ * direction. */
 static const double LEAST_DETERMINANT = 1e-9;
 /* Maximum number of neighbours that a Voronoi cell is made from; a list has about 20. */
 enum { MAX_NEAR = 64 };
@@ -150,7 +159,8 @@ static surface_place place_of(const solver *s, size_t i)
                            p->hint ? p->hint[i] : FIELD_NO_HINT};
 }
 
-/* v turned as the unit vector `from` is turned to `to`. Across a crease, whose direction is the axis, this unfolds the surface. */
+/* v turned as the unit vector `from` is turned to `to`. Across a crease, whose direction is the axis, this
+ * unfolds the surface. */
 static vec3 turned(vec3 v, vec3 from, vec3 to)
 {
     const vec3 sum = vec3_add(from, to);
@@ -158,7 +168,8 @@ static vec3 turned(vec3 v, vec3 from, vec3 to)
     return vec3_axpy(2 * vec3_dot(from, v), to, vec3_axpy(-along, sum, v));
 }
 
-/* Continues along d from a place at a curve on the patch of a neighbour of particle i. False: no patch begins there. */
+/* Continues along d from a place at a curve on the patch of a neighbour of particle i. False: no patch
+ * begins there. */
 static bool cross(const solver *s, size_t i, const surface_place *end, vec3 d, double h, surface_place *out)
 {
     const particles *p = s->state.p;
@@ -253,7 +264,8 @@ static void surroundings_of(const solver *s, size_t i, surroundings *out)
     }
 }
 
-/* d turned into the tangent plane, with the same length: across a crease the particle has to go this far. 0: d has no direction there. */
+/* d turned into the tangent plane, with the same length: across a crease the particle has to go this far.
+ * 0: d has no direction there. */
 static vec3 in_tangent_plane(const surroundings *a, vec3 d)
 {
     const vec3 flat_d = vec3_axpy(-vec3_dot(d, a->normal), a->normal, d);
@@ -300,8 +312,8 @@ static double farthest_corner2(const polygon *p)
     return farthest2;
 }
 
-/* Cuts off what is nearer to a neighbour that is not on an opposite wall of the polygon, which has this patch and normal. Ends when no place
- * is farther than `enough`. Returns the distance of the farthest corner. */
+/* Cuts off what is nearer to a neighbour that is not on an opposite wall of the polygon, which has this patch
+ * and normal. Ends when no place is farther than `enough`. Returns the distance of the farthest corner. */
 static double cut_to_cell(const solver *s, const surroundings *a, uint32_t patch, vec3 normal, double enough,
                           polygon *p)
 {
@@ -352,8 +364,8 @@ static vec3 twice_area(const vec3 corner[3])
     return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
 }
 
-/* Takes the farthest corner of the part of a facet in the cell and in the cube, if it is farther than *far. The distance in space has its
- * maximum there. */
+/* Takes the farthest corner of the part of a facet in the cell and in the cube, if it is farther than *far.
+ * The distance in space has its maximum there. */
 static void examine_facet(const solver *s, const surroundings *a, const bbox *cube, const facet *f,
                           far_place *far)
 {
@@ -429,8 +441,8 @@ static vec3 limited(vec3 d, double longest)
     return length > longest ? vec3_scale(d, longest / length) : d;
 }
 
-/* Pushes the particle off neighbours that are too close; without such neighbours, pulls it towards the farthest place of its cell. *misses: a
- * distance is beyond the bounds. */
+/* Pushes the particle off neighbours that are too close; without such neighbours, pulls it towards the
+ * farthest place of its cell. *misses: a distance is beyond the bounds. */
 static vec3 correction(const solver *s, const surroundings *a, bool *misses)
 {
     vec3 step = {0, 0, 0};
@@ -485,8 +497,8 @@ typedef struct line {
     double distance;
 } line;
 
-/* The tangent to the end of the surface near a particle, from places at which probes in several directions end. False: the surface does
- * not end within PROBE spacings. */
+/* The tangent to the end of the surface near a particle, from places at which probes in several directions
+ * end. False: the surface does not end within PROBE spacings. */
 static bool find_border(const solver *s, const surroundings *a, const vec3 axis[2], line *out)
 {
     flat end[PROBES];
@@ -523,8 +535,8 @@ static flat mirrored(const line *l, flat v)
     return (flat){v.x + beyond * l->out.x, v.y + beyond * l->out.y};
 }
 
-/* One Newton step on the energy. Near the end of the surface the particles are mirrored at it: otherwise the forces, which act from one
- * side only, would move particles to the end. */
+/* One Newton step on the energy. Near the end of the surface the particles are mirrored at it: otherwise the
+ * forces, which act from one side only, would move particles to the end. */
 static vec3 energy_step(const solver *s, const surroundings *a)
 {
     newton_terms t = {0};
@@ -597,8 +609,8 @@ static void activate_all(solver *s)
     list_active(s);
 }
 
-/* Activates the neighbours whose pairs or cells a step of particle i from `was` changes. A larger cell than is assumed here has a place that
- * pulls its particle, which is active then. */
+/* Activates the neighbours whose pairs or cells a step of particle i from `was` changes. A larger cell than
+ * is assumed here has a place that pulls its particle, which is active then. */
 static void activate_near(const solver *s, size_t i, vec3 was)
 {
     const blue_noise_state *b = s->state.blue_noise;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* count: control of the number of particles by a bound on the support (section 6.1, adaptation.h).
  *
- * With a fixed count, sigma is adapted to the ideal energy. With a bound on sigma the steady state is the smallest system with the ideal
- * energy: the minimum count and a sigma within its bound, or sigma at its bound and the count that follows. */
+ * With a fixed count, sigma is adapted to the ideal energy. With a bound on sigma the steady state is the
+ * smallest system with the ideal energy: the minimum count and a sigma within its bound, or sigma at its
+ * bound and the count that follows. */
 #include <stdlib.h>
 
 #include "base/core/memory.h"
@@ -11,15 +12,16 @@
 #include "sampling/solver/particles/random_streams.h"
 #include "sampling/solver/adaptation.h"
 
-/* Maximum relative deviation of the count from the count that the bound requires. Missing particles decrease the energy: their maximum
- * also follows from energy_tolerance. Additional particles only decrease sigma. */
+/* Maximum relative deviation of the count from the count that the bound requires. Missing particles decrease
+ * the energy: their maximum also follows from energy_tolerance. Additional particles only decrease sigma. */
 static const double COUNT_TOLERANCE = 0.02;
 /* Maximum factor on the count in one round: a particle splits once, and its twin must first move away. */
 static const double MAX_GROWTH = 2;
 /* Distance of twins from the position of their particle over the new spacing. */
 static const double TWIN_OFFSET = 0.25;
 
-/* Splits `k` particles, chosen at random with a bias to low energy. *done: the number of splits that succeeded. */
+/* Splits `k` particles, chosen at random with a bias to low energy. *done: the number of splits that
+ * succeeded. */
 static bool insert_particles(solver *s, size_t k, rng *r, size_t *done, error *e)
 {
     uint32_t *chosen = mem_array(k, sizeof *chosen, "the choice of particles", e);
@@ -51,9 +53,10 @@ static bool delete_particles(solver *s, size_t k, rng *r, error *e)
     return ok;
 }
 
-/* The count for which the ideal support equals the bound. The current support is the ideal one of the current particles. The spacing is
- * proportional to the square root of the area per particle, and the ideal support to the spacing. Near the ideal energy this equals
- * N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
+/* The count for which the ideal support equals the bound. The current support is the ideal one of the current
+ * particles. The spacing is proportional to the square root of the area per particle, and the ideal support
+ * to the spacing. Near the ideal energy this equals N (E_ideal / E)^(2 / slope); far from it that power
+ * law would overshoot. */
 static size_t bounded_count(const solver *s)
 {
     double ratio = s->state.sigma / s->setup.params.max_sigma, count = (double)solver_point_count(s),

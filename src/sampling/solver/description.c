@@ -10,12 +10,12 @@
 #include "sampling/voronoi/resolution.h"
 #include "sampling/solver/solver_state.h"
 
-/* Exponent of the spacing over the amplitude under a common support (13). Measured on the quartic: 0.181 with d = 1, 0.171 with d = 3. A
- * mean-field estimate is the inverse of the slope of E_ideal, 0.21. */
+/* Exponent of the spacing over the amplitude under a common support (13). Measured on the quartic: 0.181 with
+ * d = 1, 0.171 with d = 3. A mean-field estimate is the inverse of the slope of E_ideal, 0.21. */
 static const double ALPHA_EXPONENT = 0.18;
 
-/* The spacing of each particle: the sizing field, or the spacing that results from its amplitude. In the latter case the scale makes the
- * areas of the ideal Voronoi cells sum to the surface area. */
+/* The spacing of each particle: the sizing field, or the spacing that results from its amplitude. In the
+ * latter case the scale makes the areas of the ideal Voronoi cells sum to the surface area. */
 static void requested_spacing(solver *s, double *spacing)
 {
     double squares = 0;
@@ -31,8 +31,8 @@ static void requested_spacing(solver *s, double *spacing)
     for (size_t i = 0; i < s->state.p->count; i++) spacing[i] *= scale;
 }
 
-/* Sets the normal of particle i after a projection without verification (project.c, smooth fields). Returns its residual over h; 0 if the
- * gradient vanishes. */
+/* Sets the normal of particle i after a projection without verification (project.c, smooth fields). Returns
+ * its residual over h; 0 if the gradient vanishes. */
 static double complete_smooth_projection(solver *s, size_t i, const field_sample *sample)
 {
     const double length = vec3_norm(sample->gradient), h = s->state.spacing * particles_size(s->state.p, i);
@@ -80,8 +80,8 @@ static bool describe_curvature(solver *s, error *e)
     return ok;
 }
 
-/* Computes the values that need neighbour lists, then releases the lists before other arrays are allocated: this reduces the peak memory
- * of a job. */
+/* Computes the values that need neighbour lists, then releases the lists before other arrays are allocated:
+ * this reduces the peak memory of a job. */
 static bool describe_energies(solver *s, error *e)
 {
     if (!solver_refresh_lists(s, e)) return false;
@@ -97,7 +97,8 @@ static bool describe_energies(solver *s, error *e)
     return true;
 }
 
-/* Reorders the particles: the first copy of each point, then further copies. Sets point, feature, replaced and flags. */
+/* Reorders the particles: the first copy of each point, then further copies. Sets point, feature, replaced
+ * and flags. */
 static bool arrange_copies(solver *s, uint32_t *order, uint32_t *first, error *e)
 {
     const particles *p = s->state.p;
@@ -122,7 +123,8 @@ static bool arrange_copies(solver *s, uint32_t *order, uint32_t *first, error *e
     return true;
 }
 
-/* Minimum cosine (60 degrees) of the normals that are averaged for a point on a curve. Otherwise it has the normal of its first copy. */
+/* Minimum cosine (60 degrees) of the normals that are averaged for a point on a curve. Otherwise it has
+ * the normal of its first copy. */
 static const double MERGED_COSINE = 0.5;
 
 static void merge_normals(solver *s)
@@ -139,12 +141,12 @@ static void merge_normals(solver *s)
         if (s->record.flags[k] & PACKING_FIXED) s->record.normal[k] = vec3_unit(s->record.normal[k]);
 }
 
-/* Cosine of two copies' normals below which they are used for the wedge angle. Normals of patches are averaged over a neighbourhood: at a
- * sharp edge their cosine is larger than that of the faces. */
+/* Cosine of two copies' normals below which they are used for the wedge angle. Normals of patches are
+ * averaged over a neighbourhood: at a sharp edge their cosine is larger than that of the faces. */
 static const double SHARP_COSINE = 0;
 
-/* Cosine between the surfaces that meet at the curve of particle k: of the faces at its curve, or of the normals of its copies. Above
- * RESOLUTION_OPPOSITE: the surfaces do not face each other. */
+/* Cosine between the surfaces that meet at the curve of particle k: of the faces at its curve, or of the
+ * normals of its copies. Above RESOLUTION_OPPOSITE: the surfaces do not face each other. */
 static double wedge_cosine(const solver *s, size_t k)
 {
     const particles *p = s->state.p;
@@ -157,8 +159,8 @@ static double wedge_cosine(const solver *s, size_t k)
 /* Least squared sine of the wedge angle: a sharper edge reaches no farther. */
 static const double MIN_WEDGE_SINE2 = 0.01;
 
-/* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings; and one more, since curve samples
- * lie at single places of the edge. */
+/* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings; and
+ * one more, since curve samples lie at single places of the edge. */
 static double wedge_reach(double cosine)
 {
     return RESOLUTION_GAP / sqrt(fmax(1 - cosine * cosine, MIN_WEDGE_SINE2)) + 1;

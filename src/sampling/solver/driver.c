@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* driver: the order of a solve: rounds, sweeps, restarts, and when it is complete. It alone owns rounds, sweeps, gains and restarts; every other file of the solver acts once and
- * returns. See solver_state.h and "The order of a solve" in doc/method.md. */
+/* driver: the order of a solve: rounds, sweeps, restarts, and when it is complete. It alone owns rounds,
+ * sweeps, gains and restarts; every other file of the solver acts once and returns. See solver_state.h and
+ * "The order of a solve" in doc/method.md. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>
@@ -14,7 +15,8 @@
 
 /* Progress: if a level takes longer than expected, this fraction of its expected sweeps is still to come. */
 static const double LEFT_LEAST = 0.1;
-/* After projection had left steps above the tolerance, the steps before projection must be below this fraction of it. */
+/* After projection had left steps above the tolerance, the steps before projection must be below this
+ * fraction of it. */
 static const double TIGHTENED = 0.9;
 /* A level with fewer sweeps than this skips no particle. */
 enum { SKIPPING_SWEEPS = 100 };
@@ -49,7 +51,8 @@ static void begin_fresh_round(solver *s, const char *began)
     begin_round(s, began);
 }
 
-/* A solve that had converged goes on after particles were changed. The schedule counts on from where it was. */
+/* A solve that had converged goes on after particles were changed. The schedule counts on from where it
+ * was. */
 static void continue_round(solver *s, const char *began)
 {
     s->state.control_rounds--;
@@ -175,8 +178,8 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
 }
 
-/* Sizes and amplitudes are those of earlier positions. Whether those of the present positions differ too little to matter, or the
- * next level renews them anyway. */
+/* Sizes and amplitudes are those of earlier positions. Whether those of the present positions differ too
+ * little to matter, or the next level renews them anyway. */
 static bool sizes_are_current(solver *s)
 {
     if (s->state.level > 0 && s->state.level < s->state.plan.count - 1) return true;
@@ -189,8 +192,9 @@ static bool sizes_are_current(solver *s)
     return false;
 }
 
-/* Whether the points would have converged as they are delivered: a sweep does not count particles that found no better
- * position. The gradient minimiser has converged when its steps are small, whatever Newton's would be. */
+/* Whether the points would have converged as they are delivered: a sweep does not count particles that found
+ * no better position. The gradient minimiser has converged when its steps are small, whatever Newton's
+ * would be. */
 static bool points_have_converged(const solver *s, const schedule_position *at)
 {
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
@@ -214,8 +218,8 @@ static void note_sweep(solver *s, const relax_sums *sums)
                                                               .rejected = sums->rejected};
 }
 
-/* In many extra sweeps of the last level most particles have converged and may be skipped. With varying spacing, and
- * between feature curves, skipping costs .005 and .007 of hex_fraction. */
+/* In many extra sweeps of the last level most particles have converged and may be skipped. With varying
+ * spacing, and between feature curves, skipping costs .005 and .007 of hex_fraction. */
 static bool may_skip(const solver *s, const schedule_position *at)
 {
     const int sweeps = schedule_level_sweeps(s->state.regime->schedule, at);
@@ -302,8 +306,8 @@ static bool is_last_level(const solver *s)
     return s->state.level == s->state.plan.count - 1;
 }
 
-/* Particles that have converged go through the actions that complete a result. On patches also if no support gives them the ideal energy, as
- * where most patches have one particle. Others end as they are. */
+/* Particles that have converged go through the actions that complete a result. On patches also if no support
+ * gives them the ideal energy, as where most patches have one particle. Others end as they are. */
 static void complete(solver *s, bool is_on_target)
 {
     s->state.is_on_target = is_on_target;
@@ -322,7 +326,8 @@ static bool refine(solver *s, error *e)
     return (!has_parts || solver_fill_parts(s, &changed, e)) && solver_enter_refined(s, e);
 }
 
-/* A solve on one level: before its last stage particles are near their final positions, and most sweeps are to come. */
+/* A solve on one level: before its last stage particles are near their final positions, and most sweeps
+ * are to come. */
 static bool judge_single_level(solver *s, error *e)
 {
     if (!judge_regime(s, e)) return false;
@@ -332,8 +337,8 @@ static bool judge_single_level(solver *s, error *e)
     return !s->state.lists_stale || solver_build_lists(s, e);
 }
 
-/* Whether another support may bring the energy nearer to the ideal one. On patches only if the last one did: where few particles have
- * neighbours, their energy says little. */
+/* Whether another support may bring the energy nearer to the ideal one. On patches only if the last one did:
+ * where few particles have neighbours, their energy says little. */
 static bool may_approach_target(const solver *s, double energy, double sigma)
 {
     const double ideal = s->setup.params.energy->ideal;
@@ -399,8 +404,9 @@ static bool control(solver *s, error *e)
 
 /* ---- a result that has converged */
 
-/* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere, where sizes
- * vary, after extra sweeps of a level with a high defect fraction. Enough sweeps must be left to converge again. */
+/* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere,
+ * where sizes vary, after extra sweeps of a level with a high defect fraction. Enough sweeps must be left
+ * to converge again. */
 static bool may_repair_defects(const solver *s)
 {
     const bool is_sized = s->setup.params.sizing != NULL;
@@ -454,7 +460,8 @@ static void go_on(solver *s, const char *began)
     continue_round(s, began);
 }
 
-/* A surface of many connected parts is covered even if no round follows in which particles could converge again. */
+/* A surface of many connected parts is covered even if no round follows in which particles could converge
+ * again. */
 static bool fill_last_gaps(solver *s, error *e)
 {
     const field_patches *p = s->setup.field->patches;
@@ -477,7 +484,8 @@ static bool project(solver *s, error *e)
     return true;
 }
 
-/* Whether the solve has still converged once the points are projected to rounding and have the sizes of their final positions. */
+/* Whether the solve has still converged once the points are projected to rounding and have the sizes of
+ * their final positions. */
 static bool has_converged_after_projection(solver *s, bool *rests, error *e)
 {
     relax_steps left;

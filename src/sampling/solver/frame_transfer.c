@@ -20,16 +20,19 @@
 
 /* A point whose projection is farther outside of the surface's box than this, in spacings, is discarded. */
 static const double FARTHEST = 1;
-/* Two points, or a point and its projection, are on opposite walls if the cosine between their normals is below this. */
+/* Two points, or a point and its projection, are on opposite walls if the cosine between their normals is
+ * below this. */
 static const double OTHER_SHEET = 0.5;
 /* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
 static const double CROWDED = 0.6;
 /* A position farther than this from every point, in spacings, is a hole. Corners of ideal cells are at 0.58,
- * the middle of a vacancy is at 1. An area filled at random with points at this minimum distance is as dense as a packing. */
+ * the middle of a vacancy is at 1. An area filled at random with points at this minimum distance is as
+ * dense as a packing. */
 static const double HOLE = 0.78;
 /* A place on a curve so near to a carried point, of the spacing, continues it. */
 static const double CONTINUED = 0.5;
-/* A fixed point nearer than this to a place on a curve, in spacings, takes its place: both would be too near. */
+/* A fixed point nearer than this to a place on a curve, in spacings, takes its place: both would be too
+ * near. */
 static const double REPLACED = 0.3;
 /* When fewer than this share can be carried the surface is another one. */
 static const double SAME_SURFACE = 0.5;
@@ -43,22 +46,23 @@ static const int DRAWS = 20;
 static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
 enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
 /* Births and deaths come in portions of one in PORTION points, with sweeps between them, so that each
- * portion meets a packing in which the previous portions have converged: a birth beside the core of a dislocation moves it
- * by a row, and the next portion uses its new position. Those of a portion keep SCATTER of the distance that they
- * would have if they were spread evenly: points that are born in excess in one place must move to other places. On a
- * torus with 2 % more points in each frame hex_fraction is 0.95, and 0.92 with all at once. More portions and
- * sweeps give a better order and longer ways: 0.94 and 0.068 of the spacing in the median with half as many of
- * both, 0.95 and 0.080 with these. */
+ * portion meets a packing in which the previous portions have converged: a birth beside the core of a
+ * dislocation moves it by a row, and the next portion uses its new position. Those of a portion keep SCATTER
+ * of the distance that they would have if they were spread evenly: points that are born in excess in one
+ * place must move to other places. On a torus with 2 % more points in each frame hex_fraction is 0.95, and
+ * 0.92 with all at once. More portions and sweeps give a better order and longer ways: 0.94 and 0.068 of the
+ * spacing in the median with half as many of both, 0.95 and 0.080 with these. */
 static const double PORTION = 600, SCATTER = 0.56;
 enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
-/* A component exchanges points with other components if its number of points differs from the number for its area by more than
- * PART_SLACK of it, and by more than PART_SLACK_POINTS. */
+/* A component exchanges points with other components if its number of points differs from the number for its
+ * area by more than PART_SLACK of it, and by more than PART_SLACK_POINTS. */
 static const double PART_SLACK = 0.02, PART_SLACK_POINTS = 2;
-/* Candidates for each change of a portion: several of the densest or emptiest positions belong to one dislocation core. */
+/* Candidates for each change of a portion: several of the densest or emptiest positions belong to one
+ * dislocation core. */
 static const size_t CANDIDATES = 32;
 
-/* Candidates for the points of the new frame: first the points that were carried over, then places where points may
- * be born. */
+/* Candidates for the points of the new frame: first the points that were carried over, then places where
+ * points may be born. */
 typedef struct candidates {
     const field *f;
     const surface *scan;
@@ -67,8 +71,9 @@ typedef struct candidates {
     registration motion;
     bbox box; /* projections outside of it are discarded */
     double h; /* of an even packing */
-    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their particles, or the fixed
-     * points, are the first `fixed` candidates, are taken, and stay where they are. */
+    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their
+     * particles, or the fixed points, are the first `fixed` candidates, are taken, and stay where they
+     * are. */
     quota allotted;
     size_t fixed;
     size_t wanted; /* particles: points, and on curves one for each patch there */
@@ -78,13 +83,15 @@ typedef struct candidates {
     vec3 *landed;     /* where one was carried to */
     uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
     uint32_t *row;    /* number of the place on a curve that holds it, or PARTICLES_FREE */
-    uint32_t *
-        own; /* of the first `fixed`: the fixed point there, or FRAME_TRANSFER_NONE; NULL without fixed points */
+    uint32_t *own;  /* of the first `fixed`: the fixed point there, or FRAME_TRANSFER_NONE; NULL without fixed
+                     * points */
     bool *taken;    /* is one of the points */
     uint32_t *part; /* connected part of the surface, or its patch; not kept where there is but one */
-    int64_t *
-        missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes and gives */
-    /* of a surface with patches, while points are carried: places all over it, their patches, and a tree of the places */
+    int64_t
+        *missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes
+                   * and gives */
+    /* of a surface with patches, while points are carried: places all over it, their patches, and a tree
+     * of the places */
     vec3 *place;
     uint32_t *place_patch;
     point_tree *tree;
@@ -263,7 +270,8 @@ static bool place_fixed(candidates *c, error *e)
     return ok;
 }
 
-/* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other place has it. */
+/* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other
+ * place has it. */
 static bool match_curve_samples(candidates *c, error *e)
 {
     const size_t carried = c->params->previous_count;
@@ -453,8 +461,8 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Ranks a place by its distance from the nearest point, and a point by the density around it. A place among fixed points, which would not make
- * room, comes last unless it is a hole. */
+/* Ranks a place by its distance from the nearest point, and a point by the density around it. A place among
+ * fixed points, which would not make room, comes last unless it is a hole. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -560,7 +568,8 @@ static bool has_lost(const candidates *c, size_t i)
     return false;
 }
 
-/* Deletes at most `most` of the carried points, the densest first; no two neighbours if `spread`. Returns their number. */
+/* Deletes at most `most` of the carried points, the densest first; no two neighbours if `spread`. Returns
+ * their number. */
 static size_t let_go(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
@@ -656,8 +665,8 @@ static void settle_born(candidates *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next build of lists
- * reports it. */
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next
+ * build of lists reports it. */
 static bool ease(candidates *c, error *e)
 {
     size_t n = c->carried;
@@ -722,8 +731,9 @@ static void part_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Finds how many points each connected part is to take or to give, since its area has changed against the others': *take
- * and *give in all. The number of places on a part determines how many points it should have. */
+/* Finds how many points each connected part is to take or to give, since its area has changed against the
+ * others': *take and *give in all. The number of places on a part determines how many points it should
+ * have. */
 static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
 {
     const size_t parts = c->scan->parts.count;
@@ -754,8 +764,8 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     return true;
 }
 
-/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more. `ends`:
- * nothing follows. */
+/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more.
+ * `ends`: nothing follows. */
 static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, error *e)
 {
     for (size_t left = count_portions(c, *there, wanted); left > 0 && *there != wanted; left--) {
@@ -769,8 +779,8 @@ static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, err
     return true;
 }
 
-/* Fills the holes and comes to the exact count, in each connected part and in all. Deaths come after births, as they drop the
- * places. */
+/* Fills the holes and comes to the exact count, in each connected part and in all. Deaths come after births,
+ * as they drop the places. */
 static bool populate(candidates *c, error *e)
 {
     enum { STEPS = 4 };

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-/* frame_transfer: moves the points of one frame onto the surface of the next frame, so that each point keeps its
- * position on the surface.
+/* frame_transfer: moves the points of one frame onto the surface of the next frame, so that each point keeps
+ * its position on the surface.
  *
- * First all points move with the surface as a whole (sampling/solver/registration). Then each point moves along the
- * gradient onto the surface. A point dies if it does not reach the surface, if its projection is on an opposite
- * wall, or if it is closer to another point than neighbours can be. Where no point is near, a new one is born. Then
- * points are born in the emptiest places, or removed from the densest ones, until the count is met. Many births or
- * deaths are divided into portions of points far from each other, with a few sweeps between the portions. If most
- * points die, the surface is considered a different one: nothing is transferred, and the caller samples it anew.
- * Deterministic for any number of threads. World space and world units.
+ * First all points move with the surface as a whole (sampling/solver/registration). Then each point moves
+ * along the gradient onto the surface. A point dies if it does not reach the surface, if its projection is on
+ * an opposite wall, or if it is closer to another point than neighbours can be. Where no point is near, a new
+ * one is born. Then points are born in the emptiest places, or removed from the densest ones, until the count
+ * is met. Many births or deaths are divided into portions of points far from each other, with a few sweeps
+ * between the portions. If most points die, the surface is considered a different one: nothing is
+ * transferred, and the caller samples it anew. Deterministic for any number of threads. World space and world
+ * units.
  *
- * On a surface of patches, the points on curves are placed anew, by the quota of each patch. A place on a curve
- * continues the nearest point of the previous frame, if one is near. Each other point goes to the patch that is
- * nearest to its position after the motion of the whole. Each patch is a part with its own number of points.
+ * On a surface of patches, the points on curves are placed anew, by the quota of each patch. A place on a
+ * curve continues the nearest point of the previous frame, if one is near. Each other point goes to the patch
+ * that is nearest to its position after the motion of the whole. Each patch is a part with its own number of
+ * points.
  */
 #ifndef HEXAD_SAMPLING_SOLVER_FRAME_TRANSFER_H
 #define HEXAD_SAMPLING_SOLVER_FRAME_TRANSFER_H
@@ -43,8 +45,9 @@ typedef struct frame_transfer_params {
     uint64_t seed;
     /* the points lie on this surface, which has not moved: it is never considered a different one */
     bool is_still;
-    /* Points of the result at exactly these positions, with the unit normals of the surface; fewer than `count`.
-     * Points of the previous frame near them die. A fixed point near a place on a curve takes this place. */
+    /* Points of the result at exactly these positions, with the unit normals of the surface; fewer than
+     * `count`. Points of the previous frame near them die. A fixed point near a place on a curve takes
+     * this place. */
     size_t fixed_count;
     const vec3 *fixed, *fixed_normal;
 } frame_transfer_params;
@@ -60,11 +63,12 @@ typedef struct frame_transfer {
     vec3 *position; /* on the surface */
     vec3 *normal;
     uint32_t *patch; /* the patch of each particle, on a surface with patches; otherwise NULL */
-    /* on a surface with patches: the number of the place in the samples of the quota's curves, or PARTICLES_FREE;
-     * PARTICLES_PINNED for fixed points */
+    /* on a surface with patches: the number of the place in the samples of the quota's curves, or
+     * PARTICLES_FREE; PARTICLES_PINNED for fixed points */
     uint32_t *place;
     /* Values of each point, in the order of its first particles. */
-    /* the position to which the point was moved, before births and deaths displaced it; undefined for a born point */
+    /* the position to which the point was moved, before births and deaths displaced it; undefined for a
+     * born point */
     vec3 *landed;
     /* the position in the previous frame; for a born point, the position that it would have had */
     vec3 *origin;
@@ -72,8 +76,8 @@ typedef struct frame_transfer {
     uint32_t *fixed; /* its index among the fixed points, or FRAME_TRANSFER_NONE; NULL without fixed points */
 } frame_transfer;
 
-/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was stopped). Free *out also after
- * failure. */
+/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was stopped). Free *out
+ * also after failure. */
 bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
                            threads *pool, frame_transfer *out, error *e);
 void frame_transfer_free(frame_transfer *c);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See solver_state.h. */
+/* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See
+ * solver_state.h. */
 #include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"
 #include "sampling/solver/solver_state.h"
@@ -68,8 +69,8 @@ double solver_renew_amplitudes(solver *s)
     return s->setup.params.graded ? renew(s, amplitude_chunk) : 0;
 }
 
-/* Every sweep at first, when steps are long, then after a quarter more sweeps each time. In between the energy is a function of the
- * positions alone and can only fall. */
+/* Every sweep at first, when steps are long, then after a quarter more sweeps each time. In between the
+ * energy is a function of the positions alone and can only fall. */
 bool solver_amplitudes_are_due(const solver *s)
 {
     return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;

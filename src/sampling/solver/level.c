@@ -116,7 +116,8 @@ static void release_mesh(solver *s)
     s->scratch.mesh = NULL;
 }
 
-/* The level starts again at most once: boundaries fill up gradually, so that later stages correct the intermediate levels only. */
+/* The level starts again at most once: boundaries fill up gradually, so that later stages correct the
+ * intermediate levels only. */
 bool solver_replan(solver *s, bool *again, error *e)
 {
     const size_t count = s->state.p->count;
@@ -137,8 +138,8 @@ bool solver_replan(solver *s, bool *again, error *e)
     return true;
 }
 
-/* Relaxes the particles of parts that had none before, separately from the others, by the first sweeps of the coarsest level. The sweeps
- * of the current level are too few for a random start. */
+/* Relaxes the particles of parts that had none before, separately from the others, by the first sweeps of the
+ * coarsest level. The sweeps of the current level are too few for a random start. */
 static bool relax_new_parts(solver *s, error *e)
 {
     schedule_position at = {.levels = s->state.plan.count, .count = s->state.p->count};

@@ -13,11 +13,12 @@
 #include "sampling/solver/particles/random_streams.h"
 #include "sampling/solver/passes/refine.h"
 
-/* Maximum spacing of the coarsest level times the typical curvature. Larger: strain remains on the finer levels (0.006 of hex_fraction on
- * the gyroid at 10 000 points if doubled). Smaller: less order (0.01 on torus and quartic if halved). */
+/* Maximum spacing of the coarsest level times the typical curvature. Larger: strain remains on the finer
+ * levels (0.006 of hex_fraction on the gyroid at 10 000 points if doubled). Smaller: less order (0.01 on
+ * torus and quartic if halved). */
 static const double MAX_SPACING_CURVATURE = 0.6;
-/* Factor on that limit for the only coarser level. It is a better start than random positions: hex_fraction 0.90 instead of 0.87 on a
- * scan of a statue with 50 000 points. */
+/* Factor on that limit for the only coarser level. It is a better start than random positions: hex_fraction
+ * 0.90 instead of 0.87 on a scan of a statue with 50 000 points. */
 static const double SINGLE_LEVEL_FACTOR = 2;
 /* Minimum number of particles of a level. */
 enum { MIN_PARTICLES = 100 };
@@ -25,23 +26,24 @@ enum { MIN_PARTICLES = 100 };
 enum { CURVATURE_SAMPLES = 400 };
 /* Sampling step of the curves for curve_distance over the finest spacing. */
 static const double CURVE_STEP = 0.25;
-/* Minimum number of particles of a connected part on its first level. Refinement keeps the parts' fractions of the particles, which are
- * accurate to half a particle there. */
+/* Minimum number of particles of a connected part on its first level. Refinement keeps the parts' fractions
+ * of the particles, which are accurate to half a particle there. */
 static const double MIN_IN_PART = 30;
 /* Minimum fraction of all points in the parts that have particles on the coarsest level. */
 static const double MIN_COARSEST_SHARE = 0.5;
-/* Quantile of the curvature samples that is the typical curvature. Larger curvatures, such as edges and the noise of a scan, are not
- * resolved by any level. */
+/* Quantile of the curvature samples that is the typical curvature. Larger curvatures, such as edges and the
+ * noise of a scan, are not resolved by any level. */
 static const double CURVATURE_QUANTILE = 0.5;
 
-/* Factor of the count by one refinement: each edge of a triangulation, about three for each particle, gets a particle. */
+/* Factor of the count by one refinement: each edge of a triangulation, about three for each particle, gets
+ * a particle. */
 static const double REFINEMENT = 4;
-/* With given particles: a ratio above a power of four by less than this power of four takes no further level (4.6 instead of 4). Some edges get two
- * particles then. */
+/* With given particles: a ratio above a power of four by less than this power of four takes no further level
+ * (4.6 instead of 4). Some edges get two particles then. */
 static const double RATIO_SLACK = 0.1;
 
-/* Typical maximum of the larger principal curvature and the gradient of the spacing over h. Both are scaled by the requested spacing over
- * the spacing h of a uniform packing. 1 / length. */
+/* Typical maximum of the larger principal curvature and the gradient of the spacing over h. Both are scaled
+ * by the requested spacing over the spacing h of a uniform packing. 1 / length. */
 static double typical_curvature(const field *f, const surface *scan, const sizing_field *sizing, double h,
                                 uint64_t seed)
 {
@@ -62,8 +64,8 @@ static double typical_curvature(const field *f, const surface *scan, const sizin
     return curvature[(size_t)(CURVATURE_QUANTILE * (double)(found - 1))];
 }
 
-/* Fraction of all points in the parts that get at least MIN_IN_PART of `count` particles. `together` (all parts start on one level): 1
- * if this holds for each part that has a particle among `all`; otherwise 0. */
+/* Fraction of all points in the parts that get at least MIN_IN_PART of `count` particles. `together` (all
+ * parts start on one level): 1 if this holds for each part that has a particle among `all`; otherwise 0. */
 static double started_share(const surface *scan, const double *weight, size_t count, bool together,
                             size_t all)
 {
@@ -79,7 +81,8 @@ static double started_share(const surface *scan, const double *weight, size_t co
     return together ? 1 : share;
 }
 
-/* The level on which a part gets its first particles. `whole`: particles of each level if all parts had particles. */
+/* The level on which a part gets its first particles. `whole`: particles of each level if all parts had
+ * particles. */
 static int level_of_part(double share, const size_t whole[], int count)
 {
     int level = 0;
@@ -132,7 +135,8 @@ static void plan_from_given(const solver_params *params, level_plan *l)
     l->particles[l->count - 1] = params->count;
 }
 
-/* Quotas of the levels from given particles on. The levels end before one with more curve samples than free particles. */
+/* Quotas of the levels from given particles on. The levels end before one with more curve samples than
+ * free particles. */
 static bool plan_patches_from_given(const quota_input *in, const solver_params *params, level_plan *l,
                                     quota *found, error *e)
 {
@@ -151,8 +155,8 @@ static bool plan_patches_from_given(const quota_input *in, const solver_params *
     return true;
 }
 
-/* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A level with more curve samples
- * than free particles is not used. */
+/* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A
+ * level with more curve samples than free particles is not used. */
 static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
                          error *e)
 {

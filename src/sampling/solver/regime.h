@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* regime: how a solve proceeds: its schedule, and which passes it makes. Regimes are constant; the driver chooses one from the
- * parameters. A solve changes its regime once in all or never: to `under_resolved` if the spacing does not resolve the surface, or to
- * `with_longer_steps` if given points converge with too much energy. The regimes that it changes to have no transitions. See "Regimes"
- * in doc/method.md. */
+/* regime: how a solve proceeds: its schedule, and which passes it makes. Regimes are constant; the driver
+ * chooses one from the parameters. A solve changes its regime once in all or never: to `under_resolved` if
+ * the spacing does not resolve the surface, or to `with_longer_steps` if given points converge with too much
+ * energy. The regimes that it changes to have no transitions. See "Regimes" in doc/method.md. */
 #ifndef HEXAD_SAMPLING_SOLVER_REGIME_H
 #define HEXAD_SAMPLING_SOLVER_REGIME_H
 

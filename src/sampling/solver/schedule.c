@@ -4,8 +4,9 @@
 #include <assert.h>
 #include <math.h>
 
-/* Estimate of progress. stage_share: the fraction of its sweeps that a solve by the paper's criterion has typically spent when a stage
- * begins. LEAST_SHARE: the least fraction that is used. EARLY_SWEEPS: typical sweeps of the first two stages of the default method. */
+/* Estimate of progress. stage_share: the fraction of its sweeps that a solve by the paper's criterion has
+ * typically spent when a stage begins. LEAST_SHARE: the least fraction that is used. EARLY_SWEEPS: typical
+ * sweeps of the first two stages of the default method. */
 static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
                                                   EARLY_SWEEPS = 50;
 /* Initial log10 lambda, at which the damping is negligible. */
@@ -18,17 +19,19 @@ static const double LAMBDA_BEGINS = -3;
     .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2,   \
     .skin_steps = 6, .divergent_share = 0.9
 
-/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
+/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section
+ * 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
 
 const schedule schedule_paper = {PAPER, .patience = 400};
 
-/* The start is a packing: the longer patience of schedule_paper gives the same hex_fraction after twice the sweeps. */
+/* The start is a packing: the longer patience of schedule_paper gives the same hex_fraction after twice
+ * the sweeps. */
 const schedule schedule_packed = {PAPER, .patience = 100};
 
-/* Over-relaxation: with 3.0 a refined level loses its order. The longest step is ten times the rms step of a shaken level: longer ones
- * belong to particles that do not converge, at edges and thin parts. Twice the sweeps on all levels bring edge_cv at 100 000 points from
- * .041 to .039 and take half as much time again. */
+/* Over-relaxation: with 3.0 a refined level loses its order. The longest step is ten times the rms step of a
+ * shaken level: longer ones belong to particles that do not converge, at edges and thin parts. Twice the
+ * sweeps on all levels bring edge_cv at 100 000 points from .041 to .039 and take half as much time again. */
 const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2,
                                       .finest_rest = 3.5};
 
@@ -81,7 +84,8 @@ int schedule_least_sweeps(const schedule *s, const schedule_position *at)
     return s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
 }
 
-/* Whether the level may take more sweeps for its defects. Where most normals diverge, only the last level may. */
+/* Whether the level may take more sweeps for its defects. Where most normals diverge, only the last level
+ * may. */
 static bool can_have_many_defects(const schedule *s, const schedule_position *at)
 {
     return s->is_paced && (double)at->count >= s->defects_count &&
@@ -126,7 +130,8 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
     return t < 1 ? INFINITY : s->longest_step / (t * t);
 }
 
-/* By steps: a level ends after its least sweeps, the coarsest after each stage has converged, the last one at the tolerance of the job. */
+/* By steps: a level ends after its least sweeps, the coarsest after each stage has converged, the last one
+ * at the tolerance of the job. */
 static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
@@ -138,8 +143,8 @@ static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
     return at->level > 0 || at->sweeps >= s->patience ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 
-/* By the paper's steady state. A refined level starts near it and is judged by its steps; a level that is refined again may end
- * before they are below the tolerance. */
+/* By the paper's steady state. A refined level starts near it and is judged by its steps; a level that is
+ * refined again may end before they are below the tolerance. */
 schedule_end schedule_round_end(const schedule *s, const schedule_position *at, const schedule_evidence *seen)
 {
     if (!(s->rest_lambda > 0)) return end_by_steps(s, at, seen);
@@ -172,7 +177,8 @@ double schedule_skin(const schedule *s, double rms_step)
     return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
 }
 
-/* By the paper's criterion lambda rises from its floor to its cap within a round; on a refined level the step falls to the tolerance. */
+/* By the paper's criterion lambda rises from its floor to its cap within a round; on a refined level the
+ * step falls to the tolerance. */
 static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
                                     const schedule_evidence *seen)
 {

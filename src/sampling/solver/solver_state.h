@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* solver_state: the state of a solve, and functions on it that several files of the solver use.
  *
- * Private to the solver. driver.c decides what is done and when. level.h, adaptation.h and passes/passes.h declare what it calls; those
- * functions act once and decide nothing about the order of a solve. */
+ * Private to the solver. driver.c decides what is done and when. level.h, adaptation.h and passes/passes.h
+ * declare what it calls; those functions act once and decide nothing about the order of a solve. */
 #ifndef HEXAD_SAMPLING_SOLVER_SOLVER_STATE_H
 #define HEXAD_SAMPLING_SOLVER_SOLVER_STATE_H
 
@@ -18,9 +18,9 @@
 
 enum {
     SOLVER_MAX_ROUNDS = 40, /* rounds that end with an action of global control */
-    /* maximum number of rounds after the first projection. Reasons: particles were relocated, or relax_rms_steps_left
-     * exceeds the tolerance. Also the maximum number of times that converged particles of a round go on because their sizes have
-     * changed */
+    /* maximum number of rounds after the first projection. Reasons: particles were relocated, or
+     * relax_rms_steps_left exceeds the tolerance. Also the maximum number of times that converged particles
+     * of a round go on because their sizes have changed */
     SOLVER_CONTINUATIONS_MOST = 5
 };
 
@@ -78,8 +78,8 @@ typedef struct solver_state {
     double round_defect_fraction;          /* see solver_round */
     int control_rounds;                    /* rounds that ended with ACTION_CONTROL and were not continued */
     int stage;                             /* of the schedule */
-    /* minimum relative decrease of a particle's energy: that of the stage, and after too many sweeps that times a power of 10
-     * (schedule.patience) */
+    /* minimum relative decrease of a particle's energy: that of the stage, and after too many sweeps that
+     * times a power of 10 (schedule.patience) */
     double gain;
     int sweeps_in_round; /* for the schedule; a continued round does not restart the count */
     int size_renewals;   /* of the round: convergences that failed because of new sizes */
@@ -152,11 +152,12 @@ static inline double *solver_column(const solver *s, int which)
     return s->record.column + (size_t)which * s->state.p->count;
 }
 
-/* A relaxation of `capacity` particles. The fast kernel has no amplitudes, and is not used once cells are equalised. Error:
- * limit_memory. */
+/* A relaxation of `capacity` particles. The fast kernel has no amplitudes, and is not used once cells are
+ * equalised. Error: limit_memory. */
 relax *solver_new_relax(const solver *s, size_t capacity, error *e);
 
-/* Increases the capacity of the particles and of the relaxation; the lists must be rebuilt then. Error: limit_memory, also above params.count_limit. */
+/* Increases the capacity of the particles and of the relaxation; the lists must be rebuilt then. Error:
+ * limit_memory, also above params.count_limit. */
 bool solver_reserve(solver *s, size_t capacity, error *e);
 
 /* Whether the particles started at given positions, as those of a frame that follows another. */
@@ -165,24 +166,27 @@ bool solver_is_continued(const solver *s);
 /* Whether near curve samples were merged (surface/field/patches.h), as on meshes. */
 bool solver_merges_near_curves(const solver *s);
 
-/* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced). Does nothing on
- * patches whose near curves are not merged, such as interfaces of labels: on small patches a relocated particle is pushed out of its
- * patch and relocated again and again, so that the solve would not converge. */
+/* Particle i was relocated: convergence requires that it and its neighbours converge (relax_mark_displaced).
+ * Does nothing on patches whose near curves are not merged, such as interfaces of labels: on small patches a
+ * relocated particle is pushed out of its patch and relocated again and again, so that the solve would not
+ * converge. */
 void solver_mark_displaced(solver *s, size_t i);
 
 /* The number of points: the copies of a point on a curve for its patches count once. */
 size_t solver_point_count(const solver *s);
 
-/* Whether F is so smooth that a projection may omit the check of its last Newton step. Then description.c computes the residuals and
- * the normals, together with the curvatures. */
+/* Whether F is so smooth that a projection may omit the check of its last Newton step. Then description.c
+ * computes the residuals and the normals, together with the curvatures. */
 bool solver_ends_smoothly(const solver *s);
 
 /* ---- lagged.c: sizes, amplitudes and lists, constant between two renewals */
 
-/* The amplitude (14) at a place x of the surface, or of a patch with the field f. `normal`: unit. False, *alpha unchanged: F has no curvature there. */
+/* The amplitude (14) at a place x of the surface, or of a patch with the field f. `normal`: unit.
+ * False, *alpha unchanged: F has no curvature there. */
 bool solver_amplitude_at(const solver *s, const field *f, uint32_t patch, vec3 x, vec3 normal, double *alpha);
 
-/* Compute the amplitudes, or sizes, at the present positions. Return the rms of their relative change; 0 if the solve has none. */
+/* Compute the amplitudes, or sizes, at the present positions. Return the rms of their relative change; 0
+ * if the solve has none. */
 double solver_renew_amplitudes(solver *s);
 double solver_renew_sizes(solver *s);
 
@@ -195,15 +199,16 @@ void solver_spacings(const solver *s, double *out);
 /* Whether a mean energy over mean alpha is the ideal one within energy_tolerance. */
 bool solver_is_on_target(const solver *s, double energy);
 
-/* Renews the amplitudes if they are due, and the sizes; marks particles near boundaries; builds lists for the present support and skin. Error:
- * limit_memory. */
+/* Renews the amplitudes if they are due, and the sizes; marks particles near boundaries; builds lists for the
+ * present support and skin. Error: limit_memory. */
 bool solver_build_lists(solver *s, error *e);
 
 /* Makes lists that are valid for energies at the present positions, not for sweeps. Error: limit_memory. */
 bool solver_refresh_lists(solver *s, error *e);
 
-/* The Newton steps that are left at the present positions, see relax_rms_steps_left. The second function renews sizes and lists first, for use after
- * solver_project. NAN with the Gaussian energy. Error: limit_memory. */
+/* The Newton steps that are left at the present positions, see relax_rms_steps_left. The second function
+ * renews sizes and lists first, for use after solver_project. NAN with the Gaussian energy. Error:
+ * limit_memory. */
 relax_steps solver_steps_left(const solver *s, bool watch);
 bool solver_steps_after_projection(solver *s, relax_steps *left, error *e);
 

@@ -12,8 +12,8 @@
 #include "geometry/space/packing.h"
 #include "sampling/solver/particles/random_streams.h"
 
-/* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and there is no surface.
- * Example: the centre of (15). If the cells resolve the surface the value is below 2. */
+/* |H| / |grad F| times the grid cell size from which a zero is degenerate: the gradient vanishes with F, and
+ * there is no surface. Example: the centre of (15). If the cells resolve the surface the value is below 2. */
 static const double DEGENERATE_RATIO = 50;
 
 static vec3 random_in_domain(const field *f, rng *r)
@@ -65,7 +65,8 @@ typedef struct draw_job {
     atomic_size_t lost;     /* the first particle whose draws all failed; the count if there is none */
 } draw_job;
 
-/* Whether the first draws are in strata of equal area. These follow the grid cells, whose regular order blue noise would show. */
+/* Whether the first draws are in strata of equal area. These follow the grid cells, whose regular order
+ * blue noise would show. */
 static bool has_strata(const solver_params *params)
 {
     return params->start == SOLVER_START_SURFACE && !params->blue_noise;
@@ -88,7 +89,8 @@ static bool is_too_near_curve(const draw_job *job, uint32_t patch, vec3 x)
     return curve_distance_at(job->plan->curves, patch, x) < START_CLEARANCE * boundary_spacing(request, x);
 }
 
-/* Draws particle i of a surface with patches until it is on its patch. False: all draws failed, or the pool was stopped. */
+/* Draws particle i of a surface with patches until it is on its patch. False: all draws failed, or the
+ * pool was stopped. */
 static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
 {
     particles *p = job->p;
@@ -111,8 +113,8 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
     return false;
 }
 
-/* Draw number `draw` of particle i of `count`. The first draw of a surface start is in the i-th stratum of the area; consecutive strata
- * are near each other. */
+/* Draw number `draw` of particle i of `count`. The first draw of a surface start is in the i-th stratum of
+ * the area; consecutive strata are near each other. */
 static vec3 draw_point(const draw_job *job, size_t i, size_t count, int draw, rng *r, surface_last_cell *last)
 {
     const solver_params *params = job->params;
@@ -160,7 +162,8 @@ static bool place_boundary(const surface *scan, const boundary_request *request,
     return ok;
 }
 
-/* Whether x is too near to a boundary along the surface: the particle would move among the boundary particles. */
+/* Whether x is too near to a boundary along the surface: the particle would move among the boundary
+ * particles. */
 static bool is_too_near_boundary(const field *f, const boundary_request *request, vec3 x, vec3 normal)
 {
     double clear = START_CLEARANCE * boundary_spacing(request, x);
@@ -276,7 +279,8 @@ static given_point find_given(const draw_job *job, const point_tree *tree, const
     return g;
 }
 
-/* Places the free particles of each patch at given points: at all, or evenly chosen ones if there are more. */
+/* Places the free particles of each patch at given points: at all, or evenly chosen ones if there are
+ * more. */
 static void fill_patches(draw_job *job, const given_point *given, size_t count, size_t *found, size_t *seen)
 {
     const uint32_t *free_count = job->plan->quotas[job->level].free;

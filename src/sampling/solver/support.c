@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* support: search for the support for which the particles have the ideal energy (section 6.1, adaptation.h). */
+/* support: search for the support for which the particles have the ideal energy (section 6.1,
+ * adaptation.h). */
 #include "geometry/space/packing.h"
 #include "sampling/solver/adaptation.h"
 
@@ -16,8 +17,8 @@ enum { SUPPORT_BUILDS = 24 };
 
 /* Minimum support over the spacing. A smaller support has only pairs of nearly coincident particles. */
 static const double MIN_SUPPORT = 0.5;
-/* Maximum support over the spacing. A larger support results only if few particles have neighbours on their patch. No support gives them
- * the ideal energy, and a large one does not separate particles. */
+/* Maximum support over the spacing. A larger support results only if few particles have neighbours on their
+ * patch. No support gives them the ideal energy, and a large one does not separate particles. */
 static const double MAX_SUPPORT = 3;
 
 double solver_nearer_support(const solver *s, double sigma, double energy)
@@ -25,8 +26,8 @@ double solver_nearer_support(const solver *s, double sigma, double energy)
     return sigma * pow(energy / s->setup.params.energy->ideal, -1 / s->setup.params.energy->ideal_slope);
 }
 
-/* The support for which the particles at their positions have the ideal energy (6.1: a one-dimensional optimisation), within the range of
- * the lists. */
+/* The support for which the particles at their positions have the ideal energy (6.1: a one-dimensional
+ * optimisation), within the range of the lists. */
 static double ideal_support(const solver *s)
 {
     double low = SHRINK_LIMIT * s->state.sigma, high = relax_max_support(s->scratch.relax),

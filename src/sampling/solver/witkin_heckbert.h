@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/* witkin_heckbert: formulas of the method with which the paper compares itself (section 3). witkin_heckbert_solver.c uses them.
+/* witkin_heckbert: formulas of the method with which the paper compares itself (section 3).
+ * witkin_heckbert_solver.c uses them.
  *
- * Particles repel each other by Gaussians. Each particle adapts its radius sigma_i to its energy. A particle with a radius above the target
- * splits; a particle with a radius well below the target may die. The final count follows from the parameters. With amplitudes, the target
- * radius of a particle is proportional to its amplitude, as in the extensions by curvature of section 3.
+ * Particles repel each other by Gaussians. Each particle adapts its radius sigma_i to its energy. A particle
+ * with a radius above the target splits; a particle with a radius well below the target may die. The final
+ * count follows from the parameters. With amplitudes, the target radius of a particle is proportional to its
+ * amplitude, as in the extensions by curvature of section 3.
  *
- * Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control Implicit Surfaces", section 4, with its parameters and defaults;
- * without the moving surface.
+ * Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control Implicit Surfaces", section 4,
+ * with its parameters and defaults; without the moving surface.
  *
  * Departures:
- * - beta is in units of 1 / sigma_i instead of 1 / length: the method does not depend on the size of the surface.
+ * - beta is in units of 1 / sigma_i instead of 1 / length: the method does not depend on the size of the
+ *   surface.
  * - Gaussians are cut off at four standard deviations.
  * - A step is at most the particle's radius; a step that ends off the surface is projected.
  *
@@ -33,8 +36,8 @@ typedef struct witkin_heckbert_params {
     double gamma; /* near equilibrium: |p'| < gamma sigma_i */
     double nu;    /* a particle may split when its energy is above nu E_hat */
     double delta; /* it may die when sigma_i < delta sigma_hat */
-    /* Above this radius a particle always splits, world units. 0: half of the longest side of the surface's bounding box, or 1.5 target
-     * radii if that is larger. */
+    /* Above this radius a particle always splits, world units. 0: half of the longest side of the surface's
+     * bounding box, or 1.5 target radii if that is larger. */
     double sigma_max;
 } witkin_heckbert_params;
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* witkin_heckbert_solver: the method of Witkin and Heckbert as a solver_method (solver_state.h). Formulas: witkin_heckbert.c. */
+/* witkin_heckbert_solver: the method of Witkin and Heckbert as a solver_method (solver_state.h). Formulas:
+ * witkin_heckbert.c. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>
@@ -108,7 +109,8 @@ static bool reserve(solver *s, size_t capacity, error *e)
     return true;
 }
 
-/* Spacing over amplitude for which the count equals that of a uniform spacing: the root of the mean of alpha^-2 over the area. */
+/* Spacing over amplitude for which the count equals that of a uniform spacing: the root of the mean of
+ * alpha^-2 over the area. */
 static double amplitude_scale(const solver *s)
 {
     if (!s->setup.params.graded) return 1;
@@ -208,8 +210,9 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Euler step to `place`, projected if it is too far from the surface. If the projection fails, the particle does not move. The velocity
- * becomes the actual displacement over dt, so that the radii follow it: at edges and boundaries it differs from that of the forces. */
+/* Euler step to `place`, projected if it is too far from the surface. If the projection fails, the particle
+ * does not move. The velocity becomes the actual displacement over dt, so that the radii follow it: at
+ * edges and boundaries it differs from that of the forces. */
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {
     solver *s = context;
@@ -358,7 +361,8 @@ static bool step(solver *s, error *e)
 
 /* ---- the end ---- */
 
-/* Energies and neighbours are those of the particles' own Gaussians; the requested spacing is that of the target radii. */
+/* Energies and neighbours are those of the particles' own Gaussians; the requested spacing is that of the
+ * target radii. */
 static bool describe(solver *s, error *e)
 {
     witkin_heckbert_state *w = s->state.witkin_heckbert;

@@ -14,7 +14,8 @@ static const size_t PARTITION_POINTS = 200000, PARTITIONS_MOST = 16;
 enum { BINS = 4096 };
 /* Consecutive points of a span, which are mostly near each other. */
 enum { SPAN = THREADS_GRAIN };
-/* Width of the halo over the reach of the lists: a star uses the lists of the points that its listed points list. */
+/* Width of the halo over the reach of the lists: a star uses the lists of the points that its listed
+ * points list. */
 static const double HALO_REACHES = 3;
 
 static void note_spans(const partitions_input *in, partitions *out)

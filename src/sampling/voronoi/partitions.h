@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour lists are in memory for one
- * partition at a time. World space.
+/* partitions: divides a point set into slabs across the longest side of its bounding box, so that neighbour
+ * lists are in memory for one partition at a time. World space.
  *
- * There are 1 to 16 partitions. A set of fewer than 200 000 points has one. Sets of up to 3.2 million points have partitions of about
- * 100 000 to 200 000 points; larger sets have 16, which are larger. The points of the halo (see partition) come in addition.
+ * There are 1 to 16 partitions. A set of fewer than 200 000 points has one. Sets of up to 3.2 million points
+ * have partitions of about 100 000 to 200 000 points; larger sets have 16, which are larger. The points of
+ * the halo (see partition) come in addition.
  */
 #ifndef HEXAD_SAMPLING_VORONOI_PARTITIONS_H
 #define HEXAD_SAMPLING_VORONOI_PARTITIONS_H
@@ -46,8 +47,8 @@ typedef struct partitions {
 bool partitions_cut(const partitions_input *in, threads *pool, partitions *out, error *e);
 void partitions_free(partitions *s);
 
-/* The points of one partition and of its halo, in the order of the set. The halo is wide enough that the lists are complete for the
- * partition's own points, for their neighbours and for the neighbours of these. */
+/* The points of one partition and of its halo, in the order of the set. The halo is wide enough that the
+ * lists are complete for the partition's own points, for their neighbours and for the neighbours of these. */
 typedef struct partition {
     int axis;
     double low, high; /* range of the own points along the axis: low <= x < high */
@@ -60,8 +61,9 @@ typedef struct partition {
     neighbours *near;
 } partition;
 
-/* Loads partition k, which may be empty, to *out. Before the call *out must be zeroed or hold another partition of the same set, whose
- * arrays are reused. Free *out also after failure. Errors: limit_memory, cancelled. */
+/* Loads partition k, which may be empty, to *out. Before the call *out must be zeroed or hold another
+ * partition of the same set, whose arrays are reused. Free *out also after failure. Errors: limit_memory,
+ * cancelled. */
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e);
 void partition_free(partition *s);

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 /* resolution: whether the spacing of points resolves their surface, from the points alone.
  *
- * Where two walls of the surface are closer than 1.2 spacings, the points do not determine which of them are neighbours. Reason: the
- * circumradius of a triangle of an ideal packing is 0.58 spacings. The balls with this radius about the circumcentres of triangles on
- * both walls overlap if the walls are closer than 2 * 0.58 = 1.16.
+ * Where two walls of the surface are closer than 1.2 spacings, the points do not determine which of them are
+ * neighbours. Reason: the circumradius of a triangle of an ideal packing is 0.58 spacings. The balls with
+ * this radius about the circumcentres of triangles on both walls overlap if the walls are closer than 2 *
+ * 0.58 = 1.16.
  *
- * A point is unresolved if there is another point for which all of this holds (spacing: the mean of both points):
- * - The distance is less than RESOLUTION_REACH spacings. The nearest point of the other wall may lie up to 1.2 spacings aside, beside a
- *   hole in its packing; with a gap of 1.2 the distance is sqrt(1.2^2 + 1.2^2) = 1.7.
- * - The cosine of the normals is below RESOLUTION_OPPOSITE. A crease does not count: at a right angle the normals of a spline through
- *   voxels overshoot, but the cosine remains above -0.38.
+ * A point is unresolved if there is another point for which all of this holds (spacing: the mean of both
+ * points):
+ * - The distance is less than RESOLUTION_REACH spacings. The nearest point of the other wall may lie up to
+ *   1.2 spacings aside, beside a hole in its packing; with a gap of 1.2 the distance is sqrt(1.2^2 + 1.2^2) =
+ *   1.7.
+ * - The cosine of the normals is below RESOLUTION_OPPOSITE. A crease does not count: at a right angle the
+ *   normals of a spline through voxels overshoot, but the cosine remains above -0.38.
  * - One of the points is less than RESOLUTION_GAP spacings off the other's tangent plane.
  */
 #ifndef HEXAD_SAMPLING_VORONOI_RESOLUTION_H
@@ -23,7 +26,8 @@
 #include "geometry/space/bbox.h"
 #include "geometry/space/vec3.h"
 
-/* Limits of an unresolved pair, see above: the cosine of the normals, the distance and the distance from a tangent plane in spacings. */
+/* Limits of an unresolved pair, see above: the cosine of the normals, the distance and the distance from a
+ * tangent plane in spacings. */
 #define RESOLUTION_OPPOSITE -0.4
 #define RESOLUTION_REACH 1.7
 #define RESOLUTION_GAP 1.2

@@ -5,11 +5,13 @@
 
 #include "base/core/lanes.h"
 
-/* The direction of a triangle with the sine s at the point has an error of 1e-6 / s. Triangles with a squared sine below THIN2 are not
- * discarded. Bounds of a line beyond the square root of FAR2, times s, are ignored. */
+/* The direction of a triangle with the sine s at the point has an error of 1e-6 / s. Triangles with a squared
+ * sine below THIN2 are not discarded. Bounds of a line beyond the square root of FAR2, times s, are
+ * ignored. */
 static const float THIN2 = 0.0025f, FAR2 = 1e5f;
-/* Margins for rounding errors, larger than these: relative, and of lengths in spacings. The squared circumradius is decreased by the
- * latter fraction of the squared reach of the list, so that rounding never removes a part of a line that remains in double precision. */
+/* Margins for rounding errors, larger than these: relative, and of lengths in spacings. The squared
+ * circumradius is decreased by the latter fraction of the squared reach of the list, so that rounding
+ * never removes a part of a line that remains in double precision. */
 static const float SURE = 0.01f, ROUNDING = 1e-3f;
 static const float OTHER_SIDE2 = (1 - SURE) * (float)(VORONOI_OPPOSITE_COSINE * VORONOI_OPPOSITE_COSINE);
 
@@ -42,7 +44,8 @@ typedef struct batch {
     lanes_mask stays, low_by, high_by;
 } batch;
 
-/* Per triangle: its Voronoi line, with a parameter along `w` from the circumcentre `c`, clipped to low .. high by the nearest points. */
+/* Per triangle: its Voronoi line, with a parameter along `w` from the circumcentre `c`, clipped to low ..
+ * high by the nearest points. */
 typedef struct lines {
     lanes ux, uy, uz;     /* b */
     lanes wx, wy, wz, w2; /* either orientation */
@@ -107,8 +110,8 @@ ISA_INLINE void drop_empty(lines *g)
     g->gone |= g->narrow & (((g->low > 0) & (low2 > deep2)) | ((g->high < 0) & (high2 > deep2)));
 }
 
-/* Whether no point beyond this squared distance can clip a line that is not discarded. A point that clips a line lies in a ball about one of
- * its ends, whose sphere passes through the own point. */
+/* Whether no point beyond this squared distance can clip a line that is not discarded. A point that clips a
+ * line lies in a ball about one of its ends, whose sphere passes through the own point. */
 ISA_INLINE bool is_settled(float square, lines *g)
 {
     drop_empty(g);
@@ -143,7 +146,8 @@ ISA_INLINE void cut_lines(const triangle_filter *s, uint32_t at, batch *t, lines
     t->high_by = high_by;
 }
 
-/* Clears the lanes of *outside and *inside whose line is not outside, or inside, at both ends by the normal of one corner. */
+/* Clears the lanes of *outside and *inside whose line is not outside, or inside, at both ends by the
+ * normal of one corner. */
 ISA_INLINE void judge_ends(const lines *g, const lanes corner[3], const lanes normal[3], lanes_mask *outside,
                            lanes_mask *inside)
 {
@@ -155,8 +159,9 @@ ISA_INLINE void judge_ends(const lines *g, const lanes corner[3], const lanes no
     *inside &= (low < -ROUNDING) & (high < -ROUNDING);
 }
 
-/* Discards triangles whose whole line is on one side of the surface by the normals of all three corners. Further clipping cannot change
- * this. An end that no point clips is inside if it is the low one, else outside. */
+/* Discards triangles whose whole line is on one side of the surface by the normals of all three corners.
+ * Further clipping cannot change this. An end that no point clips is inside if it is the low one, else
+ * outside. */
 ISA_INLINE void drop_one_sided(const triangle_filter *s, uint32_t at, const batch *t, lines *g)
 {
     const lanes low2 = g->low * g->low * g->w2, high2 = g->high * g->high * g->w2,

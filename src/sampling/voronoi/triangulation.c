@@ -112,8 +112,8 @@ typedef struct survey {
     const uint32_t *vertex_of; /* per point of the curve steps: its vertex; NULL: the point itself */
     size_t *begin;             /* point i has the wedges begin[i] .. begin[i + 1] - 1 */
     wedge *wedge;
-    size_t *
-        side_begin; /* per point: its range in `side`, the other ends of its curve steps; NULL: there are none */
+    size_t *side_begin; /* per point: its range in `side`, the other ends of its curve steps; NULL: there are
+                         * none */
     uint32_t *side;
     tally *tally; /* per chunk */
 } survey;
@@ -303,10 +303,12 @@ static void turn_to_least(uint32_t corner[3])
 
 /* ---- holes ---- */
 
-/* Maximum number of edges of a hole that is closed. Larger holes are between walls that the points do not resolve. */
+/* Maximum number of edges of a hole that is closed. Larger holes are between walls that the points do not
+ * resolve. */
 enum { HOLE_MOST = 8 };
 
-/* The points around a hole: clockwise in the surrounding triangles, seen from outside, and counterclockwise in those that close it. */
+/* The points around a hole: clockwise in the surrounding triangles, seen from outside, and
+ * counterclockwise in those that close it. */
 typedef struct hole {
     size_t count;
     uint32_t point[HOLE_MOST];
@@ -333,7 +335,8 @@ static size_t open_edges(const survey *job, uint32_t i, uint32_t *out)
     return open;
 }
 
-/* Counts the curve steps at a point that are in no triangle, except the one back to `from`. *out: the other end of the last one. */
+/* Counts the curve steps at a point that are in no triangle, except the one back to `from`. *out: the
+ * other end of the last one. */
 static size_t uncovered_curve_edges(const survey *job, uint32_t i, uint32_t from, uint32_t *out)
 {
     const wedge *w;
@@ -366,7 +369,8 @@ static bool find_hole(const survey *job, uint32_t i, hole *out)
     return out->count >= 3;
 }
 
-/* Whether a triangle faces the way of the normals of its corners; a bridge between opposite walls does not. `loosely`: of their sum. */
+/* Whether a triangle faces the way of the normals of its corners; a bridge between opposite walls does
+ * not. `loosely`: of their sum. */
 static bool faces_right(const triangulation_input *in, const uint32_t corner[3], bool loosely)
 {
     const vec3 *x = in->position, *n = in->normal;
@@ -388,8 +392,8 @@ static bool are_joined(const survey *job, uint32_t a, uint32_t b)
     return first + second > 0;
 }
 
-/* Chooses the ear of the hole with the shortest new edge among those that face the right way. Returns its corner; the count of the hole if
- * there is none. */
+/* Chooses the ear of the hole with the shortest new edge among those that face the right way. Returns its
+ * corner; the count of the hole if there is none. */
 static size_t choose_ear(const survey *job, const hole *h, bool loosely, uint32_t ear[3])
 {
     size_t best = h->count;
@@ -422,8 +426,8 @@ static size_t close_hole(const survey *job, hole h, bool loosely, uint32_t out[H
     return made;
 }
 
-/* Whether a triangle lies beyond a curve: one edge is a boundary that follows no curve, and another one follows a curve and has a second
- * triangle. */
+/* Whether a triangle lies beyond a curve: one edge is a boundary that follows no curve, and another one
+ * follows a curve and has a second triangle. */
 static bool is_beyond(const survey *job, const uint32_t corner[3])
 {
     int open = 0, crossed = 0;

@@ -10,9 +10,9 @@
 #include "sampling/packing/pair.h"
 #include "sampling/voronoi/triangle_filter.h"
 
-/* Maximum displacement of points along their normals, in spacings. Points on a plane or a sphere have no unique triangulation; the
- * displacement makes it unique. Also the sine of an angle below which three points are collinear, and a relative margin of distances for
- * rounding errors, which are much smaller. */
+/* Maximum displacement of points along their normals, in spacings. Points on a plane or a sphere have no
+ * unique triangulation; the displacement makes it unique. Also the sine of an angle below which three points
+ * are collinear, and a relative margin of distances for rounding errors, which are much smaller. */
 static const double JITTER = 1e-5;
 
 /* A displaced point with its normal turned to the side of the triangle. */
@@ -33,14 +33,17 @@ typedef struct surroundings {
     triangle_filter sieve;
 } surroundings;
 
-/* Three points and their Voronoi line: the places with equal distances from them, with a parameter along `across` from the circumcentre.
- * Other points clip it to `low` .. `high`, an edge of the Voronoi diagram in space. */
+/* Three points and their Voronoi line: the places with equal distances from them, with a parameter along
+ * `across` from the circumcentre. Other points clip it to `low` .. `high`, an edge of the Voronoi diagram
+ * in space. */
 typedef struct triangle {
-    const site *corner
-        [3]; /* in ascending order of index, so that the result is the same to the last bit from each corner */
+    const site
+        *corner[3]; /* in ascending order of index, so that the result is the same to the last bit from each
+                     * corner */
     vec3 centre, across, facing;
     double radius2;
-    /* Points whose normal has a negative product with `facing`, the square of which is at least this, are on an opposite wall. */
+    /* Points whose normal has a negative product with `facing`, the square of which is at least this, are
+     * on an opposite wall. */
     double hidden2;
     double low, high;             /* in lengths of `across` */
     const site *low_by, *high_by; /* the points that clip the ends; NULL: none does */
@@ -178,7 +181,8 @@ static inline bool cut_by(const site *d, triangle *t)
     return t->low < t->high;
 }
 
-/* Sets may[l] for the sites from `first` on that may clip the line. The others cannot, whatever was clipped before. */
+/* Sets may[l] for the sites from `first` on that may clip the line. The others cannot, whatever was
+ * clipped before. */
 ISA_INLINE bool may_cut(const surroundings *s, uint32_t first, const triangle *t, int64_t may[LANES])
 {
     int64_t any = 0;
@@ -203,7 +207,8 @@ ISA_CLONES static bool cut_by_near(const surroundings *s, triangle *t)
     const double across2 = 4 * (1 + JITTER) * vec3_norm2(t->across), least2 = 4 * (1 + JITTER) * t->radius2;
     int64_t may[LANES];
     for (uint32_t first = 0; first < s->count; first += LANES) {
-        /* a point that clips the line lies in a ball about one of its ends, whose sphere passes through the own point */
+        /* a point that clips the line lies in a ball about one of its ends, whose sphere passes through
+         * the own point */
         const double end = -t->low > t->high ? -t->low : t->high;
         if (s->square[first] > least2 + across2 * end * end) return true;
         if (!may_cut(s, first, t, may)) continue;
@@ -226,8 +231,8 @@ static inline bool is_beyond(const voronoi_sites *in, uint32_t i, const triangle
     return rest >= along * t->low && rest >= along * t->high;
 }
 
-/* `seen`: a table of points that have clipped the triangle's line already, by their lowest bits. Lists of neighbours have nearly the same
- * points. */
+/* `seen`: a table of points that have clipped the triangle's line already, by their lowest bits. Lists of
+ * neighbours have nearly the same points. */
 static bool cut_by_list(const voronoi_sites *in, uint32_t of, uint32_t seen[VORONOI_STAR_MAX], triangle *t)
 {
     const uint32_t *list = neighbours_list(in->near, of);
@@ -258,7 +263,8 @@ static bool is_end_inside(const triangle *t, double end, const site *by)
     return outside < 0;
 }
 
-/* Whether the Voronoi edge crosses the surface. An end that no point clips is inside if it is the low one, else outside. */
+/* Whether the Voronoi edge crosses the surface. An end that no point clips is inside if it is the low one,
+ * else outside. */
 static bool is_across_surface(const triangle *t)
 {
     bool low_inside = !t->low_by || is_end_inside(t, t->low, t->low_by);
@@ -277,8 +283,8 @@ static bool is_listed(const voronoi_sites *in, const triangle *t, int corners, u
     return false;
 }
 
-/* is_across_surface after clipping by all points that are near enough: those of the lists of all corners, and of the lists of these points.
- * The list of `at_hand` has been used already. */
+/* is_across_surface after clipping by all points that are near enough: those of the lists of all corners, and
+ * of the lists of these points. The list of `at_hand` has been used already. */
 static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, triangle *t)
 {
     uint32_t seen[VORONOI_STAR_MAX];
@@ -297,8 +303,9 @@ static bool is_across_surface_wide(const voronoi_sites *in, uint32_t at_hand, tr
     return is_across_surface(t);
 }
 
-/* Whether the own point and two of its surroundings form a triangle of the surface: a Delaunay triangle between a tetrahedron whose
- * circumcentre is inside and one whose circumcentre is outside. `by`: neighbours that clip the line first; -1: none. */
+/* Whether the own point and two of its surroundings form a triangle of the surface: a Delaunay triangle
+ * between a tetrahedron whose circumcentre is inside and one whose circumcentre is outside. `by`:
+ * neighbours that clip the line first; -1: none. */
 static bool is_on_surface(const voronoi_sites *in, const surroundings *s, const site *b, const site *c,
                           const int32_t by[2])
 {
@@ -324,17 +331,21 @@ static bool is_opposite(const site *a, const site *b)
 
 /* ---- planar stars
  *
- * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point. Distances are those in space.
- * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they differ by terms of second order
- * in the bend of the surface within the list, which MIN_COSINE bounds. The neighbours equal those of
- * voronoi_star_triangles if every edge of the polygon is longer than MIN_EDGE, and every other point would have to come nearer by as
- * much to get an edge. Otherwise the planar star is not used. */
+ * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point.
+ * Distances are those in space.
+ * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they
+ * differ by terms of second order in the bend of the surface within the list, which MIN_COSINE bounds. The
+ * neighbours equal those of voronoi_star_triangles if every edge of the polygon is longer than MIN_EDGE, and
+ * every other point would have to come nearer by as much to get an edge. Otherwise the planar star is not
+ * used. */
 
-/* Minimum cosine between the normal of the point and those of its list. The height of a listed point over the tangent plane, divided by its
- * distance, is at most the sine of half of that angle. Points whose normals have a cosine of at most PAIR_FACING_NONE are on opposite
- * walls, whatever the other normals of the list are: it is below VORONOI_OPPOSITE_COSINE by more than half of that angle. */
+/* Minimum cosine between the normal of the point and those of its list. The height of a listed point over the
+ * tangent plane, divided by its distance, is at most the sine of half of that angle. Points whose normals
+ * have a cosine of at most PAIR_FACING_NONE are on opposite walls, whatever the other normals of the list
+ * are: it is below VORONOI_OPPOSITE_COSINE by more than half of that angle. */
 static const double MIN_COSINE = 0.9;
-/* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests' sets differs from that by triangles. */
+/* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests'
+ * sets differs from that by triangles. */
 static const double MIN_EDGE = 0.225;
 /* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
 static const double FIRST_RING = 1.45;
@@ -350,8 +361,8 @@ typedef struct ring {
     double widest; /* largest spacing of the listed points */
 } ring;
 
-/* Gathers the points within a squared distance. False: the surface bends too much, or there are too many. Which points are within is
- * unpredictable: there are no branches on it. */
+/* Gathers the points within a squared distance. False: the surface bends too much, or there are too many.
+ * Which points are within is unpredictable: there are no branches on it. */
 static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring *out)
 {
     const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
@@ -408,8 +419,8 @@ static void order_ring(const ring *r, int order[RING_MAX])
 
 typedef enum edge_test { CUT, KEPT, DOUBTFUL } edge_test;
 
-/* KEPT: the bisector of q has an edge longer than `clear` between those of p and r, its clockwise and counterclockwise neighbours. CUT:
- * it misses the polygon by as much. */
+/* KEPT: the bisector of q has an edge longer than `clear` between those of p and r, its clockwise and
+ * counterclockwise neighbours. CUT: it misses the polygon by as much. */
 static edge_test test_edge(const ring *g, int p, int q, int r, double clear)
 {
     double x = g->x[q], y = g->y[q], plane = x * x + y * y;
@@ -422,8 +433,9 @@ static edge_test test_edge(const ring *g, int p, int q, int r, double clear)
     return length > least ? KEPT : length < -least ? CUT : DOUBTFUL;
 }
 
-/* Selects the neighbours from the ring, counterclockwise, to `hull`. The polygon that the bisectors bound is dual to the convex hull of the
- * points inverted to 2 / distance (Graham scan). Returns their number; 0: undecided. */
+/* Selects the neighbours from the ring, counterclockwise, to `hull`. The polygon that the bisectors bound is
+ * dual to the convex hull of the points inverted to 2 / distance (Graham scan). Returns their number; 0:
+ * undecided. */
 static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int hull[RING_MAX + 1])
 {
     int top = 0;
@@ -441,8 +453,9 @@ static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int
     return top > 2 && test_edge(g, hull[top - 1], hull[0], hull[1], clear) == KEPT ? top : 0;
 }
 
-/* Whether the points beyond the ring are too far to clip the corners of the polygon. All angles between neighbours must be at most 90
- * degrees: a bisector that misses such a corner by d would need to move by d to get an edge of length 2 d. */
+/* Whether the points beyond the ring are too far to clip the corners of the polygon. All angles between
+ * neighbours must be at most 90 degrees: a bisector that misses such a corner by d would need to move by d
+ * to get an edge of length 2 d. */
 static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], double clear)
 {
     double corner = sqrt(g->beyond) - clear; /* twice the maximum distance of a corner */
@@ -459,7 +472,8 @@ static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], do
     return true;
 }
 
-/* Fills in the star. The length of a Voronoi edge follows from the cotangents of the outer angles of its two triangles. */
+/* Fills in the star. The length of a Voronoi edge follows from the cotangents of the outer angles of its
+ * two triangles. */
 static void measure_star(const ring *g, const uint32_t *list, int count, const int hull[RING_MAX + 1],
                          voronoi_star *out)
 {
@@ -501,7 +515,8 @@ bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
-/* Adds the contribution of the triangle a, b, c to the edge between a and b of the star of a. Returns the index of b in the star. */
+/* Adds the contribution of the triangle a, b, c to the edge between a and b of the star of a. Returns the
+ * index of b in the star. */
 static uint32_t join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voronoi_star *out)
 {
     uint32_t k = 0;
@@ -574,8 +589,8 @@ static void join_triangles(const voronoi_sites *in, surroundings *s, uint32_t at
     }
 }
 
-/* Walks around the point from neighbour to neighbour over the triangles with both. Starts again from another point if the walk does not
- * close. */
+/* Walks around the point from neighbour to neighbour over the triangles with both. Starts again from another
+ * point if the walk does not close. */
 void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     surroundings s;

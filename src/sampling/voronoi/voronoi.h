@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/* voronoi: the Voronoi diagram of points restricted to their surface, by its dual, the restricted Delaunay triangulation.
+/* voronoi: the Voronoi diagram of points restricted to their surface, by its dual, the restricted Delaunay
+ * triangulation.
  *
- * Three points form a triangle of the surface if it is a triangle of the Delaunay triangulation in space whose dual Voronoi edge
- * crosses the surface (Edelsbrunner and Shah 1997, "Triangulating Topological Spaces"). The edge crosses the surface if one of its
- * ends, the circumcentres of the two tetrahedra that share the triangle, is inside the solid and the other outside. The normals of
- * the corners determine which. The result is therefore the same from each corner, also at creases and corners of the surface.
- * Points on the opposite wall of a thin part are ignored. The star of a point is the set of the triangles that contain it; its
- * neighbours are the other corners of these. World space. Pure functions, any thread.
+ * Three points form a triangle of the surface if it is a triangle of the Delaunay triangulation in space
+ * whose dual Voronoi edge crosses the surface (Edelsbrunner and Shah 1997, "Triangulating Topological
+ * Spaces"). The edge crosses the surface if one of its ends, the circumcentres of the two tetrahedra that
+ * share the triangle, is inside the solid and the other outside. The normals of the corners determine which.
+ * The result is therefore the same from each corner, also at creases and corners of the surface. Points on
+ * the opposite wall of a thin part are ignored. The star of a point is the set of the triangles that contain
+ * it; its neighbours are the other corners of these. World space. Pure functions, any thread.
  */
 #ifndef HEXAD_SAMPLING_VORONOI_VORONOI_H
 #define HEXAD_SAMPLING_VORONOI_VORONOI_H
@@ -28,15 +30,17 @@ typedef struct voronoi_sites {
     const uint32_t *index;
 } voronoi_sites;
 
-/* Maximum distance of Voronoi neighbours in spacings (the mean of both points). Two points of one wall that are farther apart are not
- * neighbours: other points lie between them, even beside a vacancy. If no point lies between them, they are on two walls that do not meet
- * at a crease, such as the floor of a cup and its outer wall. */
+/* Maximum distance of Voronoi neighbours in spacings (the mean of both points). Two points of one wall that
+ * are farther apart are not neighbours: other points lie between them, even beside a vacancy. If no point
+ * lies between them, they are on two walls that do not meet at a crease, such as the floor of a cup and
+ * its outer wall. */
 #define VORONOI_REACH 2.2
-/* Points whose normals have a smaller cosine than this are on opposite walls. At a sharp edge the cosine is larger. */
+/* Points whose normals have a smaller cosine than this are on opposite walls. At a sharp edge the cosine
+ * is larger. */
 #define VORONOI_OPPOSITE_COSINE -0.6
 
-/* Longest neighbour list that is evaluated. For a point with a longer list the points are over-dense: voronoi_star_triangles returns an empty
- * star (count and triangle_count 0) with `pinched` set. */
+/* Longest neighbour list that is evaluated. For a point with a longer list the points are over-dense:
+ * voronoi_star_triangles returns an empty star (count and triangle_count 0) with `pinched` set. */
 #define VORONOI_STAR_MAX 256
 
 /* The star of a point. Neighbours are in no particular order. */
@@ -49,24 +53,25 @@ typedef struct voronoi_star {
     double edge[VORONOI_STAR_MAX];
     /* per neighbour: triangles with it; 2, fewer beside boundaries and holes */
     uint8_t triangles[VORONOI_STAR_MAX];
-    /* the triangles do not bound one cell: a neighbour is in more than 2 triangles, there are more than VORONOI_STAR_MAX triangles, or the
-     * neighbour list is longer than VORONOI_STAR_MAX */
+    /* the triangles do not bound one cell: a neighbour is in more than 2 triangles, there are more than
+     * VORONOI_STAR_MAX triangles, or the neighbour list is longer than VORONOI_STAR_MAX */
     bool pinched;
     uint32_t triangle_count;
     uint8_t corner[VORONOI_STAR_MAX][2]; /* per triangle: its two other corners, as indices of `point` */
 } voronoi_star;
 
-/* Computes the star of point a: by voronoi_star_planar, or if that fails by voronoi_star_triangles. Symmetric: b is in the star of a if
- * and only if a is in the star of b. */
+/* Computes the star of point a: by voronoi_star_planar, or if that fails by voronoi_star_triangles.
+ * Symmetric: b is in the star of a if and only if a is in the star of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
-/* Area of the Voronoi cell of the point, world units squared. 0: undefined, because the point has no neighbours, or they coincide or are
- * collinear with it. */
+/* Area of the Voronoi cell of the point, world units squared. 0: undefined, because the point has no
+ * neighbours, or they coincide or are collinear with it. */
 double voronoi_star_area(const voronoi_star *star);
 
-/* The two algorithms of voronoi_star_at, for tests. voronoi_star_triangles is valid for all points. voronoi_star_planar clips the tangent
- * plane of `a` by bisectors, and takes a twentieth of the time of voronoi_star_triangles. It returns false, with *out undefined, if the
- * surface bends too much, if the neighbours do not enclose the point, or if another polygon would be nearly as good (voronoi.c has the
+/* The two algorithms of voronoi_star_at, for tests. voronoi_star_triangles is valid for all points.
+ * voronoi_star_planar clips the tangent plane of `a` by bisectors, and takes a twentieth of the time of
+ * voronoi_star_triangles. It returns false, with *out undefined, if the surface bends too much, if the
+ * neighbours do not enclose the point, or if another polygon would be nearly as good (voronoi.c has the
  * bounds). */
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, voronoi_star *out);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* context: the objects and settings that the handlers of all routes use. Pointers are borrowed and outlive the server.
- * All members are constant while the server runs. */
+/* context: the objects and settings that the handlers of all routes use. Pointers are borrowed and outlive
+ * the server. All members are constant while the server runs. */
 #ifndef HEXAD_SERVICE_API_CONTEXT_H
 #define HEXAD_SERVICE_API_CONTEXT_H
 

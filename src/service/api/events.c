@@ -17,7 +17,8 @@
 #define PAGE_DEFAULT 50
 /* Events, and progress lines, that a stream reads with one query. */
 #define BATCH 64
-/* Time without data, in milliseconds, after which a stream sends a comment, so that proxies do not close it. */
+/* Time without data, in milliseconds, after which a stream sends a comment, so that proxies do not close
+ * it. */
 #define SILENCE_MS 14000
 
 _Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not truncated");
@@ -73,7 +74,8 @@ static void write_event(follower *f, FILE *out, const queue_event *event)
     json_free(o);
 }
 
-/* Adds `removed_up_to` if events after `after` were removed, and `reset` if `after` is beyond the newest event. */
+/* Adds `removed_up_to` if events after `after` were removed, and `reset` if `after` is beyond the newest
+ * event. */
 static void put_missing(json *object, const queue_event_page *page, int64_t after)
 {
     if (page->removed_up_to > after && after >= 0)
@@ -81,8 +83,8 @@ static void put_missing(json *object, const queue_event_page *page, int64_t afte
     if (after > page->newest) json_put_bool(object, "reset", true);
 }
 
-/* Writes an event `position`: the stream continues after `seq`. `page` (may be NULL) is the page that follows;
- * `after` is the number that the client named. */
+/* Writes an event `position`: the stream continues after `seq`. `page` (may be NULL) is the page that
+ * follows; `after` is the number that the client named. */
 static void write_position(follower *f, FILE *out, const queue_event_page *page, int64_t after, int64_t seq)
 {
     json *o = json_new_object();
@@ -96,8 +98,8 @@ static void write_position(follower *f, FILE *out, const queue_event_page *page,
     json_free(o);
 }
 
-/* Writes a progress line of a worker, with the id of its job. The id of this event is the id of the last stored event,
- * a dot and the number of the line. */
+/* Writes a progress line of a worker, with the id of its job. The id of this event is the id of the last
+ * stored event, a dot and the number of the line. */
 static void write_row(const follower *f, FILE *out, const progress_ring_line *line)
 {
     json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
@@ -117,7 +119,8 @@ static bool ends_job(const queue_event *event)
     return event->type == QUEUE_EVENT_STATE && queue_state_is_final(event->state);
 }
 
-/* Writes a position before the events of a page if the stream begins, if events are missing or after a reset. */
+/* Writes a position before the events of a page if the stream begins, if events are missing or after a
+ * reset. */
 static void introduce(follower *f, FILE *out, const queue_event_page *page)
 {
     bool from_now = f->seq < 0 || f->seq > page->newest, reset = f->seq > page->newest;
@@ -135,8 +138,8 @@ static size_t list_progress(follower *f, progress_ring_line **lines)
     return progress_ring_list(executor_progress_ring(f->c->x), f->id, owner, f->row, BATCH, lines, &f->row);
 }
 
-/* Reads a page of new events and new progress lines. Progress lines may be anywhere between events, but not after
- * the end of the job. */
+/* Reads a page of new events and new progress lines. Progress lines may be anywhere between events, but not
+ * after the end of the job. */
 static bool read_news(follower *f, FILE *out, error *e)
 {
     queue_event_page page;
@@ -154,7 +157,8 @@ static bool read_news(follower *f, FILE *out, error *e)
     f->seq = page.position;
     if (page.count) f->at_end = ends_job(&page.events[page.count - 1]);
     f->ended = f->whole_job && f->at_end && !page.more;
-    /* the filter skipped a long run of events: send a position, so that the server can serve other connections */
+    /* the filter skipped a long run of events: send a position, so that the server can serve other
+     * connections */
     if ((page.more || f->behind) && f->sent_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
     f->behind = page.more;
     free(page.events);
@@ -187,7 +191,8 @@ static ssize_t produce(reply_source *source, const char **piece)
 {
     follower *f = (follower *)(void *)source;
     error e = {0};
-    /* on an error the stream ends, and the client reconnects with the id of the last event that it received */
+    /* on an error the stream ends, and the client reconnects with the id of the last event that it
+     * received */
     if (f->taken && (f->ended || !refill(f, &e))) return -1;
     f->taken = true;
     *piece = f->text;
@@ -215,8 +220,9 @@ static bool read_number(const char **text, int64_t *number)
     return true;
 }
 
-/* Reads where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. With the id of a
- * stored event, only progress lines that are written later follow. False if the header is not an id of an event. */
+/* Reads where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. With
+ * the id of a stored event, only progress lines that are written later follow. False if the header is not
+ * an id of an event. */
 static bool read_position(const http_request *request, int64_t otherwise, selection *s)
 {
     const char *last = request->header[HTTP_LAST_EVENT_ID];
@@ -237,8 +243,8 @@ static void refuse_position(reply *r)
     reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID must be the id of an event");
 }
 
-/* Answers with a stream. The first page is read here, before the head of the answer is sent, so that the stream has all
- * events after the client received the head. */
+/* Answers with a stream. The first page is read here, before the head of the answer is sent, so that the
+ * stream has all events after the client received the head. */
 static void follow(const http_context *c, const selection *s, reply *r)
 {
     error e = {0};
@@ -347,7 +353,8 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* Refuses a missing job and, without `all`, jobs of other users. An empty stream would not show the reason. */
+/* Refuses a missing job and, without `all`, jobs of other users. An empty stream would not show the
+ * reason. */
 static bool may_select(const http_context *c, const http_request *request, const selection *s, bool all,
                        reply *r)
 {

@@ -7,9 +7,9 @@
 
 http_handler files_list;
 
-/* Finds the frames whose files exist, for a path with the place of a frame number. A relative path is searched below
- * each root. Ascending; the caller frees the numbers. Errors: those of store_open_directory; input_missing (no file
- * matches), spec_invalid (more than FRAMES_MOST match). */
+/* Finds the frames whose files exist, for a path with the place of a frame number. A relative path is
+ * searched below each root. Ascending; the caller frees the numbers. Errors: those of store_open_directory;
+ * input_missing (no file matches), spec_invalid (more than FRAMES_MOST match). */
 bool files_find_frames(const http_context *c, const char *pattern, int **frames, size_t *count, error *e);
 
 #endif

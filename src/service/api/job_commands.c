@@ -79,7 +79,8 @@ static void put_dependents(queue_retried *retried, reply *r)
     reply_add_member(r, "dependents", document);
 }
 
-/* Retries the job and its dependents. If the job cannot be retried (it was before), only its dependents are. */
+/* Retries the job and its dependents. If the job cannot be retried (it was before), only its dependents
+ * are. */
 static void retry_all(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
@@ -119,8 +120,8 @@ void job_commands_deliver(const http_context *c, const http_request *request, re
     tell(c, request, QUEUE_DELIVER, "deliver", r);
 }
 
-/* Parses the members of a patch as members of the group `queue` of a spec that is valid otherwise, so that the table of
- * the spec checks them. If one is invalid, returns NULL and appends the faults to `errors`. */
+/* Parses the members of a patch as members of the group `queue` of a spec that is valid otherwise, so that
+ * the table of the spec checks them. If one is invalid, returns NULL and appends the faults to `errors`. */
 static spec *read_members(json_at patch, json *errors)
 {
     static const char valid[] =
@@ -156,7 +157,8 @@ static void check_names(json_at patch, json *errors)
     }
 }
 
-/* Reads the revision in If-Match; -1: any. If it is not an ETag of a job, sets a problem and returns false. */
+/* Reads the revision in If-Match; -1: any. If it is not an ETag of a job, sets a problem and returns
+ * false. */
 static bool read_match(const http_request *request, int64_t *revision, reply *r)
 {
     const char *match = request->header[HTTP_IF_MATCH];

@@ -92,8 +92,8 @@ void job_json_put_notes(json *object, const char *work_dir, const char *id, int 
     free(directory);
 }
 
-/* Adds the numbers of tasks by state. Every document has them and the links: one printf is cheaper than twelve
- * values. */
+/* Adds the numbers of tasks by state. Every document has them and the links: one printf is cheaper than
+ * twelve values. */
 static void put_counts(json *object, const queue_counts *n)
 {
     char text[256];

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* job_json: the JSON of jobs, their tasks, attempts, events and workers in answers, and the ETag of a job. No state;
- * any thread.
+/* job_json: the JSON of jobs, their tasks, attempts, events and workers in answers, and the ETag of a job. No
+ * state; any thread.
  *
  * Only this file decides which members a reader gets of a job of another user; doc/http.md lists them. Hidden
- * members that the OpenAPI document requires are null, [], 0 or false; other hidden members are missing. Instead of
- * the message of a failure such a reader gets the title of its code. Functions without the parameter `viewer` are
- * for owners and administrators only. */
+ * members that the OpenAPI document requires are null, [], 0 or false; other hidden members are missing.
+ * Instead of the message of a failure such a reader gets the title of its code. Functions without the
+ * parameter `viewer` are for owners and administrators only. */
 #ifndef HEXAD_SERVICE_API_JOB_JSON_H
 #define HEXAD_SERVICE_API_JOB_JSON_H
 
@@ -18,8 +18,9 @@
 
 #define JOB_JSON_TAG_SIZE 40 /* of an ETag, with the terminating 0 */
 
-/* How much an answer shows of a job. An owner who is an administrator is the latter. The owner gets the same members as an
- * administrator, but learns less of other jobs to which the job is related (service/queue/relation). */
+/* How much an answer shows of a job. An owner who is an administrator is the latter. The owner gets the same
+ * members as an administrator, but learns less of other jobs to which the job is related
+ * (service/queue/relation). */
 typedef enum job_json_viewer { JOB_JSON_READER, JOB_JSON_OWNER, JOB_JSON_ADMINISTRATOR } job_json_viewer;
 
 job_json_viewer job_json_viewer_of(const access_caller *caller, const char *owner);
@@ -30,12 +31,12 @@ const char *job_json_cached_from(const queue_job *job, job_json_viewer viewer);
 /* The set of outcomes (queue.h) of spec.accept. */
 unsigned job_json_outcomes(unsigned accept);
 
-/* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last progress
- * line of its worker (JSON text); NULL: none. */
+/* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last
+ * progress line of its worker (JSON text); NULL: none. */
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress);
 
-/* Adds the members `spec`, with the paths of the client, and `paths`, the list of mapped paths (service/api/paths.h). Both are
- * stored as JSON text, or NULL. */
+/* Adds the members `spec`, with the paths of the client, and `paths`, the list of mapped paths
+ * (service/api/paths.h). Both are stored as JSON text, or NULL. */
 void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_spec,
                        const char *stored_paths);
 
@@ -45,8 +46,8 @@ json *job_json_new_event(const queue_event *event, job_json_viewer viewer);
 /* Appends the document of the worker that runs this attempt. */
 void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer);
 
-/* Adds the member `notes` of a result (service/results/result.h); null if the job or frame has none. Call it only for
- * callers who may read the result. `frame` may be QUEUE_NO_FRAME. */
+/* Adds the member `notes` of a result (service/results/result.h); null if the job or frame has none. Call it
+ * only for callers who may read the result. `frame` may be QUEUE_NO_FRAME. */
 void job_json_put_notes(json *object, const char *work_dir, const char *id, int frame, bool succeeded);
 
 /* Appends the document of a task and returns it; the list owns it. */
@@ -60,7 +61,8 @@ void job_json_put_time(json *object, const char *key, int64_t wall_ms);
 /* Adds a value that the service stored as JSON text; null for NULL. */
 void job_json_put_stored(json *object, const char *key, const char *text);
 
-/* Prints the ETag of a job: its revision and, if `progress` is not NULL, a hash of it: `"7"`, `"7.1f3a9c02"`. */
+/* Prints the ETag of a job: its revision and, if `progress` is not NULL, a hash of it: `"7"`,
+ * `"7.1f3a9c02"`. */
 void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE]);
 
 /* Reads the revision from an ETag; false if it is not an ETag of a job. */

@@ -5,8 +5,8 @@
 
 #include "service/api/context.h"
 
-/* Reads the job of parameter 0 of the path. On success the caller calls queue_job_clear; otherwise *r is set to a
- * problem. */
+/* Reads the job of parameter 0 of the path. On success the caller calls queue_job_clear; otherwise *r is set
+ * to a problem. */
 bool job_lookup_find(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
 /* Like job_lookup_find, and fails if the caller is neither the owner of the job nor an administrator. */

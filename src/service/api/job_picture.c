@@ -17,7 +17,8 @@
 
 /* Tasks that one query reads. */
 enum { TASKS_PAGE = 1000 };
-/* Time limit for reading all previews of a sheet, in milliseconds: hexadctl gives up after 60 s without a byte. */
+/* Time limit for reading all previews of a sheet, in milliseconds: hexadctl gives up after 60 s without a
+ * byte. */
 enum { DRAW_MS = 20000 };
 
 typedef struct frames {

@@ -118,8 +118,8 @@ static void order_clear(order *o)
     json_free(o->paths);
 }
 
-/* Checks values that depend on the frame. This may take half a second of CPU time, so only one thread at a time does
- * it, and no check begins after the service has begun to stop. */
+/* Checks values that depend on the frame. This may take half a second of CPU time, so only one thread at a
+ * time does it, and no check begins after the service has begun to stop. */
 static bool check_frames(const http_context *c, const spec *s, reply *r)
 {
     error e = {0};
@@ -158,8 +158,8 @@ static spec_input find_pattern(const spec *s)
     return input;
 }
 
-/* Replaces "all" in queue.frames by the numbers of the files that exist now, and parses the document again. If there
- * are none or too many, or the caller may not list directories, sets a problem and returns false. */
+/* Replaces "all" in queue.frames by the numbers of the files that exist now, and parses the document again.
+ * If there are none or too many, or the caller may not list directories, sets a problem and returns false. */
 static bool resolve_frames(const http_context *c, const access_caller *caller, json *document, order *o,
                            reply *r)
 {
@@ -220,8 +220,8 @@ static bool read_order(const http_context *c, const http_request *request, order
     return ok && check_frames(c, o->s, r);
 }
 
-/* Checks that the input files exist and may be read, so that the submission fails and not the job. The worker opens
- * them again below the same roots. In a sequence, only the first frame is checked. */
+/* Checks that the input files exist and may be read, so that the submission fails and not the job. The worker
+ * opens them again below the same roots. In a sequence, only the first frame is checked. */
 static bool check_inputs(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     spec_input input;
@@ -238,8 +238,8 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     return true;
 }
 
-/* Checks that results may be copied to output.directory. In a sequence, only the directory of the first frame is
- * checked. */
+/* Checks that results may be copied to output.directory. In a sequence, only the directory of the first frame
+ * is checked. */
 static bool check_output(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     error e = {0};
@@ -272,7 +272,8 @@ static bool allows_option(const http_context *c, const char *option)
     return false;
 }
 
-/* Checks the options of sbatch. The engine stores one option per line, so an option must not contain a line end. */
+/* Checks the options of sbatch. The engine stores one option per line, so an option must not contain a
+ * line end. */
 static bool check_slurm(const http_context *c, const order *o, reply *r)
 {
     for (size_t i = 0; i < o->s->slurm_count; i++) {
@@ -326,8 +327,8 @@ static char *print_labels(const spec *s)
     return text;
 }
 
-/* Sets a reply with the document of a job that was just submitted. It is made from the submission, because the job is
- * accepted even if the database cannot be read now. */
+/* Sets a reply with the document of a job that was just submitted. It is made from the submission, because
+ * the job is accepted even if the database cannot be read now. */
 static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
 {
     queue_job job = {
@@ -359,8 +360,8 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     reply_add_header(r, "ETag", tag);
 }
 
-/* The header traceparent (W3C Trace Context): hexadecimal numbers of 2, 32, 16 and 2 digits, separated by "-". NULL
- * if it is missing or malformed; the standard requires that a malformed one is ignored. */
+/* The header traceparent (W3C Trace Context): hexadecimal numbers of 2, 32, 16 and 2 digits, separated by
+ * "-". NULL if it is missing or malformed; the standard requires that a malformed one is ignored. */
 static const char *read_trace(const http_request *request)
 {
     static const size_t parts[] = {2, 32, 16, 2};
@@ -375,8 +376,8 @@ static const char *read_trace(const http_request *request)
     return trace;
 }
 
-/* Reads the Idempotency-Key (NULL: none), with which a client can repeat a submission safely, and hashes the body.
- * If the key is malformed, sets a problem and returns false. */
+/* Reads the Idempotency-Key (NULL: none), with which a client can repeat a submission safely, and hashes the
+ * body. If the key is malformed, sets a problem and returns false. */
 static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], const char **key, reply *r)
 {
     *key = request->header[HTTP_IDEMPOTENCY_KEY];
@@ -518,7 +519,8 @@ static bool check_rate(const http_context *c, const http_request *request, const
     return false;
 }
 
-/* How long the answer may wait, in milliseconds: the seconds of `Prefer: wait=30`, at most wait_s; 0: no wait. */
+/* How long the answer may wait, in milliseconds: the seconds of `Prefer: wait=30`, at most wait_s; 0: no
+ * wait. */
 static int64_t read_wait_ms(const http_context *c, const http_request *request)
 {
     const char *prefer = request->header[HTTP_PREFER];
@@ -557,8 +559,8 @@ static void keep_parts(const reply *old, reply *fresh)
             reply_add_header(fresh, old->header[i].name, old->header[i].value);
 }
 
-/* Replaces the provisional answer after the end of the job or of the wait. If the job cannot be read or was deleted,
- * the provisional answer is sent. */
+/* Replaces the provisional answer after the end of the job or of the wait. If the job cannot be read or was
+ * deleted, the provisional answer is sent. */
 void jobs_await(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
@@ -609,8 +611,8 @@ static int64_t ms_of(double seconds)
     return (int64_t)ceil(1000 * seconds);
 }
 
-/* Offers the job to the executor if a stored result of an equal job can be used. So it ends at once even if all
- * workers are busy. */
+/* Offers the job to the executor if a stored result of an equal job can be used. So it ends at once even if
+ * all workers are busy. */
 static void offer(const http_context *c, const queue_submission *put, const queue_receipt *receipt)
 {
     char equal[ULID_SIZE], *inputs = NULL;
@@ -700,8 +702,9 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Adds `estimate`, or null with the reason in `estimate_missing`: the caller lacks the scope `submit`, say. *busy: a
- * later request may get an estimate. False if the job would fail: *r is then set to the problem. */
+/* Adds `estimate`, or null with the reason in `estimate_missing`: the caller lacks the scope `submit`,
+ * say. *busy: a later request may get an estimate. False if the job would fail: *r is then set to the
+ * problem. */
 static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
                          bool *busy, reply *r)
 {
@@ -799,8 +802,9 @@ static unsigned read_states(const char *words)
     return states;
 }
 
-/* A cursor is the number of the last job of the previous page, the order of the list and the sort key of the job. `mark` is
- * ":name:", ":-created:" and so on; "" in the default order, whose cursors have the number only. */
+/* A cursor is the number of the last job of the previous page, the order of the list and the sort key of the
+ * job. `mark` is ":name:", ":-created:" and so on; "" in the default order, whose cursors have the number
+ * only. */
 
 /* False if the cursor of the request is not one of a list with this mark. */
 static bool read_cursor(const http_request *request, const char *mark, queue_filter *filter)
@@ -820,8 +824,8 @@ static char *print_cursor(int64_t seq, const char *mark, const char *key, queue_
     return mem_printf("%lld%s%s", (long long)seq, mark, sorted_by == QUEUE_BY_AGE ? "" : key);
 }
 
-/* The cursor of the next page, to be freed: behind job number `limit`, or where the search stopped. NULL: this is
- * the last page. */
+/* The cursor of the next page, to be freed: behind job number `limit`, or where the search stopped. NULL:
+ * this is the last page. */
 static char *next_cursor(const queue_page *page, size_t limit, const char *mark, queue_order sorted_by)
 {
     char key[QUEUE_SORT_KEY_SIZE];
@@ -832,8 +836,9 @@ static char *next_cursor(const queue_page *page, size_t limit, const char *mark,
     return page->stop.seq ? print_cursor(page->stop.seq, mark, page->stop.key, sorted_by) : NULL;
 }
 
-/* Restricts a list by dependency to jobs of the caller, unless the caller is an administrator: dependencies are part of
- * specs, which only owners and administrators may read. If another owner is named, sets a problem and returns false. */
+/* Restricts a list by dependency to jobs of the caller, unless the caller is an administrator: dependencies
+ * are part of specs, which only owners and administrators may read. If another owner is named, sets a
+ * problem and returns false. */
 static bool restrict_to_own(const http_request *request, queue_filter *filter, reply *r)
 {
     if (request->caller->scopes & SCOPE_ADMIN) return true;
@@ -933,7 +938,8 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     char *progress = progress_of(c, &job, job_json_viewer_of(request->caller, job.owner));
     job_json_print_tag(&job, progress, tag);
     free(progress);
-    /* at the first call, an outdated ETag is answered at once; after a wait, progress alone does not end the wait */
+    /* at the first call, an outdated ETag is answered at once; after a wait, progress alone does not end
+     * the wait */
     bool current =
         known && (request->waited ? has_revision(known, &job) : preconditions_match(known, tag, true));
     if (patient && (known ? current : !queue_state_is_final(job.state))) {

@@ -95,7 +95,8 @@ static void put_load(const http_context *c, FILE *out)
     put_gauge(out, "hexad_memory_limit_bytes", "Memory that attempts may use.", load.all_memory_mb << 20);
 }
 
-/* Whether attempts with this outcome can have this error code. Other pairs are omitted while their count is 0. */
+/* Whether attempts with this outcome can have this error code. Other pairs are omitted while their count
+ * is 0. */
 static bool is_usual(meter_outcome outcome, error_code code)
 {
     switch (outcome) {

@@ -10,7 +10,8 @@
 #include "base/core/memory.h"
 #include "service/executor/progress_ring.h"
 
-/* Events, and progress lines, that one round reads. If there are more, the next round follows without a wait. */
+/* Events, and progress lines, that one round reads. If there are more, the next round follows without a
+ * wait. */
 #define NEWS_MOST 256
 
 struct notifier {
@@ -42,8 +43,8 @@ static void add_topic(news *n, const char *topic)
     n->topic[n->count++] = topic;
 }
 
-/* Reads new events and progress lines and wakes their topics. If there may be more, or if the events could not be read,
- * the next step need not be woken. */
+/* Reads new events and progress lines and wakes their topics. If there may be more, or if the events could
+ * not be read, the next step need not be woken. */
 static int64_t wake_waiters(void *context)
 {
     notifier *n = context;

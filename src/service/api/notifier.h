@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* notifier: wakes connections in the wait list when their jobs have new events or progress lines.
  *
- * One task waits for the queue. It reads the new events and progress lines once for all connections, and wakes the
- * connections that wait for the topic of one of these jobs or of its owner. The topic of a job is its id.
+ * One task waits for the queue. It reads the new events and progress lines once for all connections, and
+ * wakes the connections that wait for the topic of one of these jobs or of its owner. The topic of a job is
+ * its id.
  */
 #ifndef HEXAD_SERVICE_API_NOTIFIER_H
 #define HEXAD_SERVICE_API_NOTIFIER_H
@@ -14,8 +15,8 @@
 
 typedef struct notifier notifier;
 
-/* Adds the task to the runner. Queue, executor and wait list must outlive the notifier. NULL on failure: errors of the
- * queue. */
+/* Adds the task to the runner. Queue, executor and wait list must outlive the notifier. NULL on failure:
+ * errors of the queue. */
 notifier *notifier_add(runner *to, queue *q, executor *x, wait_list *l, error *e);
 /* After runner_stop. Accepts NULL. */
 void notifier_free(notifier *n);

@@ -74,8 +74,8 @@ static json *put_type(json *content, const char *type, const char *schema)
     return media;
 }
 
-/* Adds a reference to an example of openapi_examples.json, which has one for every schema of an answer and for every
- * operation whose answer is text. */
+/* Adds a reference to an example of openapi_examples.json, which has one for every schema of an answer and
+ * for every operation whose answer is text. */
 static void put_example(json *media, const char *name)
 {
     char *ref = mem_printf("#/components/examples/%s", name);
@@ -224,7 +224,8 @@ static void put_operation(json *paths, const route *r)
     put_responses(operation, r);
 }
 
-/* Adds the schemas of answers (openapi_schemas.json) and of specs to `schemas`, and the examples to `components`. */
+/* Adds the schemas of answers (openapi_schemas.json) and of specs to `schemas`, and the examples to
+ * `components`. */
 static void put_schemas(json *components, json *schemas)
 {
     json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);

@@ -6,7 +6,8 @@
 #include "io/pictures/canvas.h"
 #include "service/http/reply.h"
 
-/* Encodes the picture in memory and sets a reply of status 200. Error: internal; the reply is then unchanged. */
+/* Encodes the picture in memory and sets a reply of status 200. Error: internal; the reply is then
+ * unchanged. */
 bool png_reply_set(reply *r, const canvas *picture, error *e);
 
 #endif

@@ -30,7 +30,8 @@ static const char *content_type_of(const char *name)
 /* Tasks that one query reads. */
 enum { TASKS_PAGE = 1000 };
 
-/* Finds the first frame of an array that has succeeded. If there is none, sets a problem and returns false. */
+/* Finds the first frame of an array that has succeeded. If there is none, sets a problem and returns
+ * false. */
 static bool choose_first_frame(const http_context *c, const queue_job *job, int *frame, queue_state *state,
                                reply *r)
 {
@@ -57,9 +58,9 @@ static bool choose_first_frame(const http_context *c, const queue_job *job, int 
     return false;
 }
 
-/* Reads the query parameter `frame` of an array, and the state of that frame. If it is missing, `any` selects the
- * first frame that has succeeded. A job that is not an array has no frames: *frame and *state stay as they are. On
- * failure sets a problem and returns false. */
+/* Reads the query parameter `frame` of an array, and the state of that frame. If it is missing, `any` selects
+ * the first frame that has succeeded. A job that is not an array has no frames: *frame and *state stay as
+ * they are. On failure sets a problem and returns false. */
 static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, bool any,
                          int *frame, queue_state *state, reply *r)
 {
@@ -239,8 +240,8 @@ static void end_sending(reply_receipt *receipt, bool sent)
     free(s);
 }
 
-/* Adds the receipt that reports the end of the reply, if the owner then has the whole file: after 200, and after
- * 304, which means that the client has it already. */
+/* Adds the receipt that reports the end of the reply, if the owner then has the whole file: after 200, and
+ * after 304, which means that the client has it already. */
 static void add_receipt(const http_context *c, const http_request *request, const place *p, size_t index,
                         reply *r)
 {

@@ -11,8 +11,8 @@ http_handler status_health, status_ready, status_version, status_workers, status
  * status_resume or a restart. */
 http_handler status_drain, status_resume;
 
-/* Held, the service accepts jobs but starts no attempts; running attempts continue. It lasts until status_release, also
- * over a restart. */
+/* Held, the service accepts jobs but starts no attempts; running attempts continue. It lasts until
+ * status_release, also over a restart. */
 http_handler status_hold, status_release;
 
 #endif

@@ -67,7 +67,8 @@ void tasks_list_attempts(const http_context *c, const http_request *request, rep
     queue_job_clear(&job);
 }
 
-/* Opens the log of an attempt: in its directory or, if the attempt gave the result, in the directory of the result. */
+/* Opens the log of an attempt: in its directory or, if the attempt gave the result, in the directory of
+ * the result. */
 static int open_log(const http_context *c, const queue_job *job, int frame, int attempt, int64_t *bytes)
 {
     char *own = result_attempt_directory(c->work_dir, job->id, frame, attempt);
@@ -79,8 +80,8 @@ static int open_log(const http_context *c, const queue_job *job, int frame, int 
     return fd;
 }
 
-/* Reads the query parameters `frame`, which an array requires, and `attempt`; without it, the last attempt. *attempt
- * is 0 if the attempt does not exist. On failure sets a problem and returns false. */
+/* Reads the query parameters `frame`, which an array requires, and `attempt`; without it, the last
+ * attempt. *attempt is 0 if the attempt does not exist. On failure sets a problem and returns false. */
 static bool choose_attempt(const http_context *c, const http_request *request, const queue_job *job,
                            int *frame, int *attempt, reply *r)
 {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* tasks: the handlers of the parts of a job: its tasks, their attempts, and the logs and snapshots of attempts. */
+/* tasks: the handlers of the parts of a job: its tasks, their attempts, and the logs and snapshots of
+ * attempts. */
 #ifndef HEXAD_SERVICE_API_TASKS_H
 #define HEXAD_SERVICE_API_TASKS_H
 

@@ -214,7 +214,8 @@ void uploads_delete(const http_context *c, const http_request *request, reply *r
         reply_set_empty(r, 204);
 }
 
-/* Runs a worker that inspects a file, and answers with its result. uploads_check must have accepted the path. */
+/* Runs a worker that inspects a file, and answers with its result. uploads_check must have accepted the
+ * path. */
 static void inspect(const http_context *c, const char *path, reply *r)
 {
     error e = {0};

@@ -16,8 +16,8 @@
 #include "files/file.h"
 
 #define FILE_BYTES_MOST (1 << 20)
-/* The Content-Security-Policy: scripts and styles come only from this service, and text cannot become markup or
- * code. */
+/* The Content-Security-Policy: scripts and styles come only from this service, and text cannot become markup
+ * or code. */
 #define POLICY                                                                                           \
     "default-src 'self'; img-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; " \
     "frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types 'none'"
@@ -85,8 +85,8 @@ static page *read_directory(const char *directory, error *e)
     return NULL;
 }
 
-/* The directory in which the page is installed; to be freed. If `programs` is BINDIR below another root (DESTDIR),
- * the page is below the same root. */
+/* The directory in which the page is installed; to be freed. If `programs` is BINDIR below another root
+ * (DESTDIR), the page is below the same root. */
 static char *installed_page(const char *programs)
 {
     size_t length = strlen(programs), tail = strlen(HEXAD_BINDIR);

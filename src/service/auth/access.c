@@ -122,8 +122,9 @@ static bool is_same(const struct stat *a, const struct stat *b)
            a->st_ctim.tv_sec == b->st_ctim.tv_sec && a->st_ctim.tv_nsec == b->st_ctim.tv_nsec;
 }
 
-/* Reads the tokens if their file has changed. If it cannot be read at the moment (internal), the tokens are kept,
- * and the next call reads it again. If it is not a token file, no token is valid. The caller holds the mutex. */
+/* Reads the tokens if their file has changed. If it cannot be read at the moment (internal), the tokens are
+ * kept, and the next call reads it again. If it is not a token file, no token is valid. The caller holds
+ * the mutex. */
 static bool refresh(access_control *a, error *e)
 {
     struct stat now = {0};
@@ -213,7 +214,8 @@ const char *access_find_same(const access_names *names, bool group, const char *
     return NULL;
 }
 
-/* Lists the groups of a user. Returns their number; 0 if the user does not exist or has more than MOST_GROUPS. */
+/* Lists the groups of a user. Returns their number; 0 if the user does not exist or has more than
+ * MOST_GROUPS. */
 static int list_groups(unsigned uid, gid_t groups[MOST_GROUPS])
 {
     char buffer[NAME_BYTES];

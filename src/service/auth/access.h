@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 /* access: identifies callers and returns their permissions.
  *
- * A bearer token determines its user, its scopes and the highest priority that the user may give. Without a token, a
- * caller on a Unix socket is the user of the connected process, as the kernel reports it. The service's own user,
- * root and `admins` are administrators. `users` and members of `groups` may read, submit and cancel. All other users
- * are unknown. A caller on TCP without a token is unknown, too; with `open_tcp` all such callers are the user
- * ACCESS_ANYONE.
+ * A bearer token determines its user, its scopes and the highest priority that the user may give. Without a
+ * token, a caller on a Unix socket is the user of the connected process, as the kernel reports it. The
+ * service's own user, root and `admins` are administrators. `users` and members of `groups` may read, submit
+ * and cancel. All other users are unknown. A caller on TCP without a token is unknown, too; with `open_tcp`
+ * all such callers are the user ACCESS_ANYONE.
  *
- * A browser presents its token once and receives a session (service/auth/session.h), which it presents over TCP afterwards.
- * A session has the permissions of its token and ends with it.
+ * A browser presents its token once and receives a session (service/auth/session.h), which it presents over
+ * TCP afterwards. A session has the permissions of its token and ends with it.
  *
  * access_change_users replaces users, groups and admins; the new names apply to new connections.
  *
- * The token file is read again after it has changed. While it cannot be read, all tokens are unknown. Any thread.
+ * The token file is read again after it has changed. While it cannot be read, all tokens are unknown. Any
+ * thread.
  */
 #ifndef HEXAD_SERVICE_AUTH_ACCESS_H
 #define HEXAD_SERVICE_AUTH_ACCESS_H
@@ -63,8 +64,8 @@ void access_change_users(access_control *a, const access_names *users, const acc
 /* Checks that the user or the group exists. A number is always accepted. Error: spec_invalid. */
 bool access_check_name(const char *name, bool group, error *e);
 
-/* The name of the user or group with this number; the caller frees it. NULL: `number` is not a number, or it has no
- * name. */
+/* The name of the user or group with this number; the caller frees it. NULL: `number` is not a number, or it
+ * has no name. */
 char *access_find_name(const char *number, bool group);
 
 /* The item of `names` with the same number as `name`. NULL: there is none, or `name` does not exist. */
@@ -72,8 +73,8 @@ const char *access_find_same(const access_names *names, bool group, const char *
 /* The item of `groups` that has the user as a member. NULL: there is none, or the user does not exist. */
 const char *access_find_group_of(const access_names *groups, const char *user);
 
-/* Whether the mode of the directory permits the user, or each member of the group, to search it. True if the name
- * does not exist. */
+/* Whether the mode of the directory permits the user, or each member of the group, to search it. True if the
+ * name does not exist. */
 bool access_may_search(const char *name, bool group, const struct stat *directory);
 
 bool access_has_tokens(access_control *a);
@@ -99,14 +100,14 @@ typedef struct access_caller {
     uint64_t generation;     /* of the tokens that identified the caller; 0: without a token */
 } access_caller;
 
-/* Identifies a caller. `authorization` is the value of the header and `session` the value of the cookie; either may
- * be NULL. False for an unknown caller or token. A session that has ended, or that is presented on a Unix socket, is
- * ignored. */
+/* Identifies a caller. `authorization` is the value of the header and `session` the value of the cookie;
+ * either may be NULL. False for an unknown caller or token. A session that has ended, or that is presented on
+ * a Unix socket, is ignored. */
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
                      const char *session, access_caller *caller);
 
-/* The generation of the tokens, which changes with the token file. A caller of an earlier generation may be unknown
- * now. */
+/* The generation of the tokens, which changes with the token file. A caller of an earlier generation may be
+ * unknown now. */
 uint64_t access_generation(access_control *a);
 
 /* Begins a session of the token. False: the token is unknown or there are no sessions. */

@@ -343,8 +343,8 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     return true;
 }
 
-/* Whether --check, --check-settings or --backup is meant for the installed service: no other settings file or state directory is
- * given. */
+/* Whether --check, --check-settings or --backup is meant for the installed service: no other settings file or
+ * state directory is given. */
 static bool maintains_service(int argc, char *const *argv)
 {
     bool maintains = false;

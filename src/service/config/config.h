@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* config: the daemon's settings.
  *
- * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The configuration
- * file (INI, parsed by libinih), the command line, --help and the sample file etc/hexad.conf are derived from it. Each
- * key is a key of the file and an option, `--key VALUE` or `--key=VALUE`; `-` and `_` are equivalent. Options take
- * precedence over the file. One thread reads the settings at the start. Afterwards only config_take_over changes them,
- * and only settings with `reloads` in their row: numbers, the log level, and lists that other modules copy.
+ * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The
+ * configuration file (INI, parsed by libinih), the command line, --help and the sample file etc/hexad.conf
+ * are derived from it. Each key is a key of the file and an option, `--key VALUE` or `--key=VALUE`; `-` and
+ * `_` are equivalent. Options take precedence over the file. One thread reads the settings at the start.
+ * Afterwards only config_take_over changes them, and only settings with `reloads` in their row: numbers, the
+ * log level, and lists that other modules copy.
  * Texts do not reload, because other modules keep pointers to them.
  */
 #ifndef HEXAD_SERVICE_CONFIG_CONFIG_H
@@ -30,7 +31,8 @@ typedef struct config_list {
 
 typedef struct config {
     config_list
-        listen; /* each HOST:PORT, unix:/path or unix: (a socket in the runtime or state directory); none: unix: */
+        listen; /* each HOST:PORT, unix:/path or unix: (a socket in the runtime or state directory); none:
+                 * unix: */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *work_dir;  /* "": state_dir */
@@ -107,10 +109,11 @@ typedef enum config_action {
 /* Reads the defaults, then the file of `--config FILE`, then the options. The caller frees the members with
  * config_clear. Error: spec_invalid, with the file and line or the option. */
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
-/* Takes the values of settings that reload from `fresh`, which receives the former ones. Logs the changed settings and
- * those that need a restart. */
+/* Takes the values of settings that reload from `fresh`, which receives the former ones. Logs the changed
+ * settings and those that need a restart. */
 void config_take_over(config *c, config *fresh);
-/* The first Unix socket of `listen`: unix:/path, or unix: for the default one. NULL: there are TCP ports only. */
+/* The first Unix socket of `listen`: unix:/path, or unix: for the default one. NULL: there are TCP ports
+ * only. */
 const char *config_unix_address(const config *c);
 bool config_lists_differ(const config_list *a, const config_list *b);
 /* If the message begins with the name of a setting whose value is from a file, prepends FILE:LINE. */
@@ -120,8 +123,8 @@ void config_clear(config *c); /* accepts a zeroed object */
 /* Whether the settings admit users other than the service's own to the Unix socket. */
 bool config_shares_socket(const config *c);
 
-/* Sets c->worker if it is empty: hexad-worker in the directory of the running program, otherwise in the bindir of the
- * build. Error: input_missing (it is not an executable file). */
+/* Sets c->worker if it is empty: hexad-worker in the directory of the running program, otherwise in the
+ * bindir of the build. Error: input_missing (it is not an executable file). */
 bool config_find_worker(config *c, error *e);
 /* config_find_worker for c->slurm_node and hexad-node. */
 bool config_find_node(config *c, error *e);

@@ -71,8 +71,8 @@ static const char *item_end(const char *item, const char *end)
     return item;
 }
 
-/* Copies the items from `item` to `end` except the value, with separators; returns the end of the copy. *found: the
- * value was one of them. */
+/* Copies the items from `item` to `end` except the value, with separators; returns the end of the
+ * copy. *found: the value was one of them. */
 static char *copy_others(char *to, const char *item, const char *end, const char *value, bool *found)
 {
     bool first = true;

@@ -28,8 +28,8 @@ typedef struct config_row {
     bool or_zero;             /* 0 is permitted although it is below `low` */
     const char *unit;         /* NULL: none */
     bool reloads;             /* SIGHUP applies a new value; other settings need a restart */
-    /* Part of the program to which the setting belongs. A build without it permits only the default, and 0 for a
-     * whole number. */
+    /* Part of the program to which the setting belongs. A build without it permits only the default, and 0
+     * for a whole number. */
     build_part part;
     const char *help;
 } config_row;

@@ -16,16 +16,16 @@
 #include "service/database/health.h"
 #include "service/database/schema.h"
 
-/* Pages between two tests of the stop flag. The copy is flushed at the same interval: otherwise the flush of a change
- * could wait for it. 512 pages are 2 MB, 6 ms on a disk of 350 MB/s. */
+/* Pages between two tests of the stop flag. The copy is flushed at the same interval: otherwise the flush of
+ * a change could wait for it. 512 pages are 2 MB, 6 ms on a disk of 350 MB/s. */
 #define PAGES_A_STEP 512
 /* The page cache of a check, in KiB (negative: SQLite's unit). */
 #define CHECK_CACHE "-16000"
 /* Instructions of SQLite's virtual machine between two tests of the stop flag. */
 #define CHECK_TURNS 10000
 
-/* Sets the error for a failed copy or check. A damaged copy means a damaged database: then the message is only that of
- * SQLite. */
+/* Sets the error for a failed copy or check. A damaged copy means a damaged database: then the message is
+ * only that of SQLite. */
 static bool fail(const char *path, int code, error *e)
 {
     const char *why = sqlite3_errstr(code);
@@ -212,9 +212,9 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
 
 /* ---- checks of copies */
 
-/* SQLite returns several faults in one text, below a line of asterisks that names the database. A page that could
- * not be read because of the disk or of missing memory is not a fault of the database: then the function returns
- * that code. */
+/* SQLite returns several faults in one text, below a line of asterisks that names the database. A page that
+ * could not be read because of the disk or of missing memory is not a fault of the database: then the
+ * function returns that code. */
 static int write_findings(FILE *findings, const char *text)
 {
     static const char unread[] = "unable to get the page. error code=";
@@ -229,7 +229,8 @@ static int write_findings(FILE *findings, const char *text)
     return SQLITE_OK;
 }
 
-/* Runs a check whose rows are faults, or the single row "ok". Returns SQLITE_DONE, or the code of a failure. */
+/* Runs a check whose rows are faults, or the single row "ok". Returns SQLITE_DONE, or the code of a
+ * failure. */
 static int run_check(sqlite3 *file, const char *sql, FILE *findings)
 {
     sqlite3_stmt *s = NULL;
@@ -329,8 +330,9 @@ static bool try_once(request *r, error *e)
     return ok;
 }
 
-/* Makes the copy a second time if the first one has damage: the disk of the copy may be at fault, and SQLite also
- * reports a schema that it cannot read as damaged. Only damage in both copies counts as damage of the database. */
+/* Makes the copy a second time if the first one has damage: the disk of the copy may be at fault, and SQLite
+ * also reports a schema that it cannot read as damaged. Only damage in both copies counts as damage of the
+ * database. */
 static bool try_twice(request *r, int64_t free_bytes, error *e)
 {
     error why = {0};

@@ -16,7 +16,8 @@
 /* Time until a failed check is repeated. The shorter time applies while changes are refused. */
 #define RETRY_MS 60000
 #define RETRY_IN_DOUBT_MS 5000
-/* The database is idle if no change was stored for this time, or for a tenth of the interval if that is shorter. */
+/* The database is idle if no change was stored for this time, or for a tenth of the interval if that is
+ * shorter. */
 #define IDLE_MS 10000
 
 struct checker {

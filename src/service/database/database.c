@@ -31,25 +31,26 @@
 /* More than the number of statements in the program. */
 #define STATEMENTS 128
 
-/* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages, too. */
+/* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages,
+ * too. */
 #define READER_CACHE "-256"
 /* Readers that are opened at the start. More are opened when all of them are in use, and then kept. */
 #define READERS_AT_START 8
 /* Maximum time, in ms, until a further reader is tried again: none may be left that could be returned. */
 #define READER_RETRY_MS 250
 
-/* The log is checkpointed from this number of pages (of 4 KiB), SQLite's default. Larger: fewer checkpoints, and a
- * longer recovery after a crash. */
+/* The log is checkpointed from this number of pages (of 4 KiB), SQLite's default. Larger: fewer checkpoints,
+ * and a longer recovery after a crash. */
 #define LOG_PAGES 1000
 /* Remaining pages that are checkpointed while no change is stored; this takes two flushes. */
 #define LOG_REST 100
-/* From this number of pages a change waits until readers leave the log, at most LOG_PATIENCE_MS: otherwise a log with
- * permanent readers would grow without limit. If that fails, as during a backup, the next attempt is at twice the
- * length. */
+/* From this number of pages a change waits until readers leave the log, at most LOG_PATIENCE_MS: otherwise a
+ * log with permanent readers would grow without limit. If that fails, as during a backup, the next attempt is
+ * at twice the length. */
 #define LOG_MOST 4000
 #define LOG_PATIENCE_MS 200
-/* SQLite's files are exclusive to this process: other programs are excluded, and the index of the log is in memory, so
- * that a full disk does not block it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
+/* SQLite's files are exclusive to this process: other programs are excluded, and the index of the log is in
+ * memory, so that a full disk does not block it (https://www.sqlite.org/vfs.html#standard_unix_vfses). */
 #define OWN_VFS "unix-excl"
 
 typedef STAILQ_HEAD(change_list, change) change_list;
@@ -65,8 +66,8 @@ struct database {
     SLIST_ENTRY(database) link; /* of idle readers */
 
     int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
-    /* for flushes; -1: a copy. Closed after all connections, because closing it ends the locks of the process on the
-     * file */
+    /* for flushes; -1: a copy. Closed after all connections, because closing it ends the locks of the process
+     * on the file */
     int file_fd;
     char *state_dir, *path;
     place *place;                      /* of the state directory; NULL: a copy, or it is not yet open */
@@ -143,7 +144,8 @@ char *database_copy_path(database *d)
 
 /* ---- statements */
 
-/* Whether the last call failed because the disk is full. SQLite reports an exhausted quota as an I/O error. */
+/* Whether the last call failed because the disk is full. SQLite reports an exhausted quota as an I/O
+ * error. */
 static bool is_full(database *d)
 {
     int why = sqlite3_errcode(d->connection) & 0xff;
@@ -161,7 +163,8 @@ static int last_system_error(database *d)
     return of_log ? of_log : of_database;
 }
 
-/* Whether a file could not be read. A statement that meets EIO ends with SQLITE_CORRUPT, like one that meets damage. */
+/* Whether a file could not be read. A statement that meets EIO ends with SQLITE_CORRUPT, like one that
+ * meets damage. */
 static bool is_read_fault(database *d, int code)
 {
     return schema_error_is_read_fault(code) || (code == SQLITE_CORRUPT && last_system_error(d) == EIO);
@@ -353,8 +356,8 @@ static void lead(database *d)
     if (!STAILQ_EMPTY(&d->waiting) && d->slow) pthread_cond_signal(&d->entrusted);
 }
 
-/* Commits for threads of a lower priority than the process: such a thread may wait long for a CPU, and all changes
- * would wait with it. */
+/* Commits for threads of a lower priority than the process: such a thread may wait long for a CPU, and all
+ * changes would wait with it. */
 static void *commit_entrusted(void *argument)
 {
     database *d = argument;
@@ -508,8 +511,8 @@ static int write_back(database *d, int mode)
     return code == SQLITE_OK || code == SQLITE_BUSY ? written : 0;
 }
 
-/* Called while no change is stored: checkpoints the last pages. The next change then restarts the log if no reader
- * needs it. */
+/* Called while no change is stored: checkpoints the last pages. The next change then restarts the log if no
+ * reader needs it. */
 static void end_log(database *d)
 {
     const bool waits = d->log_pages >= d->log_most;
@@ -519,8 +522,9 @@ static void end_log(database *d)
     d->log_limit = d->log_pages + LOG_REST; /* unless it is restarted */
 }
 
-/* Checkpoints the log while changes are stored, until little is left or it is too long; then the rest. After a failed
- * flush the kernel considers the pages written: the log is kept then, and the next start checkpoints all of it. */
+/* Checkpoints the log while changes are stored, until little is left or it is too long; then the rest. After
+ * a failed flush the kernel considers the pages written: the log is kept then, and the next start
+ * checkpoints all of it. */
 static void *keep_log_short(void *argument)
 {
     database *d = argument;
@@ -636,7 +640,8 @@ static database *open_file(const char *state_dir, int lock_fd, const char *path,
 {
     database *d = mem_alloc(sizeof *d);
     make_locks(d);
-    /* SQLite's count of its memory has one mutex for all connections. Has no effect after the first database. */
+    /* SQLite's count of its memory has one mutex for all connections. Has no effect after the first
+     * database. */
     sqlite3_config(SQLITE_CONFIG_MEMSTATUS, 0);
     d->lock_fd = lock_fd;
     d->file_fd = -1;

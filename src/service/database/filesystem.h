@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* filesystem: checks that SQLite can be used safely on the file system of a directory.
  *
- * Private to src/service/database. Network file systems do not guarantee locks and flushes, and WAL needs shared memory.
+ * Private to src/service/database. Network file systems do not guarantee locks and flushes, and WAL needs
+ * shared memory.
  */
 #ifndef HEXAD_SERVICE_DATABASE_FILESYSTEM_H
 #define HEXAD_SERVICE_DATABASE_FILESYSTEM_H

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* health: whether the database is damaged, and the result of the last check.
  *
- * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage other
- * pages. Changes fail with the code database_damaged; reads still work if possible. This lasts until the next start.
- * A read error counts as damage until a check has read the whole database (service/database/checker).
+ * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage
+ * other pages. Changes fail with the code database_damaged; reads still work if possible. This lasts until
+ * the next start. A read error counts as damage until a check has read the whole database
+ * (service/database/checker).
  */
 #ifndef HEXAD_SERVICE_DATABASE_HEALTH_H
 #define HEXAD_SERVICE_DATABASE_HEALTH_H
@@ -34,16 +35,17 @@ typedef struct health health;
 health *health_new(void);
 void health_free(health *h); /* accepts NULL */
 
-/* Records damage. `found_by` is "statement", "copy", "quick_check" or "integrity_check". Only the first damage is
- * logged and kept. `doubt`: a read error, which the next check without damage clears. */
+/* Records damage. `found_by` is "statement", "copy", "quick_check" or "integrity_check". Only the first
+ * damage is logged and kept. `doubt`: a read error, which the next check without damage clears. */
 void health_note_damage(health *h, const char *found_by, const char *what, bool doubt);
 
-/* False if the database is damaged. The error (database_damaged) describes the damage and the required actions. */
+/* False if the database is damaged. The error (database_damaged) describes the damage and the required
+ * actions. */
 bool health_allows_changes(health *h, error *e);
 
 void health_begin_check(health *h);
-/* Records the end of a check. `what` is the damage that was found, or NULL. `done` is false if the check could not
- * be made. */
+/* Records the end of a check. `what` is the damage that was found, or NULL. `done` is false if the check
+ * could not be made. */
 void health_end_check(health *h, const char *name, bool done, const char *what);
 
 void health_get(health *h, health_report *known);

@@ -31,7 +31,8 @@ static void describe_holder(int fd, const char *state_dir, error *e)
               holder, state_dir);
 }
 
-/* A lock file that root creates gets the owner of the state directory, so that the daemon can still use it. */
+/* A lock file that root creates gets the owner of the state directory, so that the daemon can still use
+ * it. */
 static bool give_to_owner(int fd, const char *state_dir)
 {
     struct stat owner;

@@ -16,8 +16,8 @@
 
 /* The first bytes of a WAL: its magic number. A file of zeros is an empty log. */
 enum { HEADER_BYTES = 32 };
-/* Usual size of the log: it is checkpointed from a thousand pages of 4 KiB, and grows meanwhile. On a full disk it
- * cannot be checkpointed, because the database would grow, and continues to grow. */
+/* Usual size of the log: it is checkpointed from a thousand pages of 4 KiB, and grows meanwhile. On a full
+ * disk it cannot be checkpointed, because the database would grow, and continues to grow. */
 enum { USUAL_BYTES = 5 << 20 };
 
 typedef struct names {

@@ -18,8 +18,8 @@
     ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);"
 
-/* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0: the
- * service's own. */
+/* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0:
+ * the service's own. */
 #define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
 #define STALL "stall_ms INTEGER NOT NULL DEFAULT 0"
 #define DIRECTORY "directory TEXT"
@@ -47,8 +47,8 @@
     "  owner TEXT NOT NULL"         \
     ") STRICT, WITHOUT ROWID;"
 
-/* The service instance (one row), and the deleted tasks whose directories must be removed: the directory of the
- * result, and the directories of the attempts up to the stored number. */
+/* The service instance (one row), and the deleted tasks whose directories must be removed: the directory of
+ * the result, and the directories of the attempts up to the stored number. */
 #define INSTANCE                    \
     "CREATE TABLE instance ("       \
     "  id TEXT NOT NULL,"           \
@@ -86,8 +86,8 @@
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
 
-/* Users that have unfinished jobs or owe a turn, in the order of their turns (service/queue/owner). The table service has
- * one row with the values of the whole queue. */
+/* Users that have unfinished jobs or owe a turn, in the order of their turns (service/queue/owner). The table
+ * service has one row with the values of the whole queue. */
 #define OWNER                                                       \
     "CREATE TABLE owner ("                                          \
     "  name TEXT PRIMARY KEY,"                                      \
@@ -118,8 +118,8 @@
     "CREATE INDEX job_by_priority ON job (priority, seq);"
 #define FOUND SORTED "CREATE INDEX job_by_time ON job (created_ms);"
 
-/* The results of ended jobs: the sums of each user, and the sums of all users in the table service. The indexes have
- * the order in which jobs are deleted when a bound is reached (service/queue/usage). */
+/* The results of ended jobs: the sums of each user, and the sums of all users in the table service. The
+ * indexes have the order in which jobs are deleted when a bound is reached (service/queue/usage). */
 #define ADD_TO_USAGE \
     " ON CONFLICT DO UPDATE SET results = results + excluded.results, bytes = bytes + excluded.bytes;"
 #define USAGE                                                                                            \
@@ -162,7 +162,8 @@
 #define DELIVERED_MS "delivered_ms INTEGER"
 #define IS_DELIVERED "is_delivered INTEGER NOT NULL DEFAULT 0"
 
-/* The wait of a delayed task or a notification that was set when its last try ended (service/queue/running). */
+/* The wait of a delayed task or a notification that was set when its last try ended
+ * (service/queue/running). */
 #define WAIT_MS "wait_ms INTEGER NOT NULL DEFAULT 0"
 /* The periods in which the daemon ran (base/core/running_time), oldest first. */
 #define RUNNING                     \
@@ -171,8 +172,8 @@
     "  from_ms INTEGER NOT NULL,"   \
     "  length_ms INTEGER NOT NULL"  \
     ") STRICT;"
-/* copy_state of a job: state of the copy to output.directory. copy_code and copy_message: reason of a failure. A task
- * has a copy_code if its result could not be copied or must still be copied ('pending'). */
+/* copy_state of a job: state of the copy to output.directory. copy_code and copy_message: reason of a
+ * failure. A task has a copy_code if its result could not be copied or must still be copied ('pending'). */
 #define COPY_STATE "copy_state TEXT CHECK (copy_state IN ('delivered', 'failed', 'pending'))"
 #define COPY_CODE "copy_code TEXT"
 #define COPY_MESSAGE "copy_message TEXT"
@@ -184,11 +185,12 @@
 
 /* The maximum number of tasks of a job that run at the same time; 0: any number. */
 #define MAX_RUNNING "max_running INTEGER NOT NULL DEFAULT 0"
-/* Number of tasks that wait for frames of other jobs (service/queue/frame_needs), and whether the first queued task of an
- * ordered job waits so. */
+/* Number of tasks that wait for frames of other jobs (service/queue/frame_needs), and whether the first
+ * queued task of an ordered job waits so. */
 #define HELD "held INTEGER NOT NULL DEFAULT 0 CHECK (held >= 0)"
 #define FIRST_HELD "first_held INTEGER NOT NULL DEFAULT 0"
-/* Number of tasks of a chunk, and whether every task that is ready is in a chunk with a running task (service/queue/chunks). */
+/* Number of tasks of a chunk, and whether every task that is ready is in a chunk with a running task
+ * (service/queue/chunks). */
 #define CHUNK "chunk INTEGER NOT NULL DEFAULT 1 CHECK (chunk >= 1)"
 #define CHUNKS_BUSY "chunks_busy INTEGER NOT NULL DEFAULT 0"
 #define WAITS "waits INTEGER NOT NULL DEFAULT 0"
@@ -204,8 +206,9 @@
 #define LINKED_REPORTS "linked_reports INTEGER NOT NULL DEFAULT 0"
 #define REPORTS "ALTER TABLE service ADD COLUMN " LINKED_REPORTS ";"
 
-/* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
- * The spec has a table of its own, because it is long and never changes, while the row changes often. */
+/* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it
+ * waits for. The spec has a table of its own, because it is long and never changes, while the row changes
+ * often. */
 static const char tables[] =
     "CREATE TABLE job ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
@@ -390,15 +393,15 @@ static const char carry_over[] =
 /* Migration from version 2, which did not map paths. */
 static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
 
-/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for ever. Notes
- * which uploaded files the existing specs read. */
+/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for
+ * ever. Notes which uploaded files the existing specs read. */
 static const char add_times_and_inputs[] =
     "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
     "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
     "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
-/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the highest missing
- * number is the last deleted event. */
+/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the
+ * highest missing number is the last deleted event. */
 static const char add_removed_events[] = REMOVED_EVENTS
     "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
     "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
@@ -410,13 +413,14 @@ static const char add_removed_events[] = REMOVED_EVENTS
 static const char add_storage[] =
     "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
 
-/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every directory
- * without a job. The database gets its instance id later. */
+/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every
+ * directory without a job. The database gets its instance id later. */
 static const char add_instance[] =
     INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
 static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
 
-/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not reused. */
+/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not
+ * reused. */
 static const char add_execution[] = "ALTER TABLE spec ADD COLUMN " TIMEOUT ";"
                                     "ALTER TABLE spec ADD COLUMN " STALL ";"
                                     "ALTER TABLE spec ADD COLUMN " DIRECTORY ";"
@@ -475,12 +479,12 @@ static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
 static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
                                             "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
 
-/* Migration from version 11, in which only the wall clock determined the end of a retention or a wait. A delayed
- * task then starts at once after the clock was set back. */
+/* Migration from version 11, in which only the wall clock determined the end of a retention or a wait. A
+ * delayed task then starts at once after the clock was set back. */
 static const char add_running[] =
     RUNNING "ALTER TABLE task ADD COLUMN " WAIT_MS ";ALTER TABLE outbox ADD COLUMN " WAIT_MS ";";
-/* Migration from version 11, in which a job that reused a result had the report of the other job, and a result
- * replaced the results of all other users in its output directory. */
+/* Migration from version 11, in which a job that reused a result had the report of the other job, and a
+ * result replaced the results of all other users in its output directory. */
 static const char add_reports[] = REPORTS OUTPUTS "ALTER TABLE job ADD COLUMN " COPY_STATE ";"
                                                   "ALTER TABLE job ADD COLUMN " COPY_CODE ";"
                                                   "ALTER TABLE job ADD COLUMN " COPY_MESSAGE ";"
@@ -502,8 +506,8 @@ static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
 static const char add_chunks[] = "ALTER TABLE job ADD COLUMN " CHUNK ";"
                                  "ALTER TABLE job ADD COLUMN " CHUNKS_BUSY ";";
 static const char renew_ready[] = "DROP INDEX job_ready;" READY;
-/* Migration from version 17, in which the owner learned of every job whose result was reused. Jobs that were deleted
- * may have been of another user. */
+/* Migration from version 17, in which the owner learned of every job whose result was reused. Jobs that were
+ * deleted may have been of another user. */
 static const char add_cached_shown[] =
     "ALTER TABLE job ADD COLUMN " CACHED_SHOWN ";"
     "UPDATE job SET cached_shown = coalesce((SELECT maker.owner = job.owner FROM job AS maker"

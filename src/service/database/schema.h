@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* schema: the tables of the queue's database, and their version.
  *
- * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A newer
- * version is refused, because writing to it could lose data that this program does not support.
+ * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A
+ * newer version is refused, because writing to it could lose data that this program does not support.
  */
 #ifndef HEXAD_SERVICE_DATABASE_SCHEMA_H
 #define HEXAD_SERVICE_DATABASE_SCHEMA_H
@@ -20,17 +20,18 @@
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
-/* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a running or delayed task blocks
- * the later ones. max_running 0: any number of tasks may run. A held task waits for frames of other jobs;
- * in an ordered job it blocks the later ones, too. chunks_busy: all tasks that are ready wait for the running tasks of
- * their chunks. */
+/* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a running or delayed task
+ * blocks the later ones. max_running 0: any number of tasks may run. A held task waits for frames of other
+ * jobs;
+ * in an ordered job it blocks the later ones, too. chunks_busy: all tasks that are ready wait for the running
+ * tasks of their chunks. */
 #define SCHEMA_CLAIMABLE                                      \
     "ready > held AND pending = 0 AND is_paused = 0 AND"      \
     " (is_ordered = 0 OR running + delayed + first_held = 0)" \
     " AND (max_running = 0 OR running < max_running) AND chunks_busy = 0"
 
-/* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks. `accept` has
- * the bit 1 << queue_outcome for each accepted outcome. */
+/* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks.
+ * `accept` has the bit 1 << queue_outcome for each accepted outcome. */
 #define SCHEMA_ACCEPTED                                                                                       \
     "(job.state = 'succeeded' AND (job.accept & 2 OR job.succeeded = job.unresolved + job.not_converged) AND" \
     " (job.accept & 4 OR job.unresolved = 0) AND (job.accept & 8 OR job.not_converged = 0))"
@@ -44,16 +45,16 @@
 #define SCHEMA_KEPT "finished_ms IS NOT NULL AND succeeded + failed + timed_out > 0"
 #define SCHEMA_UNMEASURED "result_bytes IS NULL AND finished_ms IS NOT NULL"
 
-/* SQL condition on a row of job: results could not be copied to output.directory, and the owner has not downloaded
- * them. */
+/* SQL condition on a row of job: results could not be copied to output.directory, and the owner has not
+ * downloaded them. */
 #define SCHEMA_UNDELIVERED "copy_state = 'failed' AND delivered_ms IS NULL"
 
-/* Creates or migrates the tables and compares them with the expected schema. Error: database_damaged (they cannot be
- * read or differ; the message has the required actions). */
+/* Creates or migrates the tables and compares them with the expected schema. Error: database_damaged (they
+ * cannot be read or differ; the message has the required actions). */
 bool schema_prepare(sqlite3 *database, error *e);
 
-/* Compares tables, columns and indexes with those of this version. Writes a line for each difference and counts them.
- * False when the schema could not be read. */
+/* Compares tables, columns and indexes with those of this version. Writes a line for each difference and
+ * counts them. False when the schema could not be read. */
 bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e);
 
 /* Whether this SQLite result code means that the stored data is damaged. */

@@ -14,8 +14,8 @@
 #include "service/results/result.h"
 #include "service/uploads/upload_store.h"
 
-/* Files changed within this time before the attempt are not trusted: time stamps are coarse, and file servers have
- * their own clocks. */
+/* Files changed within this time before the attempt are not trusted: time stamps are coarse, and file servers
+ * have their own clocks. */
 #define CLOCK_DOUBT_MS 2000
 
 /* Copies an object without the members that do not affect a result. */
@@ -100,8 +100,8 @@ static int64_t read_number(json_at input, const char *key)
     return strtoll(json_string(json_member(&input, key), "-1"), NULL, 10);
 }
 
-/* Whether the path leads to the file that the worker opened, by the description of its descriptor in the report. The
- * device is not compared, since nodes of a farm may number devices differently. */
+/* Whether the path leads to the file that the worker opened, by the description of its descriptor in the
+ * report. The device is not compared, since nodes of a farm may number devices differently. */
 static bool is_what_was_read(json_at input, const present *now)
 {
     double bytes = json_number(json_member(&input, "bytes"), -1);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* engine: an interface to run attempts, as a table of functions. There are two implementations: processes of this
- * machine (service/executor/local), and jobs of Slurm (service/slurm/slurm).
+/* engine: an interface to run attempts, as a table of functions. There are two implementations: processes of
+ * this machine (service/executor/local), and jobs of Slurm (service/slurm/slurm).
  *
- * The caller starts an attempt, waits for its descriptors or for the request's wake_fd, and then polls it. It may
- * cancel the attempt. It settles the attempt exactly once after poll has returned true, or leaves it. No function
- * waits. One thread makes all calls for one attempt.
+ * The caller starts an attempt, waits for its descriptors or for the request's wake_fd, and then polls it. It
+ * may cancel the attempt. It settles the attempt exactly once after poll has returned true, or leaves it. No
+ * function waits. One thread makes all calls for one attempt.
  */
 #ifndef HEXAD_SERVICE_EXECUTOR_ENGINE_H
 #define HEXAD_SERVICE_EXECUTOR_ENGINE_H
@@ -74,7 +74,8 @@ typedef struct engine {
     const char *name;
     /* Starts an attempt. Error: internal, NULL. `place`: data of the engine (executor_settings). */
     engine_attempt *(*start)(void *place, const engine_request *request, error *e);
-    /* Resumes an attempt that an earlier daemon started and that still runs. NULL: attempts end with the daemon. */
+    /* Resumes an attempt that an earlier daemon started and that still runs. NULL: attempts end with the
+     * daemon. */
     engine_attempt *(*resume)(void *place, const engine_request *request, error *e);
     /* Whether the attempt in this directory can be resumed. NULL like resume. */
     bool (*runs_on)(void *place, const char *directory);
@@ -88,8 +89,8 @@ typedef struct engine {
     const char *(*identify)(const engine_attempt *attempt);
     /* Writes the descriptors to wait for and returns their number. */
     size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
-    /* Reads the output of the worker. *progress: the newest complete line since the last call, or NULL; valid until the
-     * next call. True: the attempt has ended. */
+    /* Reads the output of the worker. *progress: the newest complete line since the last call, or NULL; valid
+     * until the next call. True: the attempt has ended. */
     bool (*poll)(engine_attempt *attempt, const char **progress);
     /* Requests the end of the attempt, or with `force` kills it. */
     void (*cancel)(engine_attempt *attempt, bool force);

@@ -61,7 +61,8 @@ void estimator_close(estimator *m)
     free(m);
 }
 
-/* Waits until the worker has ended. False: it was killed at its time limit or when the estimator was dismissed. */
+/* Waits until the worker has ended. False: it was killed at its time limit or when the estimator was
+ * dismissed. */
 static bool await(const estimator *m, engine_attempt *attempt, double timeout_s)
 {
     int64_t end_ms = clock_monotonic_ms() + (int64_t)(timeout_s * 1000);

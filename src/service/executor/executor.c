@@ -35,16 +35,16 @@
 #include "service/results/retention.h"
 #include "files/file.h"
 
-/* Maximum delay between two tries while no worker can be started, because the program is being replaced or memory is
- * exhausted. */
+/* Maximum delay between two tries while no worker can be started, because the program is being replaced or
+ * memory is exhausted. */
 #define START_WAIT_MOST_MS 30000
 /* Interval, in ms, between checks of the state directory while it is lost, full or cannot be written. */
 #define SPACE_WAIT_MS 1000
 /* The same while it is in order and no job starts. */
 #define STORAGE_WATCH_MS 10000
 
-/* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be settled
- * meanwhile. */
+/* Claims between two polls of running attempts: thousands may be claimed, and ended attempts have to be
+ * settled meanwhile. */
 #define CLAIMS_A_TURN 16
 
 /* Fraction of the machine's memory for attempts if host_memory_mb is not set. */
@@ -54,8 +54,8 @@
 #define NODE_THREADS 256
 #define NODE_MEMORY_MB (4 << 20)
 
-/* Maximum number of jobs that wait for the results of equal jobs, which takes milliseconds each; others are claimed as
- * usual. */
+/* Maximum number of jobs that wait for the results of equal jobs, which takes milliseconds each; others are
+ * claimed as usual. */
 #define REPEATS_MOST 256
 
 struct executor {
@@ -94,7 +94,8 @@ struct executor {
     size_t slot_count;
     slot **slots;
 
-    /* supervisor: a task whose chunk has more to claim, for an engine that runs the tasks of a chunk; id "": none */
+    /* supervisor: a task whose chunk has more to claim, for an engine that runs the tasks of a chunk; id
+     * "": none */
     struct {
         char id[ULID_SIZE];
         int number;
@@ -191,8 +192,8 @@ static bool claim_next(executor *x, const queue_resources *free_now, queue_claim
     return ok;
 }
 
-/* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds either a
- * queued task or its slot. */
+/* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds
+ * either a queued task or its slot. */
 static bool claim(executor *x, slot *s, queue_resources *free_now)
 {
     error e = {0};
@@ -282,8 +283,8 @@ static bool next_repeat(executor *x, char id[ULID_SIZE])
     return any;
 }
 
-/* Gives jobs the results of equal ones while all other slots are busy. Jobs that are not claimed here are claimed
- * later. */
+/* Gives jobs the results of equal ones while all other slots are busy. Jobs that are not claimed here are
+ * claimed later. */
 static void answer_repeats(executor *x)
 {
     char id[ULID_SIZE];

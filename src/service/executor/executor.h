@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* executor: claims tasks from the queue, runs each as an attempt of an engine, and settles it.
  *
- * One supervisor thread claims tasks while resources are free, and waits for all attempts at once. It never sleeps for
- * a fixed time. Each task is processed by a slot (service/executor/slot). Resources are the threads and the memory of this
- * host: an attempt takes the amount that its job requests, and as many attempts run at once as fit. None is started
- * while the disk is full. Time limits come from the job's spec (/limits), else from the settings. A job that equals an
- * earlier one gets its result (service/executor/cache). After a crash of its worker a task is tried again, after a delay, up to
+ * One supervisor thread claims tasks while resources are free, and waits for all attempts at once. It never
+ * sleeps for a fixed time. Each task is processed by a slot (service/executor/slot). Resources are the
+ * threads and the memory of this host: an attempt takes the amount that its job requests, and as many
+ * attempts run at once as fit. None is started while the disk is full. Time limits come from the job's spec
+ * (/limits), else from the settings. A job that equals an earlier one gets its result
+ * (service/executor/cache). After a crash of its worker a task is tried again, after a delay, up to
  * max_attempts times. An attempt that fails because a disk is full or failed does not count. Any thread.
  */
 #ifndef HEXAD_SERVICE_EXECUTOR_EXECUTOR_H
@@ -62,9 +63,9 @@ typedef struct executor_settings {
     bool adopt; /* add results that are missing in the queue to it */
 } executor_settings;
 
-/* Settles tasks that a crash left, compares results/ and attempts/ with the queue (service/results/inventory), gives both the
- * same instance id (service/results/instance_check), and adds the tasks that look after results to the runner. Copies the
- * settings. The queue must outlive the executor. */
+/* Settles tasks that a crash left, compares results/ and attempts/ with the queue
+ * (service/results/inventory), gives both the same instance id (service/results/instance_check), and adds the
+ * tasks that look after results to the runner. Copies the settings. The queue must outlive the executor. */
 executor *executor_open(const executor_settings *settings, queue *q, runner *to, error *e);
 /* After executor_stop, if the supervisor was started, and runner_stop. Accepts NULL. */
 void executor_free(executor *x);
@@ -88,21 +89,21 @@ void executor_wake(executor *x);
 /* Records a new priority of the job. Attempts that wait in an engine's own queue are queued again. */
 void executor_move(executor *x, const char *id, int priority);
 
-/* Replaces the threads (*width) and memory requested by a job by the amounts that its attempt takes of the host. 0
- * becomes the default: the threads of the host divided by the workers, the default memory. More threads than the host
- * has become all of them. Error: limit_memory (the host has less memory). */
+/* Replaces the threads (*width) and memory requested by a job by the amounts that its attempt takes of the
+ * host. 0 becomes the default: the threads of the host divided by the workers, the default memory. More
+ * threads than the host has become all of them. Error: limit_memory (the host has less memory). */
 bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e);
 
 /* Like queue_apply_command, and stops the running attempts of a cancelled job at once. */
 bool executor_apply_command(executor *x, const char *id, queue_command command, bool *found, bool *changed,
                             queue_state *now, error *e);
 
-/* Call it if an equal job has succeeded with unchanged inputs: this job gets the same result, even if no worker can be
- * started. */
+/* Call it if an equal job has succeeded with unchanged inputs: this job gets the same result, even if no
+ * worker can be started. */
 void executor_offer(executor *x, const char *id);
 
-/* The newest progress line of a running job (of an array: of one of its tasks): the text of one JSON object, to be
- * freed. NULL when there is none. */
+/* The newest progress line of a running job (of an array: of one of its tasks): the text of one JSON object,
+ * to be freed. NULL when there is none. */
 char *executor_progress(executor *x, const char *id);
 
 /* The newest progress lines of all jobs. A new one wakes the tasks of queue_wake_on_change. */
@@ -128,8 +129,9 @@ typedef struct executor_space {
 
 executor_space executor_get_space(const executor *x);
 
-/* Whether the last write to each directory of the state directory succeeded: that of an attempt, a result or an upload, or
- * that of a check, which writes at least every ten seconds. Otherwise the error names the directory. */
+/* Whether the last write to each directory of the state directory succeeded: that of an attempt, a result or
+ * an upload, or that of a check, which writes at least every ten seconds. Otherwise the error names the
+ * directory. */
 bool executor_can_write(const executor *x, error *e);
 /* Call it after a write to the state directory failed: the directories are checked at once. */
 void executor_note_failed_write(executor *x);
@@ -139,8 +141,8 @@ void executor_close(executor *x, bool on);
 /* Whether it is neither closed nor draining. */
 bool executor_takes_jobs(const executor *x);
 
-/* Stops claiming; running attempts continue. Attempts that still run after `seconds` are stopped and queued again
- * without being counted. Returns at once. May be called again to shorten the time. */
+/* Stops claiming; running attempts continue. Attempts that still run after `seconds` are stopped and queued
+ * again without being counted. Returns at once. May be called again to shorten the time. */
 void executor_drain(executor *x, double seconds);
 
 /* A drain without delay: running attempts are killed and queued again. */
@@ -150,7 +152,8 @@ bool executor_is_draining(const executor *x);
 /* Applies timeout_s, stall_s and file_mb to attempts that start from now on, and grace_s at once. */
 void executor_change(executor *x, const executor_settings *settings);
 
-/* The number of iterations of the supervisor's loop. It grows after each executor_wake, unless the supervisor hangs. */
+/* The number of iterations of the supervisor's loop. It grows after each executor_wake, unless the
+ * supervisor hangs. */
 uint64_t executor_turns(const executor *x);
 
 /* A descriptor that becomes readable at the end of a drain. */

@@ -6,12 +6,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The main memory in MiB, or the limit of this process's control group (version 2, with its parents) if that is
- * lower. */
+/* The main memory in MiB, or the limit of this process's control group (version 2, with its parents) if that
+ * is lower. */
 int64_t host_memory_mb(void);
 
-/* The memory limit of the control group "/a/b" in the tree at `root`. INT64_MAX: no limit. Public so that tests can use
- * a tree of their own. */
+/* The memory limit of the control group "/a/b" in the tree at `root`. INT64_MAX: no limit. Public so that
+ * tests can use a tree of their own. */
 int64_t host_group_memory_mb(const char *root, const char *group);
 
 void host_name(char *name, size_t size);

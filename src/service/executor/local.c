@@ -199,8 +199,8 @@ static void free_arguments(char **arguments)
 
 #define TRACE_VARIABLE "TRACEPARENT="
 
-/* The environment of the daemon, with the trace of the job instead of its own. The strings are not owned, except
- * `trace`. */
+/* The environment of the daemon, with the trace of the job instead of its own. The strings are not owned,
+ * except `trace`. */
 static char **make_environment(char *trace)
 {
     size_t count = 0, used = 0;
@@ -224,8 +224,9 @@ static rlim_t address_space_of(int64_t memory_mb)
 #endif
 }
 
-/* Starts the child; returns when it executes the worker or has ended (l->why). Negative: there is no child. fork would
- * copy the page tables of the daemon and block memory allocations of other threads: 20 to 100 ms with 200 MB. */
+/* Starts the child; returns when it executes the worker or has ended (l->why). Negative: there is no child.
+ * fork would copy the page tables of the daemon and block memory allocations of other threads: 20 to 100
+ * ms with 200 MB. */
 static pid_t start_child(launch *l)
 {
     sigset_t all, before;
@@ -398,7 +399,8 @@ static char *log_text(const engine_attempt *a, size_t *length)
 /* Minimum interval between updates of the log file. */
 #define LOG_FILE_MS 500
 
-/* Updates the log file for readers while the worker runs. Errors are ignored: the final update reports them. */
+/* Updates the log file for readers while the worker runs. Errors are ignored: the final update reports
+ * them. */
 static void update_log_file(engine_attempt *a)
 {
     int64_t now = clock_monotonic_ms();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* meter: counters of attempts, retries and ends since the daemon started, for /metrics. Any thread may read and
- * write.
+/* meter: counters of attempts, retries and ends since the daemon started, for /metrics. Any thread may read
+ * and write.
  */
 #ifndef HEXAD_SERVICE_EXECUTOR_METER_H
 #define HEXAD_SERVICE_EXECUTOR_METER_H
@@ -33,8 +33,8 @@ typedef struct meter {
 /* Records a claim of an attempt. */
 void meter_note_claim(meter *m, const queue_claimed *claimed);
 
-/* Records the end of an attempt. `state` is that of its task, QUEUE_QUEUED if another attempt follows; `outcome` is
- * that of a success; `ran_ms` is 0 if no worker ran. */
+/* Records the end of an attempt. `state` is that of its task, QUEUE_QUEUED if another attempt follows;
+ * `outcome` is that of a success; `ran_ms` is 0 if no worker ran. */
 void meter_note_end(meter *m, queue_state state, queue_outcome outcome, error_code code, int64_t ran_ms);
 
 #endif

@@ -41,8 +41,8 @@ static const char ADVICE_FAULT[] = ", a fault of hexad: report it with the spec 
                   ADVICE_STOPPED[] =
                       ": look for the cause in the logs of the job and of the machine, then retry the job";
 
-/* Retries the task of a crashed or stalled attempt if it has attempts left. Otherwise the task fails; `advice` ends
- * the message. */
+/* Retries the task of a crashed or stalled attempt if it has attempts left. Otherwise the task fails;
+ * `advice` ends the message. */
 static void set_crashed(settlement *s, const queue_claimed *c, const error *why, const char *advice)
 {
     if (c->task.spent < c->job.max_attempts) {
@@ -89,7 +89,8 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* Queues the task again because of a fault of the host. settlement_apply limits the number of such retries. */
+/* Queues the task again because of a fault of the host. settlement_apply limits the number of such
+ * retries. */
 static void set_storage(settlement *s, const error *why)
 {
     set_end(s, QUEUE_FAILED, why); /* this is how the task ends when no retry is left */
@@ -322,8 +323,8 @@ static void bound_storage(const settlement_place *place, const queue_claimed *c,
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* An attempt that ended with the daemon, its host or its node does not count against max_attempts. max_interruptions
- * stops a job that ends them each time. */
+/* An attempt that ended with the daemon, its host or its node does not count against max_attempts.
+ * max_interruptions stops a job that ends them each time. */
 static void bound_interruptions(const settlement_place *place, const queue_claimed *c, settlement *s)
 {
     error e = {0};
@@ -349,8 +350,8 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
-/* Moves the result into place and makes the move durable. The result may be in place already: at a start, or if the
- * flush of an earlier try failed. */
+/* Moves the result into place and makes the move durable. The result may be in place already: at a start, or
+ * if the flush of an earlier try failed. */
 static bool move_result(const char *work_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
@@ -361,8 +362,8 @@ static bool move_result(const char *work_dir, const char *from, const char *to, 
     return ok;
 }
 
-/* Whether the attempt is still the current one (the fence). This is checked before a result moves into place. The queue
- * checks again in its transaction. */
+/* Whether the attempt is still the current one (the fence). This is checked before a result moves into place.
+ * The queue checks again in its transaction. */
 static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *e)
 {
     queue_task *now = NULL;
@@ -406,8 +407,8 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
     };
 }
 
-/* Moves the result into place, or removes the attempt's files. False if the disk is at fault: the caller tries again
- * later. */
+/* Moves the result into place, or removes the attempt's files. False if the disk is at fault: the caller
+ * tries again later. */
 static bool settle_directory(const settlement_place *place, const queue_claimed *c, const settlement *s,
                              const char *directory, error *e)
 {
@@ -423,7 +424,8 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
-/* The disk space of the attempt. A result that is kept for the next attempt is counted at the end of that attempt. */
+/* The disk space of the attempt. A result that is kept for the next attempt is counted at the end of that
+ * attempt. */
 static int64_t measure_left(const settlement_place *place, const queue_claimed *c, const settlement *s,
                             const char *directory)
 {
@@ -435,8 +437,8 @@ static int64_t measure_left(const settlement_place *place, const queue_claimed *
     return bytes;
 }
 
-/* Stores the decision in the queue. If the task was cancelled in the meantime, it ends as cancelled instead of being
- * queued again. */
+/* Stores the decision in the queue. If the task was cancelled in the meantime, it ends as cancelled instead
+ * of being queued again. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {
@@ -488,8 +490,8 @@ static void decide_interrupted(bool restarted, settlement *s)
     set_interrupted(s);
 }
 
-/* Moves a file or directory that is not a result out of the place of the result. The attempt did not create it, because
- * attempts only rename complete results; therefore it is not deleted. */
+/* Moves a file or directory that is not a result out of the place of the result. The attempt did not create
+ * it, because attempts only rename complete results; therefore it is not deleted. */
 static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
 {
     const char *name = strrchr(results, '/') + 1;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* settlement: decides on the task of an ended attempt, and applies the decision.
  *
- * The decision depends only on how the attempt ended and on its files. settlement_apply moves the result into place and
- * updates the queue, in an order that can be recovered after a crash at any point:
+ * The decision depends only on how the attempt ended and on its files. settlement_apply moves the result into
+ * place and updates the queue, in an order that can be recovered after a crash at any point:
  *     the attempt's directory is renamed to results/ID and both parents are flushed,
  *     then the queue's transaction ends the task.
- * After a crash the task is still running in the queue. If results/ID is complete, only the second step is missing.
- * Only the supervisor thread calls these functions.
+ * After a crash the task is still running in the queue. If results/ID is complete, only the second step is
+ * missing. Only the supervisor thread calls these functions.
  */
 #ifndef HEXAD_SERVICE_EXECUTOR_SETTLEMENT_H
 #define HEXAD_SERVICE_EXECUTOR_SETTLEMENT_H
@@ -36,8 +36,8 @@ typedef enum settlement_decision {
     /* queued again, because the daemon or the host ended during the attempt; the attempt does not count */
     SETTLEMENT_RETRY_INTERRUPTED,
     SETTLEMENT_RETRY_CRASHED, /* queued again after a wait; the attempt crashed or stalled, and counts */
-    /* queued again after a wait, because a disk was full or failed; `code` and `message` have the cause. The attempt
-     * does not count, but the number of such retries is limited. */
+    /* queued again after a wait, because a disk was full or failed; `code` and `message` have the cause. The
+     * attempt does not count, but the number of such retries is limited. */
     SETTLEMENT_RETRY_STORAGE
 } settlement_decision;
 
@@ -66,12 +66,12 @@ bool settlement_read_last_words(const char *words, error *said);
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
-/* Changes the decision on an attempt that failed while the state directory was lost: it is a fault of the host, and the
- * task is tried again. */
+/* Changes the decision on an attempt that failed while the state directory was lost: it is a fault of the
+ * host, and the task is tried again. */
 void settlement_excuse_loss(settlement *s);
 
-/* Decides on a task whose worker could not be started. This is a fault of the service, so the attempt does not
- * count. */
+/* Decides on a task whose worker could not be started. This is a fault of the service, so the attempt does
+ * not count. */
 void settlement_decide_unstarted(const error *why, settlement *s);
 
 /* Decides on a task whose job requests more memory than this service has. */
@@ -80,20 +80,21 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
 /* Decides on a task whose earlier attempts have used up its time limit. */
 void settlement_decide_late(double limit_s, settlement *s);
 
-/* Decides on a task whose directory contains a result with this outcome, which the job `from` computed. The text
- * must outlive the settlement. */
+/* Decides on a task whose directory contains a result with this outcome, which the job `from` computed. The
+ * text must outlive the settlement. */
 void settlement_decide_cached(queue_outcome outcome, const char *from, settlement *s);
 
 /* Decides on a task whose directory contains the result of an earlier attempt that could not be copied to
  * output.directory. */
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);
 
-/* Changes the decision because the result could not be copied to output.directory. If a disk was at fault, the task
- * is queued again. Otherwise the task succeeds, and the queue stores why the result was not delivered. */
+/* Changes the decision because the result could not be copied to output.directory. If a disk was at fault,
+ * the task is queued again. Otherwise the task succeeds, and the queue stores why the result was not
+ * delivered. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
-/* Delay after a crashed attempt: `first_s` after the first one that counts, doubled after each further one, up to
- * `most_s`. */
+/* Delay after a crashed attempt: `first_s` after the first one that counts, doubled after each further one,
+ * up to `most_s`. */
 typedef struct settlement_backoff {
     double first_s, most_s;
 } settlement_backoff;
@@ -109,17 +110,17 @@ typedef struct settlement_place {
     int max_interruptions; /* of a task; 0: any number */
 } settlement_place;
 
-/* Applies the decision, which must not be UNDECIDED. May be called again after a failure. `ending` is NULL if no worker
- * ran or its end is unknown. */
+/* Applies the decision, which must not be UNDECIDED. May be called again after a failure. `ending` is NULL if
+ * no worker ran or its end is unknown. */
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
 /* Takes over a claim whose attempt still runs. False: it does not. */
 typedef bool settlement_keep(void *keeper, const queue_claimed *claimed);
 
-/* Settles the tasks that a crash left running in the queue, except those that keep(keeper, ...) takes over (NULL:
- * none). Such an attempt does not count, but too many of them end the task (error interrupted). `restarted`: the host
- * was restarted, too. */
+/* Settles the tasks that a crash left running in the queue, except those that keep(keeper, ...) takes over
+ * (NULL: none). Such an attempt does not count, but too many of them end the task (error interrupted).
+ * `restarted`: the host was restarted, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, settlement_keep *keep, void *keeper,
                         error *e);
 

@@ -148,7 +148,8 @@ void slot_free(slot *s)
     free(s);
 }
 
-/* Deciding or settling has failed and is tried again. In a drain the next start settles the task, as after a crash. */
+/* Deciding or settling has failed and is tried again. In a drain the next start settles the task, as after
+ * a crash. */
 static unsigned try_later(slot *s, const char *why)
 {
     work *w = &s->w;
@@ -186,8 +187,8 @@ static bool is_cacheable(const slot *s)
     return s->context->cache && c->task.frame == QUEUE_NO_FRAME && c->cache_key;
 }
 
-/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
- * has to compute it. */
+/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a
+ * worker has to compute it. */
 static bool use_cached(slot *s)
 {
     const slot_context *x = s->context;
@@ -512,8 +513,8 @@ static unsigned step_once(slot *s)
     return SLOT_NO_NEWS;
 }
 
-/* Performs steps until the phase is unchanged. A worker that was just started or signalled to end has no output yet,
- * so the loop also ends at these phases; the next step follows when there is output. */
+/* Performs steps until the phase is unchanged. A worker that was just started or signalled to end has no
+ * output yet, so the loop also ends at these phases; the next step follows when there is output. */
 unsigned slot_step(slot *s)
 {
     unsigned news = SLOT_NO_NEWS;

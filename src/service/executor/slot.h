@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 /* slot: processes a claimed task from its claim to its settlement.
  *
- * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return when the next
- * step is useful:
+ * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return
+ * when the next step is useful:
  *
  *     free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
  *                |                                                 ^              ^
  *                +-- the result exists already --------------------+              |
  *                +-- no worker is started ----------------------------------------+
  *
- * deciding and settling are repeated after a delay if the disk or the database is at fault, or the state directory is
- * lost (service/database/place). The supervisor thread calls these functions, except for those at the end of this file.
+ * deciding and settling are repeated after a delay if the disk or the database is at fault, or the state
+ * directory is lost (service/database/place). The supervisor thread calls these functions, except for those
+ * at the end of this file.
  */
 #ifndef HEXAD_SERVICE_EXECUTOR_SLOT_H
 #define HEXAD_SERVICE_EXECUTOR_SLOT_H
@@ -40,8 +41,8 @@ typedef enum slot_phase {
     SLOT_SETTLING    /* the decision must be carried out and stored in the queue */
 } slot_phase;
 
-/* Data shared by all slots. The supervisor may change the second part between two steps. All objects that pointers
- * refer to must outlive the slots. */
+/* Data shared by all slots. The supervisor may change the second part between two steps. All objects that
+ * pointers refer to must outlive the slots. */
 typedef struct slot_context {
     const settlement_place *place; /* the queue and the state directory */
     const engine *engine;
@@ -86,8 +87,8 @@ bool slot_is_free(const slot *s);
 /* A free slot takes over the claim. The attempt uses `width` threads and `memory_mb` of the host. */
 void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
 
-/* slot_take for a job with the result of an equal one: it uses no resources of the host, and is queued again if the
- * result no longer exists. */
+/* slot_take for a job with the result of an equal one: it uses no resources of the host, and is queued again
+ * if the result no longer exists. */
 void slot_take_repeat(slot *s, const queue_claimed *claimed);
 
 /* slot_take for a task whose attempt an earlier daemon started and which still runs (engine.h, resume). */
@@ -107,12 +108,12 @@ size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS]);
 /* Requests the stop of the worker if the slot has a task of this job; the next step does it. */
 void slot_cancel(slot *s, const char *id);
 
-/* Queues the task again if it belongs to this job and its worker has not started, unless the request is withdrawn
- * (`paused` false) in time. */
+/* Queues the task again if it belongs to this job and its worker has not started, unless the request is
+ * withdrawn (`paused` false) in time. */
 void slot_pause(slot *s, const char *id, bool paused);
 
-/* If this job was claimed with another priority and its worker has not started, queues the task again. The next
- * claim passes the new priority to the engine. */
+/* If this job was claimed with another priority and its worker has not started, queues the task again. The
+ * next claim passes the new priority to the engine. */
 void slot_move(slot *s, const char *id, int priority);
 
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */

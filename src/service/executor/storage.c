@@ -12,8 +12,8 @@
 #include "base/core/clock.h"
 #include "base/core/log.h"
 
-/* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may be on a
- * network file system. */
+/* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may
+ * be on a network file system. */
 #define PROBE_MS 1000
 /* The file that a probe writes. The first probe after a kill removes it. */
 #define PROBE_NAME ".probe"
@@ -69,7 +69,8 @@ static int probe(const char *path, bool flush)
     return why;
 }
 
-/* Whether no attempt starts because of the errno of a write. Without a floor, attempts start even on a full disk. */
+/* Whether no attempt starts because of the errno of a write. Without a floor, attempts start even on a
+ * full disk. */
 static bool holds_attempts(const storage *s, int part)
 {
     int why = atomic_load(&s->fault[part]);

@@ -11,7 +11,8 @@
 
 #define ADDRESS_TEXT_SIZE 46
 
-/* A version 4 address uses the first 4 bytes. A mapped address (::ffff:192.0.2.1) is converted to version 4. */
+/* A version 4 address uses the first 4 bytes. A mapped address (::ffff:192.0.2.1) is converted to version
+ * 4. */
 typedef struct address {
     uint8_t version; /* 4 or 6; 0: none */
     uint8_t bytes[16];
@@ -20,7 +21,8 @@ typedef struct address {
 /* The remote address of a connected socket; version 0 if it is not a TCP socket. */
 address address_of_peer(int fd);
 
-/* Parses "192.0.2.1" or "2001:db8::1", without brackets and port. False, with *a unchanged, for any other text. */
+/* Parses "192.0.2.1" or "2001:db8::1", without brackets and port. False, with *a unchanged, for any other
+ * text. */
 bool address_parse(const char *text, address *a);
 
 /* Writes the address to `text` and returns it; "-" for version 0. */
@@ -36,8 +38,8 @@ typedef struct address_ranges {
     size_t count;
 } address_ranges;
 
-/* Parses texts such as "192.0.2.1", "10.0.0.0/8" or "2001:db8::/32". Error spec_invalid, with the text that has
- * another form. The caller releases the ranges with address_ranges_clear, also after an error. */
+/* Parses texts such as "192.0.2.1", "10.0.0.0/8" or "2001:db8::/32". Error spec_invalid, with the text that
+ * has another form. The caller releases the ranges with address_ranges_clear, also after an error. */
 bool address_ranges_read(const char *const *text, size_t count, address_ranges *r, error *e);
 void address_ranges_clear(address_ranges *r);
 bool address_ranges_hold(const address_ranges *r, const address *a);

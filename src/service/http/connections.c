@@ -142,7 +142,8 @@ static void end(connections *p, client_connection *which)
     shutdown(which->fd, SHUT_RDWR);
 }
 
-/* Closes the connection of the client (NULL: of any client) that has been idle longest. False: there is none. */
+/* Closes the connection of the client (NULL: of any client) that has been idle longest. False: there is
+ * none. */
 static bool end_idle(connections *p, const char *client)
 {
     client_connection *one = TAILQ_FIRST(&p->idle.list);
@@ -275,8 +276,8 @@ const address *connections_address(const client_connection *which)
     return &which->from;
 }
 
-/* Whether the client has closed its side, after some time in which it was to send something. The library (0.9.75) may
- * miss an end that arrived with the last bytes. */
+/* Whether the client has closed its side, after some time in which it was to send something. The library
+ * (0.9.75) may miss an end that arrived with the last bytes. */
 static bool has_ended(client_connection *which)
 {
     char byte;

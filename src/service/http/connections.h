@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-/* connections: limits the open connections of the server by user and by client, limits the time that clients may
- * take, and notices closed connections.
+/* connections: limits the open connections of the server by user and by client, limits the time that clients
+ * may take, and notices closed connections.
  *
- * A connection belongs to a user once one of its requests has identified the caller: by a token, or on a Unix socket
- * by the connected process. Every other connection belongs to its client. A client is an address (of IPv6 the network,
- * the first 64 bits), or an unknown user on a Unix socket. The ledger limits the connections of each user, from all
- * addresses together (LEDGER_CONNECTIONS), and those of each client (LEDGER_CLIENT_CONNECTIONS). In total there are at
- * most connection_limit connections; admin_reserve of them are reserved for administrators.
+ * A connection belongs to a user once one of its requests has identified the caller: by a token, or on a Unix
+ * socket by the connected process. Every other connection belongs to its client. A client is an address (of
+ * IPv6 the network, the first 64 bits), or an unknown user on a Unix socket. The ledger limits the
+ * connections of each user, from all addresses together (LEDGER_CONNECTIONS), and those of each client
+ * (LEDGER_CLIENT_CONNECTIONS). In total there are at most connection_limit connections; admin_reserve of them
+ * are reserved for administrators.
  *
- * If a new connection would exceed a limit, the server closes the connection without a user that has been idle
- * longest: of the same client for the limit of a client, of all clients for connection_limit. If there is no such
- * connection, the new connection stays open until its first request identifies the caller. An administrator may be
- * admitted then; other callers are refused. Therefore idle connections of unknown clients do not lock users out.
+ * If a new connection would exceed a limit, the server closes the connection without a user that has been
+ * idle longest: of the same client for the limit of a client, of all clients for connection_limit. If there
+ * is no such connection, the new connection stays open until its first request identifies the caller. An
+ * administrator may be admitted then; other callers are refused. Therefore idle connections of unknown
+ * clients do not lock users out.
  *
- * The watcher, a task, closes a connection if the client takes longer than timeout_s to begin a request. It also
- * closes it if the client takes longer than timeout_s to send a request, measured from its first line to its last
- * byte. The library limits only idle time. The serving thread calls all functions.
+ * The watcher, a task, closes a connection if the client takes longer than timeout_s to begin a request. It
+ * also closes it if the client takes longer than timeout_s to send a request, measured from its first line to
+ * its last byte. The library limits only idle time. The serving thread calls all functions.
  */
 #ifndef HEXAD_SERVICE_HTTP_CONNECTIONS_H
 #define HEXAD_SERVICE_HTTP_CONNECTIONS_H
@@ -38,11 +40,12 @@ typedef struct connections_settings {
     double timeout_s;
 } connections_settings;
 
-/* The number of connections that the library must accept. It exceeds the limit, so that connections over the limit
- * get an answer. */
+/* The number of connections that the library must accept. It exceeds the limit, so that connections over the
+ * limit get an answer. */
 unsigned connections_capacity(const connections_settings *settings);
 
-/* The maximum number of descriptors of all connections: each may also read a file that is sent, or write an upload. */
+/* The maximum number of descriptors of all connections: each may also read a file that is sent, or write
+ * an upload. */
 size_t connections_descriptors(const connections_settings *settings);
 
 /* The ledger and the access control must outlive the connections. */
@@ -54,18 +57,20 @@ client_connection *connections_add(connections *p, int fd);
 /* call it before the descriptor is closed */
 void connections_remove(connections *p, client_connection *which);
 
-/* Call it when the headers of a request have arrived. Returns whether the connection is admitted; otherwise *why has
- * the reason. `client` is the sender of the request; behind a proxy it differs from the address of the connection.
- * `caller` is NULL if unknown. The connection is not closed in favour of others until connections_end_request. */
+/* Call it when the headers of a request have arrived. Returns whether the connection is admitted;
+ * otherwise *why has the reason. `client` is the sender of the request; behind a proxy it differs from the
+ * address of the connection. `caller` is NULL if unknown. The connection is not closed in favour of others
+ * until connections_end_request. */
 bool connections_begin_request(connections *p, client_connection *which, const address *client,
                                const access_caller *caller, ledger_refusal *why);
 void connections_end_request(connections *p, client_connection *which);
 
-/* Call it when the body of the request has not arrived yet. Until connections_end_time the connection may be closed
- * in favour of others if it belongs to no user. */
+/* Call it when the body of the request has not arrived yet. Until connections_end_time the connection may be
+ * closed in favour of others if it belongs to no user. */
 void connections_await_body(connections *p, client_connection *which);
 
-/* Start and stop the time limit of the client (timeout_s). It does not run while the server works on an answer. */
+/* Start and stop the time limit of the client (timeout_s). It does not run while the server works on an
+ * answer. */
 void connections_begin_time(connections *p, client_connection *which);
 void connections_end_time(connections *p, client_connection *which);
 

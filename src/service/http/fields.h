@@ -11,8 +11,8 @@ struct MHD_Connection;
 /* Maximum number of Forwarded headers. Each proxy extends a header or adds one. */
 #define FIELDS_MOST_FORWARDED 16
 
-/* The texts remain valid as long as the request. NULL: not sent. A header without a value is "" if an empty header
- * differs from a missing one. */
+/* The texts remain valid as long as the request. NULL: not sent. A header without a value is "" if an empty
+ * header differs from a missing one. */
 typedef struct fields {
     int lengths, codings, authorizations, hosts, origins; /* number of times that each was sent */
     bool coded;                                           /* Content-Encoding names a coding */

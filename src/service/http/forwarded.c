@@ -54,7 +54,8 @@ static bool is_port(const char *text)
     return (length <= 5 && strspn(text, "0123456789") == length) || *text == '_';
 }
 
-/* Parses a node: "192.0.2.1", "192.0.2.1:80", "[2001:db8::1]", "[2001:db8::1]:80". Version 0 for other texts. */
+/* Parses a node: "192.0.2.1", "192.0.2.1:80", "[2001:db8::1]", "[2001:db8::1]:80". Version 0 for other
+ * texts. */
 static address read_node(const char *text)
 {
     char host[ADDRESS_TEXT_SIZE];

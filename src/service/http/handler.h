@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* handler: the function that answers the requests of a route. It receives a request and fills a reply; it has no
- * access to the socket.
+/* handler: the function that answers the requests of a route. It receives a request and fills a reply; it has
+ * no access to the socket.
  */
 #ifndef HEXAD_SERVICE_HTTP_HANDLER_H
 #define HEXAD_SERVICE_HTTP_HANDLER_H
@@ -69,8 +69,8 @@ typedef struct http_request {
     bool waits;        /* for openers: the client sends the body only after a 100 answer (Expect) */
 } http_request;
 
-/* Makes a sink for the body after the headers have arrived, in the serving thread. On refusal returns NULL and fills
- * the reply. */
+/* Makes a sink for the body after the headers have arrived, in the serving thread. On refusal returns NULL
+ * and fills the reply. */
 typedef http_sink *http_opener(const http_context *c, const http_request *request, reply *r);
 
 /* Fills an empty reply whose fd is -1. Any thread. */

@@ -111,8 +111,8 @@ bool head_refuse_unread(struct MHD_Connection *connection, reply *r)
                               "Content-Length exceeds all limits: send a smaller body");
         if (!is_number || large) return true;
     }
-    /* The library copies this header before it parses the cookies. Later versions also report cookies that they
-     * refuse. */
+    /* The library copies this header before it parses the cookies. Later versions also report cookies that
+     * they refuse. */
     if (MHD_VERSION > 0x00097600 || !find_header(connection, MHD_HTTP_HEADER_COOKIE, &value, &length))
         return false;
     reply_set_problem(r, "request_invalid", NULL,

@@ -22,11 +22,11 @@ typedef struct listen_socket {
     ino_t inode;
 } listen_socket;
 
-/* Opens the socket. `where` is HOST:PORT, [HOST]:PORT or unix:/path. For a path, `shared` permits users other than
- * the service's own to connect. The error contains `where`. */
+/* Opens the socket. `where` is HOST:PORT, [HOST]:PORT or unix:/path. For a path, `shared` permits users other
+ * than the service's own to connect. The error contains `where`. */
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
-/* Sets the mode of a path that listen_open opened; `shared` permits other users to connect. A failure is logged.
- * Sockets without a path are unchanged. */
+/* Sets the mode of a path that listen_open opened; `shared` permits other users to connect. A failure is
+ * logged. Sockets without a path are unchanged. */
 void listen_share(const listen_socket *s, bool shared);
 /* Takes over a listening socket from the service manager. On failure the socket is closed. */
 bool listen_adopt(int fd, listen_socket *s, error *e);

@@ -60,8 +60,8 @@ static void take_signal(loop *l)
     atomic_store(&l->signaled, false);
 }
 
-/* Milliseconds until the library must run although no descriptor is ready, at most TURN_MS. 0 if the library has more
- * work for a connection that will not become ready again. */
+/* Milliseconds until the library must run although no descriptor is ready, at most TURN_MS. 0 if the library
+ * has more work for a connection that will not become ready again. */
 static int wait_ms(const loop *l)
 {
     MHD_UNSIGNED_LONG_LONG ms;
@@ -140,8 +140,8 @@ static void pause_accepting(loop *l, int fault)
     note_shortage(l, fault);
 }
 
-/* Whether the client has closed its side already. The library (0.9.75) misses an end that has arrived with the last
- * bytes, and would keep the connection. */
+/* Whether the client has closed its side already. The library (0.9.75) misses an end that has arrived with
+ * the last bytes, and would keep the connection. */
 static bool has_left(int fd)
 {
     struct pollfd one = {.fd = fd, .events = POLLRDHUP};
@@ -154,8 +154,8 @@ static bool is_short(const loop *l)
     return l->shortage_ms && clock_monotonic_ms() - l->shortage_ms < SHORTAGE_MS;
 }
 
-/* Accepts a connection. After a shortage, many clients have left while they waited: their connections are closed at
- * once. False: there is no connection, or none can be accepted. */
+/* Accepts a connection. After a shortage, many clients have left while they waited: their connections are
+ * closed at once. False: there is no connection, or none can be accepted. */
 static bool accept_one(loop *l, int listening)
 {
     struct sockaddr_storage from;

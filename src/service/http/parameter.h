@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* parameter: checks the parameters of queries and paths by a table, and describes them in the OpenAPI document.
- * Constant data; any thread.
+/* parameter: checks the parameters of queries and paths by a table, and describes them in the OpenAPI
+ * document. Constant data; any thread.
  */
 #ifndef HEXAD_SERVICE_HTTP_PARAMETER_H
 #define HEXAD_SERVICE_HTTP_PARAMETER_H
@@ -39,8 +39,9 @@ typedef struct parameter_table {
     size_t count;
 } parameter_table;
 
-/* Checks the query of a request against the names that the route accepts, such as "state limit" (NULL: none). Each
- * name must be known and given at most once, with a permitted value. Otherwise returns false and fills the reply. */
+/* Checks the query of a request against the names that the route accepts, such as "state limit" (NULL: none).
+ * Each name must be known and given at most once, with a permitted value. Otherwise returns false and
+ * fills the reply. */
 bool parameter_check_query(const parameter_table *table, const char *names, const http_request *request,
                            reply *r);
 

@@ -23,8 +23,8 @@ bool preconditions_match(const char *list, const char *tag, bool weakly)
     return false;
 }
 
-/* Parses a number of bytes. If it has too many digits, strtoll returns the largest number, which is beyond every
- * end. */
+/* Parses a number of bytes. If it has too many digits, strtoll returns the largest number, which is beyond
+ * every end. */
 static bool read_digits(const char **text, int64_t *value)
 {
     size_t length = strspn(*text, "0123456789");

@@ -2,8 +2,9 @@
 /* reply: the answer of a handler, independent of the transport, and problem documents (RFC 9457).
  *
  * A problem is `application/problem+json` with type, title, status, detail, the stable `code`, and `errors`.
- * `errors` is an array of {pointer, detail}; the pointer (RFC 6901) refers to the request body. The codes are those
- * of jobs (base/core/error.h) and the following ones. The table in reply.c has the status and the title of each code.
+ * `errors` is an array of {pointer, detail}; the pointer (RFC 6901) refers to the request body. The codes are
+ * those of jobs (base/core/error.h) and the following ones. The table in reply.c has the status and the title
+ * of each code.
  *
  *     json_invalid 400            the body is not a JSON value
  *     request_invalid 400         the framing of the request, a header or a query parameter is wrong
@@ -20,17 +21,19 @@
  *     misdirected_request 421     Host names another host, on a port without tokens
  *     idempotency_mismatch 422    the Idempotency-Key was used with another body
  *     digest_mismatch 422         the bytes of an input do not have the announced hash
- *     storage_full 507            the disk is full, with Retry-After; or no space for an input, without Retry-After
+ *     storage_full 507            the disk is full, with Retry-After; or no space for an input, without
+ *                                 Retry-After
  *     results_full 507            results have reached a limit, and none may be deleted; with Retry-After
  *     too_many_jobs 429           of one user; with Retry-After
  *     too_many_submissions 429    of one user in an hour; with Retry-After
  *     priority_forbidden 403      user_priorities or the token permits only lower priorities
- *     too_many_requests 429       too many connections of one client or user, or too much memory for bodies or
- *                                 answers of one user; with Retry-After
+ *     too_many_requests 429       too many connections of one client or user, or too much memory for bodies
+ *                                 or answers of one user; with Retry-After
  *     database_damaged 503        changes are impossible until an operator has repaired the database
  *     state_lost 503              changes are impossible until the state directory is at its path again
  *     unavailable 503             draining, the queue cannot store, or too many connections in total; with
- *                                 Retry-After. Or input files are not checked; with Retry-After if all checks are busy
+ *                                 Retry-After. Or input files are not checked; with Retry-After if all checks
+ *                                 are busy
  */
 #ifndef HEXAD_SERVICE_HTTP_REPLY_H
 #define HEXAD_SERVICE_HTTP_REPLY_H
@@ -51,8 +54,8 @@ typedef struct reply_problem {
     const char *title;
 } reply_problem;
 
-/* reply_problem_at: the rows of the table by index, NULL after the last. reply_find_problem: the row of a code; the
- * row `internal` for an unlisted code. */
+/* reply_problem_at: the rows of the table by index, NULL after the last. reply_find_problem: the row of a
+ * code; the row `internal` for an unlisted code. */
 const reply_problem *reply_problem_at(size_t index);
 const reply_problem *reply_find_problem(const char *code);
 
@@ -61,8 +64,8 @@ const char *reply_title(const char *code);
 
 /* A body that is produced while it is sent, piece by piece. The calls come one at a time. */
 typedef struct reply_source {
-    /* Produces the next piece and returns the number of its bytes; 0: nothing yet; -1: the end. The piece is valid
-     * until the next call. A pool of threads makes the call. */
+    /* Produces the next piece and returns the number of its bytes; 0: nothing yet; -1: the end. The piece is
+     * valid until the next call. A pool of threads makes the call. */
     ssize_t (*produce)(struct reply_source *source, const char **piece);
     void (*free)(struct reply_source *source); /* by the serving thread */
 } reply_source;
@@ -76,8 +79,8 @@ typedef struct reply_receipt {
 #define REPLY_TOPIC_SIZE 32
 
 typedef struct reply {
-    /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms`. Only for a route of
-     * a pool. */
+    /* 0: no answer yet; the handler is called again when the topic is woken, or at `again_ms`. Only for a
+     * route of a pool. */
     int status;
     const char *content_type;  /* a constant; NULL: none */
     const char *cache_control; /* a constant; NULL: caches must not store it */
@@ -91,8 +94,8 @@ typedef struct reply {
     /* of a source or a waiting answer: the topic that it waits for; "": any topic */
     char topic[REPLY_TOPIC_SIZE];
     int64_t again_ms; /* monotonic */
-    /* A complete answer that waits as well. The route's `awaiting` replaces it by a later answer, or clears this
-     * member. */
+    /* A complete answer that waits as well. The route's `awaiting` replaces it by a later answer, or clears
+     * this member. */
     bool provisional;
     size_t header_count;
     struct {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* route: finds the handler for a method and a path in a table of routes. The header Allow and the OpenAPI document
- * (service/api/openapi.h) are derived from the same table. Constant data; any thread.
+/* route: finds the handler for a method and a path in a table of routes. The header Allow and the OpenAPI
+ * document (service/api/openapi.h) are derived from the same table. Constant data; any thread.
  */
 #ifndef HEXAD_SERVICE_HTTP_ROUTE_H
 #define HEXAD_SERVICE_HTTP_ROUTE_H
@@ -14,8 +14,8 @@
 /* The body of a PATCH may have this type, as well as application/json. */
 #define ROUTE_MERGE_PATCH "application/merge-patch+json"
 
-/* The thread that runs the handler of a route. Keepers, openers, their sinks and the copying of the bytes of a
- * stream always run in the serving thread. No call there may take more than .2 ms of processor time, since
+/* The thread that runs the handler of a route. Keepers, openers, their sinks and the copying of the bytes of
+ * a stream always run in the serving thread. No call there may take more than .2 ms of processor time, since
  * it delays all clients; doc/measured/isolation.md has the times. */
 typedef enum route_thread {
     ROUTE_UNDECLARED,     /* refused when the server starts */
@@ -42,7 +42,8 @@ typedef struct route {
     const char *headers; /* list: the headers that affect the answer */
     const char *body;    /* schema of the body, "file" for a long one; NULL: no body */
     const char *example; /* of the body; NULL: none */
-    /* list of "STATUS:SCHEMA"; the schema "-" means no body, "file" and "text" mean a body that is not JSON */
+    /* list of "STATUS:SCHEMA"; the schema "-" means no body, "file" and "text" mean a body that is not
+     * JSON */
     const char *answers;
     const char *problems; /* list: codes, in addition to the codes that every route may return */
 } route;

@@ -37,30 +37,32 @@
 #define STREAM_BLOCK_BYTES 16384
 /* Maximum time, in ms, that server_stop waits for answers in progress. */
 #define STOP_MS 5000
-/* Minimum length, in bytes, of answers that count for the memory of answers. A shorter answer takes little more than
- * its connection. */
+/* Minimum length, in bytes, of answers that count for the memory of answers. A shorter answer takes little
+ * more than its connection. */
 #define LONG_ANSWER_BYTES 16384
-/* Maximum number of threads of one user: this many submissions share a flush of the queue. The threads sleep most of
- * the time. Further threads wait for estimates. */
+/* Maximum number of threads of one user: this many submissions share a flush of the queue. The threads sleep
+ * most of the time. Further threads wait for estimates. */
 #define USER_THREADS 32
 /* Number of threads that remain for other users. */
 #define SPARE_THREADS 8
-/* Minimum length, in bytes, of bodies that count as heavy work: a document takes up to 100 times the memory of its
- * text. */
+/* Minimum length, in bytes, of bodies that count as heavy work: a document takes up to 100 times the memory
+ * of its text. */
 #define HEAVY_BYTES 32768
 /* Maximum number of simultaneous requests of heavy routes. */
 #define HEAVY_AT_ONCE 2
-/* Number of threads for heavy work, in total and of one user. Requests with long bodies may wait for estimates. */
+/* Number of threads for heavy work, in total and of one user. Requests with long bodies may wait for
+ * estimates. */
 #define HEAVY_THREADS 16
 #define HEAVY_USER_THREADS 12
-/* Number of threads for pictures, in total and of one user. Each waits for a process that decodes a picture. */
+/* Number of threads for pictures, in total and of one user. Each waits for a process that decodes a
+ * picture. */
 #define PICTURE_THREADS 4
 #define PICTURE_USER_THREADS 2
 /* Number of threads that produce the bytes of streams, in total and of one user. */
 #define STREAM_THREADS 4
 #define STREAM_USER_THREADS 2
-/* Added to the nice value of threads for heavy work, for pictures and for streams. If both compute, such a thread gets
- * a tenth of the processor time of a thread with the priority of the process. */
+/* Added to the nice value of threads for heavy work, for pictures and for streams. If both compute, such a
+ * thread gets a tenth of the processor time of a thread with the priority of the process. */
 #define HEAVY_NICE 10
 
 struct server {
@@ -122,7 +124,8 @@ static client_connection *connection_of(struct MHD_Connection *connection)
     return info ? info->socket_context : NULL;
 }
 
-/* Called when a request line has arrived. The time of the request begins now, without the idle time before it. */
+/* Called when a request line has arrived. The time of the request begins now, without the idle time before
+ * it. */
 static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
 {
     server *s = context;
@@ -171,8 +174,8 @@ typedef struct stream {
     int64_t until_ms;    /* end of the caller's session, wall clock; 0: no session */
 } stream;
 
-/* Whether the service stops, a token may have been revoked, or a session has ended. The client then reconnects and is
- * identified again. */
+/* Whether the service stops, a token may have been revoked, or a session has ended. The client then
+ * reconnects and is identified again. */
 static bool is_outdated(const stream *t)
 {
     access_control *access = t->s->access;
@@ -277,8 +280,8 @@ static bool changes_nothing(const exchange *x, const char *method)
            (x->route.found && x->route.found->scope == SCOPE_READ);
 }
 
-/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the memory.
- * An answer that is longer than the limit counts as the limit. */
+/* Counts a long answer, or replaces it by a refusal: clients that do not read their answers would fill the
+ * memory. An answer that is longer than the limit counts as the limit. */
 static void count_answer(exchange *x, reply *r)
 {
     ledger *counts = x->s->settings.counts;
@@ -361,8 +364,8 @@ static bool refuse_connection(exchange *x, reply *r)
     return true;
 }
 
-/* Refuses a user of the Unix socket without a token. The answer has the user's number, because looking up the name
- * may block the serving thread; hexadctl adds the name to `allow_command`. */
+/* Refuses a user of the Unix socket without a token. The answer has the user's number, because looking up the
+ * name may block the serving thread; hexadctl adds the name to `allow_command`. */
 static void set_user_unknown(uid_t uid, const char *allow_command, reply *r)
 {
     if (allow_command) {
@@ -403,8 +406,8 @@ static bool is_foreign_page(const exchange *x, const fields *f)
     return !(found && !found->scope && f->destination && strcmp(f->destination, "document") == 0);
 }
 
-/* On TCP, refuses requests for other hosts and from web pages of other origins, unless they have a token. A request
- * without Host is not from a browser, since all browsers send it. */
+/* On TCP, refuses requests for other hosts and from web pages of other origins, unless they have a token. A
+ * request without Host is not from a browser, since all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
     const access_peer *from = connections_access(connection_of(x->connection));
@@ -583,8 +586,8 @@ static bool has_body(const fields *f)
     return f->codings || (f->length && strcmp(f->length, "0") != 0);
 }
 
-/* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the body,
- * since many clients send everything before they read. */
+/* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the
+ * body, since many clients send everything before they read. */
 static bool refuse_early(exchange *x, const char *method, const char *path, const char *version, bool *early,
                          reply *r)
 {
@@ -619,8 +622,8 @@ static void note_answer(const exchange *x, const char *method, const char *path,
               r->status, *x->caller.user ? x->caller.user : "-", address_print(&x->client, client));
 }
 
-/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered in the
- * serving thread (call_handler). */
+/* A provisional answer becomes the final one. When the service stops, a request that has waited is answered
+ * in the serving thread (call_handler). */
 static void refuse_in_pool(thread_pool_work *work, thread_pool_refusal why)
 {
     exchange *x = (exchange *)(void *)work;
@@ -680,8 +683,8 @@ static void drop_body(exchange *x)
     x->request.length = x->capacity = 0;
 }
 
-/* Increases the capacity of the body to at least `bytes`. False: the limits do not permit it, and the received part
- * of the body was discarded. */
+/* Increases the capacity of the body to at least `bytes`. False: the limits do not permit it, and the
+ * received part of the body was discarded. */
 static bool reserve_body(exchange *x, size_t bytes)
 {
     size_t limit = x->s->settings.body_limit_bytes + 1, capacity = 2 * bytes < limit ? 2 * bytes : limit;
@@ -697,8 +700,9 @@ static bool reserve_body(exchange *x, size_t bytes)
     return true;
 }
 
-/* Takes a piece of the body. A long body goes to its sink. A body over the limit is discarded. Its answer is sent at
- * its end, since the library sends answers only before or after a body. The time limit bounds this wait. */
+/* Takes a piece of the body. A long body goes to its sink. A body over the limit is discarded. Its answer is
+ * sent at its end, since the library sends answers only before or after a body. The time limit bounds this
+ * wait. */
 static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {
     size_t *length = &x->request.length;
@@ -881,8 +885,8 @@ static void end_refused_exchange(thread_pool_work *work, thread_pool_refusal why
     end_exchange_in_pool(work);
 }
 
-/* Ends a request in the pool if files have to be closed or removed, which takes long if they are large. After the
- * dismissal the pool may not exist any more. */
+/* Ends a request in the pool if files have to be closed or removed, which takes long if they are large. After
+ * the dismissal the pool may not exist any more. */
 static void finish_exchange(exchange *x)
 {
     bool is_simple = !x->request.sink && !x->receipt && !x->file;
@@ -946,8 +950,8 @@ static void refuse_unread(server *s)
     }
 }
 
-/* Whether the message is about options of TCP. The library (0.9.75) sets them for each answer, on Unix sockets, too,
- * which refuse them. */
+/* Whether the message is about options of TCP. The library (0.9.75) sets them for each answer, on Unix
+ * sockets, too, which refuse them. */
 static bool is_about_tcp(const char *format)
 {
     static const char option[] = "Setting %s option to ", push[] = "Failed to push the data";

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 /* server: HTTP/1.1 with libmicrohttpd; only src/service/http uses that library.
  *
- * One thread serves all connections with epoll. The table of routes says which handlers it runs (route.runs_in).
- * All others, and the producers of streams, run in pools of threads (service/http/thread_pool), while their connection is
- * suspended. service/http/connections limits the number of connections and the time of clients. A body over the limit is
- * answered with 413 and not stored. If its length is announced, the answer is sent before the body is read;
- * otherwise (chunked) at its end. A request that a proxy may interpret differently is refused (service/http/head). The
- * library itself refuses input that is not a request, and headers over header_limit_bytes, with an answer in HTML.
+ * One thread serves all connections with epoll. The table of routes says which handlers it runs
+ * (route.runs_in).
+ * All others, and the producers of streams, run in pools of threads (service/http/thread_pool), while their
+ * connection is suspended. service/http/connections limits the number of connections and the time of clients.
+ * A body over the limit is answered with 413 and not stored. If its length is announced, the answer is sent
+ * before the body is read;
+ * otherwise (chunked) at its end. A request that a proxy may interpret differently is refused
+ * (service/http/head). The library itself refuses input that is not a request, and headers over
+ * header_limit_bytes, with an answer in HTML.
  * All other errors are problem documents.
  */
 #ifndef HEXAD_SERVICE_HTTP_SERVER_H
@@ -27,8 +30,8 @@ typedef struct server_settings {
     const http_context *context; /* for the handlers */
     http_counters *counters;     /* the server increments them */
     wait_list *waiting;
-    /* with the limits of connections, clients, bodies (at least body_limit_bytes + 1) and answers; must outlive the
-     * server, which sets the limits of its threads */
+    /* with the limits of connections, clients, bodies (at least body_limit_bytes + 1) and answers; must
+     * outlive the server, which sets the limits of its threads */
     ledger *counts;
     connections_settings connections;
     size_t body_limit_bytes, header_limit_bytes;
@@ -44,8 +47,8 @@ typedef struct server_settings {
 /* The number of threads that run handlers. */
 unsigned server_threads(unsigned estimates);
 
-/* Serves `count` >= 1 sockets until server_stop. They stay the caller's; access and all that the settings point to outlive
- * the server. */
+/* Serves `count` >= 1 sockets until server_stop. They stay the caller's; access and all that the settings
+ * point to outlive the server. */
 server *server_start(const server_settings *settings, const listen_socket *sockets, size_t count,
                      access_control *access, error *e);
 

@@ -113,8 +113,8 @@ static void end_work(thread_pool *p, line *l)
     free_empty_line(p, l);
 }
 
-/* Refuses the oldest work if it has waited too long. False: there is none. The caller holds the mutex, which is
- * released during the refusal. */
+/* Refuses the oldest work if it has waited too long. False: there is none. The caller holds the mutex, which
+ * is released during the refusal. */
 static bool refuse_late(thread_pool *p)
 {
     line *l = find_oldest(p);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* thread_pool: threads for work that would block the serving thread because it waits for a disk or a worker.
  *
- * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are served
- * in turn: the next work is that of the user with the fewest running pieces of work; among equals, of the user that
- * was served least recently. The ledger limits the threads of a user, so that threads remain for other users. The
- * work of one user starts in the order in which it was added. Pieces of work run together only up to a sum of
- * weights. No work overtakes the work whose turn it is. Work that has waited for `patience_ms` is refused as soon as
- * a thread of the pool is free. Any thread may add work.
+ * There are enough threads for many submissions to share one flush of the queue (its group commit). Users are
+ * served in turn: the next work is that of the user with the fewest running pieces of work; among equals, of
+ * the user that was served least recently. The ledger limits the threads of a user, so that threads remain
+ * for other users. The work of one user starts in the order in which it was added. Pieces of work run
+ * together only up to a sum of weights. No work overtakes the work whose turn it is. Work that has waited for
+ * `patience_ms` is refused as soon as a thread of the pool is free. Any thread may add work.
  */
 #ifndef HEXAD_SERVICE_HTTP_THREAD_POOL_H
 #define HEXAD_SERVICE_HTTP_THREAD_POOL_H
@@ -22,8 +22,8 @@ typedef struct thread_pool thread_pool;
 
 typedef enum thread_pool_refusal { THREAD_POOL_STOPS, THREAD_POOL_IS_BUSY } thread_pool_refusal;
 
-/* A piece of work, embedded in the object that it works on. The pool owns it from thread_pool_add until it calls
- * `run` or `refuse`. */
+/* A piece of work, embedded in the object that it works on. The pool owns it from thread_pool_add until it
+ * calls `run` or `refuse`. */
 typedef struct thread_pool_work {
     void (*run)(struct thread_pool_work *work);
     void (*refuse)(struct thread_pool_work *work, thread_pool_refusal why); /* instead of run */

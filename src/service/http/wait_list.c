@@ -39,8 +39,8 @@ static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
     return false;
 }
 
-/* The caller holds the mutex. A waiter leaves the list before its connection is resumed, since the connection may
- * wait again at once. */
+/* The caller holds the mutex. A waiter leaves the list before its connection is resumed, since the connection
+ * may wait again at once. */
 static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
 {
     int64_t now = clock_monotonic_ms();

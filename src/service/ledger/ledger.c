@@ -70,8 +70,8 @@ static const row rows[LEDGER_RESOURCES] = {
                                 "fetch results with hexadctl fetch, so that hexad may delete them"}},
 };
 
-/* A unit of a rate is counted as this many parts, which are given back at `limits.holder` parts a millisecond: it is
- * the number of milliseconds in an hour. */
+/* A unit of a rate is counted as this many parts, which are given back at `limits.holder` parts a
+ * millisecond: it is the number of milliseconds in an hour. */
 #define PARTS_OF_RATE 3600000
 
 /* What a holder has. It is freed when that is nothing. */

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 /* ledger: what each user holds of the daemon's resources, and how much it may hold.
  *
- * One table (ledger.c) has a row for each resource: what is counted, the settings that limit it, the problem of a
- * refusal, and what a caller can do. All refusals have the same form.
+ * One table (ledger.c) has a row for each resource: what is counted, the settings that limit it, the problem
+ * of a refusal, and what a caller can do. All refusals have the same form.
  *
- * A holder is a name: that of a user, or "client ADDRESS" for a client whose user is unknown; for uploads the hash of
- * the user's name, since the store has only that. The ledger counts in memory, so a restart begins with 0, except for
- * uploads, whose store counts its files again. The queue counts jobs, attempts and results in the database; the ledger has the
- * rows of these resources, and the first two limits.
+ * A holder is a name: that of a user, or "client ADDRESS" for a client whose user is unknown; for uploads the
+ * hash of the user's name, since the store has only that. The ledger counts in memory, so a restart begins
+ * with 0, except for uploads, whose store counts its files again. The queue counts jobs, attempts and results
+ * in the database; the ledger has the rows of these resources, and the first two limits.
  *
- * Any thread may call all functions. None of them blocks, or calls another module while it holds the ledger's mutex.
+ * Any thread may call all functions. None of them blocks, or calls another module while it holds the ledger's
+ * mutex.
  */
 #ifndef HEXAD_SERVICE_LEDGER_LEDGER_H
 #define HEXAD_SERVICE_LEDGER_LEDGER_H
@@ -53,8 +54,8 @@ void ledger_free(ledger *l); /* accepts NULL */
 void ledger_limit(ledger *l, ledger_resource what, ledger_limits limits);
 ledger_limits ledger_get_limits(ledger *l, ledger_resource what);
 
-/* Whether the holder may take `amount` more. Some resources leave each holder an amount that it may take although the
- * limit of all holders is reached. */
+/* Whether the holder may take `amount` more. Some resources leave each holder an amount that it may take
+ * although the limit of all holders is reached. */
 ledger_decision ledger_check(ledger *l, ledger_resource what, const char *holder, int64_t amount);
 /* As ledger_check, and takes the amount if it fits. */
 ledger_decision ledger_take(ledger *l, ledger_resource what, const char *holder, int64_t amount);
@@ -63,8 +64,8 @@ void ledger_add(ledger *l, ledger_resource what, const char *holder, int64_t amo
 void ledger_give_back(ledger *l, ledger_resource what, const char *holder, int64_t amount);
 int64_t ledger_held(ledger *l, ledger_resource what, const char *holder);
 
-/* Why a holder may not take more: the code of a problem, the message for the caller, and the time in seconds after
- * which a repetition may succeed (0: only after a change by the caller). */
+/* Why a holder may not take more: the code of a problem, the message for the caller, and the time in seconds
+ * after which a repetition may succeed (0: only after a change by the caller). */
 typedef struct ledger_refusal {
     const char *code; /* a constant */
     int64_t retry_s;

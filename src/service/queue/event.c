@@ -29,8 +29,8 @@ static queue_event_type type_from_name(const char *name)
     return (queue_event_type)type;
 }
 
-/* CROSS JOIN keeps the order by event number. The last column is true if the event passes the filter. Events that do
- * not pass are read, too, since they determine the position of the page. */
+/* CROSS JOIN keeps the order by event number. The last column is true if the event passes the filter. Events
+ * that do not pass are read, too, since they determine the position of the page. */
 #define EVENTS                                                                                       \
     "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"          \
     " (?2 IS NULL OR owner = ?2) AND"                                                                \

@@ -10,7 +10,8 @@
     " CROSS JOIN task AS other ON other.job = link.needs AND other.frame = task.frame" \
     " WHERE link.job = task.job AND link.by_frame = 1"
 
-/* Whether such a task has succeeded with an accepted outcome (SCHEMA_ACCEPTED); whether it has ended otherwise. */
+/* Whether such a task has succeeded with an accepted outcome (SCHEMA_ACCEPTED); whether it has ended
+ * otherwise. */
 #define DONE                                                                                  \
     "(other.state = 'succeeded' AND need.accept & CASE other.outcome WHEN 'converged' THEN 2" \
     " WHEN 'unresolved' THEN 4 ELSE 8 END)"
@@ -27,7 +28,8 @@
     "  FROM " NEEDS " AND " LOST " LIMIT 1)"                                                             \
     " WHERE job = ?1 AND " HELD " AND " CANNOT_START
 
-/* Runs a statement that returns one integer for each task that it changes. Counts the tasks, and those with a 0. */
+/* Runs a statement that returns one integer for each task that it changes. Counts the tasks, and those
+ * with a 0. */
 static bool count_rows(database *d, sqlite3_stmt *s, int *rows, int *zeros, error *e)
 {
     bool ok = false;

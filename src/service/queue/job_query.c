@@ -47,8 +47,9 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     " AND (?14 IS NULL OR EXISTS (SELECT 1 FROM dependency WHERE needs = " NEEDED \
     " AND dependency.job = seq))"
 
-/* A walk of a listing, descending or ascending, between two places (both excluded): (?9, ?10) is the lower and (?12,
- * ?1) the upper. The statement `stop` finds the last place that a page visits, in the index alone. */
+/* A walk of a listing, descending or ascending, between two places (both excluded): (?9, ?10) is the lower
+ * and (?12, ?1) the upper. The statement `stop` finds the last place that a page visits, in the index
+ * alone. */
 typedef struct walk {
     const char *stop, *list;
 } walk;
@@ -92,8 +93,8 @@ static const walk age_walks[CONDITION_COUNT][2] = {
     [ALL] = BY_AGE("NOT INDEXED", ""),
 };
 
-/* The other orders, each with an index of its key and seq. An unknown place is an end of the index: blobs sort after
- * all texts and numbers. */
+/* The other orders, each with an index of its key and seq. An unknown place is an end of the index: blobs
+ * sort after all texts and numbers. */
 #define LOW(low) "coalesce(?9, " low ")"
 #define HIGH "coalesce(?12, x'')"
 #define SORTED(index, key, low)                                                                   \
@@ -123,8 +124,8 @@ static const walk *choose_walk(const queue_filter *f)
                                       : ALL][f->rising];
 }
 
-/* The lowest seq of a job created at this time or later; 0: unknown, because there are too many such jobs. The orders
- * by seq and by time differ where the clock was set back. */
+/* The lowest seq of a job created at this time or later; 0: unknown, because there are too many such jobs.
+ * The orders by seq and by time differ where the clock was set back. */
 static bool find_first(database *d, int64_t since_ms, int64_t *first, error *e)
 {
     bool ok = false;
@@ -166,8 +167,8 @@ static void bind_filter(const queue_filter *f, int64_t first, value v[VALUE_COUN
     memcpy(v, values, sizeof values);
 }
 
-/* Finds the place where a page of `visits` rows stops, and ends the walk there. *stop remains empty if there are
- * fewer rows. */
+/* Finds the place where a page of `visits` rows stops, and ends the walk there. *stop remains empty if there
+ * are fewer rows. */
 static bool find_stop(database *d, const walk *w, bool rising, int visits, value v[VALUE_COUNT],
                       queue_place *stop, error *e)
 {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* job_row: reads rows of the tables job and task into the structures of queue.h.
  *
- * Private to src/service/queue. The statement must select JOB_COLUMNS or TASK_COLUMNS, starting at any column.
+ * Private to src/service/queue. The statement must select JOB_COLUMNS or TASK_COLUMNS, starting at any
+ * column.
  */
 #ifndef HEXAD_SERVICE_QUEUE_JOB_ROW_H
 #define HEXAD_SERVICE_QUEUE_JOB_ROW_H

@@ -10,7 +10,8 @@
 #include "service/queue/job_row.h"
 #include "service/queue/owner.h"
 
-/* The job gets the error of its first failed task. For an array the message also has the number of failed tasks. */
+/* The job gets the error of its first failed task. For an array the message also has the number of failed
+ * tasks. */
 static bool store_error(database *d, const job_state *j, error *e)
 {
     bool ok = false, read = false;
@@ -99,8 +100,8 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
     return ok && owner_update(d, j->seq, (int)was_final - (int)is_final, j->running - before->running, e);
 }
 
-/* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted again,
- * since a retried job ends more than once. */
+/* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted
+ * again, since a retried job ends more than once. */
 static bool update_dependent(database *d, int64_t need, job_state *j, int64_t now, error *e)
 {
     job_state before = *j;
@@ -132,8 +133,8 @@ static bool next_frame_dependent(database *d, int64_t need, int64_t after, job_s
         e);
 }
 
-/* Jobs that have ended or have ended frames. The jobs that wait for them must still be updated. It is a list, to
- * avoid recursion. */
+/* Jobs that have ended or have ended frames. The jobs that wait for them must still be updated. It is a list,
+ * to avoid recursion. */
 typedef struct ended_jobs {
     struct ended_job {
         int64_t seq;
@@ -183,7 +184,8 @@ static bool update_frames(database *d, ended_jobs *list, int64_t seq, int frame,
     return ok;
 }
 
-/* Updates the jobs that wait for the jobs in the list, and in turn the jobs that wait for jobs that end thereby. */
+/* Updates the jobs that wait for the jobs in the list, and in turn the jobs that wait for jobs that end
+ * thereby. */
 static bool update_dependents(database *d, ended_jobs *list, int64_t now, error *e)
 {
     bool ok = true;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* job_save: stores a changed job state, and updates everything that depends on it: the state, times and events of the
- * job, the counts of its owner, and the jobs that depend on this one.
+/* job_save: stores a changed job state, and updates everything that depends on it: the state, times and
+ * events of the job, the counts of its owner, and the jobs that depend on this one.
  *
  * Private to src/service/queue. Call it inside a change (service/database/database).
  */

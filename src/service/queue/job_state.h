@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* job_state: the variable part of a job: the numbers of its tasks by state, its commands, and the state that follows
- * from both.
+/* job_state: the variable part of a job: the numbers of its tasks by state, its commands, and the state that
+ * follows from both.
  *
- * Private to src/service/queue. Call every function inside a change (service/database/database). To change tasks: load the job state,
- * adjust its counts, save it (service/queue/job_save).
+ * Private to src/service/queue. Call every function inside a change (service/database/database). To change
+ * tasks: load the job state, adjust its counts, save it (service/queue/job_save).
  */
 #ifndef HEXAD_SERVICE_QUEUE_JOB_STATE_H
 #define HEXAD_SERVICE_QUEUE_JOB_STATE_H
@@ -35,7 +35,8 @@ bool job_state_load(database *d, const char *id, job_state *j, bool *found, erro
 /* The job must exist. */
 bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
 
-/* The columns of job that job_state_load_row reads. Loads the row of a statement; *found is false if there is none. */
+/* The columns of job that job_state_load_row reads. Loads the row of a statement; *found is false if there
+ * is none. */
 #define JOB_STATE_COLUMNS                                                                               \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
@@ -45,8 +46,8 @@ bool job_state_load_row(database *d, sqlite3_stmt *s, job_state *j, bool *found,
 /* The state that follows from the counts and flags. */
 queue_state job_state_derive(const job_state *j);
 
-/* Records that the task of this frame has ended (JOB_STATE_ALL_ENDED: several tasks), for tasks of other jobs that
- * wait for it. */
+/* Records that the task of this frame has ended (JOB_STATE_ALL_ENDED: several tasks), for tasks of other jobs
+ * that wait for it. */
 void job_state_note_ended(job_state *j, int frame);
 
 /* Counts the outcome of a task that succeeded. */
@@ -59,8 +60,8 @@ bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
                            const char *message, int64_t now, error *e);
 
-/* Counts the jobs for which this one still waits. *lost: one of them had to succeed, and has ended without success or
- * with an outcome that it does not accept. */
+/* Counts the jobs for which this one still waits. *lost: one of them had to succeed, and has ended without
+ * success or with an outcome that it does not accept. */
 bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
 
 /* Fails all waiting tasks, because this job, which depends on the job with the seq `need`, will not start. */
@@ -70,7 +71,8 @@ bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t n
 bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,
                          queue_outcome outcome, int frame, int attempt, int64_t now, error *e);
 
-/* Records that the directories of all tasks have to be removed. Call it in the transaction that deletes the job. */
+/* Records that the directories of all tasks have to be removed. Call it in the transaction that deletes
+ * the job. */
 bool job_state_note_removals(database *d, const job_state *j, error *e);
 
 /* The counter of tasks that ended in the state `final`. */

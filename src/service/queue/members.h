@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* members: the struct of an open queue.
  *
- * Private to src/service/queue. `overtaken` and `changed` belong to the thread that makes changes; `stamp` and `commits` to any
- * thread.
+ * Private to src/service/queue. `overtaken` and `changed` belong to the thread that makes changes; `stamp`
+ * and `commits` to any thread.
  */
 #ifndef HEXAD_SERVICE_QUEUE_MEMBERS_H
 #define HEXAD_SERVICE_QUEUE_MEMBERS_H

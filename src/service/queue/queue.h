@@ -1,25 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 /* queue: the durable store of jobs, their tasks and attempts, and their events.
  *
- * One process owns the database. It locks the state directory, and a lock on the database excludes other programs.
- * One connection writes; others read without waiting for changes (service/database/database.h). Any thread may call any
- * function. When a function returns true, its change is on disk (WAL, synchronous=FULL). Concurrent changes of
- * several threads share one transaction and one flush. No reader sees a change before it is durable. If the database
- * fails, the error has the code internal, storage_full, database_damaged or state_lost, and outputs are unchanged. The
- * first failed change, and the first successful change after it, are logged.
+ * One process owns the database. It locks the state directory, and a lock on the database excludes other
+ * programs.
+ * One connection writes; others read without waiting for changes (service/database/database.h). Any thread
+ * may call any function. When a function returns true, its change is on disk (WAL, synchronous=FULL).
+ * Concurrent changes of several threads share one transaction and one flush. No reader sees a change before
+ * it is durable. If the database fails, the error has the code internal, storage_full, database_damaged or
+ * state_lost, and outputs are unchanged. The first failed change, and the first successful change after it,
+ * are logged.
  *
- * A job has one task, or one task per frame. A task is executed by attempts. Every claim of a task increments its
- * attempt number. This number is a fence: the queue rejects reports of older attempts. `spent` is the number of
- * attempts that count against max_attempts. Attempts that the service itself put back do not count.
+ * A job has one task, or one task per frame. A task is executed by attempts. Every claim of a task increments
+ * its attempt number. This number is a fence: the queue rejects reports of older attempts. `spent` is the
+ * number of attempts that count against max_attempts. Attempts that the service itself put back do not count.
  *
- * The state of a job follows from its tasks and from the commands that it received. It is updated in the transaction
- * that changes these.
+ * The state of a job follows from its tasks and from the commands that it received. It is updated in the
+ * transaction that changes these.
  *     queued      waits for a claim; between two frames a job stays running
  *     blocked     waits for the jobs that it depends on
- *     paused      no attempt is started until the job is resumed; while earlier attempts still run, the job is running
+ *     paused      no attempt is started until the job is resumed; while earlier attempts still run, the job
+ *                 is running
  *     running     an attempt runs
  *     cancelling  an attempt runs and was requested to end
- *     succeeded, failed, timed_out, cancelled: every task has ended. If tasks ended differently, the job takes the
+ *     succeeded, failed, timed_out, cancelled: every task has ended. If tasks ended differently, the job
+ *     takes the
  *                 first of failed, timed_out, cancelled. A job that was cancelled is cancelled.
  * A task is queued, running, or in a final state. Only a retry leaves a final state.
  */
@@ -72,24 +76,26 @@ bool queue_state_is_final(queue_state state);
 const char *queue_outcome_name(queue_outcome outcome);   /* NULL for no outcome */
 queue_outcome queue_outcome_from_name(const char *name); /* QUEUE_NO_OUTCOME for NULL and other words */
 
-/* Opens or creates the queue in an existing directory. Errors: database_damaged, storage_full, internal. internal:
- * another process has locked the directory, it is on a network file system, or a newer version of the program
- * created the database. */
+/* Opens or creates the queue in an existing directory. Errors: database_damaged, storage_full, internal.
+ * internal: another process has locked the directory, it is on a network file system, or a newer version of
+ * the program created the database. */
 queue *queue_open(const char *state_dir, error *e);
-/* Opens a copy of a database (service/database/backup) for reading. The copy is migrated if it has an older version. */
+/* Opens a copy of a database (service/database/backup) for reading. The copy is migrated if it has an
+ * older version. */
 queue *queue_open_copy(const char *path, error *e);
 void queue_close(queue *q); /* accepts NULL */
 
-/* The database, for backups and checks (service/database/backup, service/database/checker). Owned by the queue. */
+/* The database, for backups and checks (service/database/backup, service/database/checker). Owned by the
+ * queue. */
 struct database *queue_database(queue *q);
 
-/* Reserves `bytes` of disk space for the database, so that jobs can still be cancelled, deleted and ended if the disk
- * is full. New jobs are accepted only while that amount is free in addition. 0: no reserve. If the space cannot be
- * reserved, a warning is logged. */
+/* Reserves `bytes` of disk space for the database, so that jobs can still be cancelled, deleted and ended if
+ * the disk is full. New jobs are accepted only while that amount is free in addition. 0: no reserve. If the
+ * space cannot be reserved, a warning is logged. */
 void queue_reserve(queue *q, int64_t bytes);
 
-/* The service instance that owns the database (service/results/instance_check.h), and the boot of the host in which the daemon last
- * ran. */
+/* The service instance that owns the database (service/results/instance_check.h), and the boot of the host in
+ * which the daemon last ran. */
 typedef struct queue_instance {
     char id[ULID_SIZE]; /* "": the database comes from a version without instance ids */
     char boot_id[40];   /* "": unknown */
@@ -105,7 +111,8 @@ void queue_get_health(queue *q, health_report *known);
 
 /* False if the database is damaged. The error describes the damage and the required actions. */
 bool queue_allows_changes(queue *q, error *e);
-/* Whether the state directory is still at its path. Otherwise every change fails with the same error (state_lost). */
+/* Whether the state directory is still at its path. Otherwise every change fails with the same error
+ * (state_lost). */
 bool queue_has_place(queue *q, error *e);
 
 /* ---- jobs */
@@ -162,16 +169,16 @@ typedef struct queue_submission {
     int64_t memory_mb, retention_s;
     const int *frames; /* one task for each, in this order, without duplicates; NULL: one task */
     size_t frame_count;
-    /* The tasks run one after another, each starting from the result of the task before. A task that does not succeed
-     * ends the later ones, except that one that fails with no_surface is skipped. */
+    /* The tasks run one after another, each starting from the result of the task before. A task that does not
+     * succeed ends the later ones, except that one that fails with no_surface is skipped. */
     bool ordered;
     const char *const
         *depends_on; /* ids of jobs that must succeed, and be accepted, before this one starts */
     size_t depends_on_count;
     const char *const *after; /* ids of jobs that must end before this one starts */
     size_t after_count;
-    /* ids of arrays that have all of `frames`: a task starts when the tasks of the same frame in these arrays have
-     * succeeded and were accepted */
+    /* ids of arrays that have all of `frames`: a task starts when the tasks of the same frame in these arrays
+     * have succeeded and were accepted */
     const char *const *after_frames;
     size_t after_frames_count;
     bool any_frames; /* after_frames may name jobs of other users: the owner is an administrator */
@@ -196,11 +203,13 @@ typedef enum queue_admission {
     QUEUE_RESULTS_FULL,      /* a bound on all results is reached and none may be deleted (queue_bounds) */
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
     QUEUE_NO_SPACE,          /* free disk space is below the reserve of queue_reserve */
-    QUEUE_UNKNOWN_DEPENDENCY, /* the receipt has the index in depends_on, continued in after and after_frames */
-    QUEUE_FOREIGN_DEPENDENCY, /* the receipt has the index of a job in after_frames that belongs to another user */
+    QUEUE_UNKNOWN_DEPENDENCY,  /* the receipt has the index in depends_on, continued in after and
+                                * after_frames */
+    QUEUE_FOREIGN_DEPENDENCY,  /* the receipt has the index of a job in after_frames that belongs to another
+                                * user */
     QUEUE_REPEATED_DEPENDENCY, /* the receipt has the index of a job in after_frames that was listed before */
-    /* the receipt has the index of a job in after_frames that lacks `frame` of the receipt; QUEUE_NO_FRAME: it is
-     * not an array */
+    /* the receipt has the index of a job in after_frames that lacks `frame` of the receipt; QUEUE_NO_FRAME:
+     * it is not an array */
     QUEUE_UNKNOWN_FRAME
 } queue_admission;
 
@@ -223,14 +232,14 @@ bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, er
 /* *found is false if there is no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
-/* A number that changes with every change of the job `seq` or of its attempts, and sometimes with a change of another
- * job. While it equals the stamp that queue_get returned, that job is up to date. It changes before the function that
- * made the change returns. Does not read the database. */
+/* A number that changes with every change of the job `seq` or of its attempts, and sometimes with a change of
+ * another job. While it equals the stamp that queue_get returned, that job is up to date. It changes before
+ * the function that made the change returns. Does not read the database. */
 #define QUEUE_NO_STAMP UINT64_MAX /* the job may have changed during the read; no job has this stamp */
 uint64_t queue_stamp(queue *q, int64_t seq);
 
-/* Sort key of a list: order of arrival, name (ASCII case-insensitive, jobs without a name first), owner, word for the
- * state, priority. Ties are sorted by arrival. */
+/* Sort key of a list: order of arrival, name (ASCII case-insensitive, jobs without a name first), owner, word
+ * for the state, priority. Ties are sorted by arrival. */
 typedef enum queue_order {
     QUEUE_BY_AGE,
     QUEUE_BY_NAME,
@@ -269,8 +278,9 @@ typedef struct queue_page {
 /* Maximum number of jobs that a page of a list visits. */
 #define QUEUE_VISITS 4096
 
-/* Lists jobs among the next `visits` jobs of the list (0: among all). Each visited job costs a lookup, each listed job
- * a few. If more jobs follow, page->stop is the last visited one, listed or not; the page may be short or empty. */
+/* Lists jobs among the next `visits` jobs of the list (0: among all). Each visited job costs a lookup, each
+ * listed job a few. If more jobs follow, page->stop is the last visited one, listed or not; the page may
+ * be short or empty. */
 bool queue_list_page(queue *q, const queue_filter *filter, int visits, queue_page *page, error *e);
 void queue_page_clear(queue_page *page);
 
@@ -312,8 +322,8 @@ typedef enum queue_command {
     QUEUE_DELIVER
 } queue_command;
 
-/* Applies a command to a job. *now: the state afterwards. *changed: false if the command does not apply, such as a
- * cancellation of an ended job, or a retry of a job that depends on a failed one. */
+/* Applies a command to a job. *now: the state afterwards. *changed: false if the command does not apply, such
+ * as a cancellation of an ended job, or a retry of a job that depends on a failed one. */
 bool queue_apply_command(queue *q, const char *id, queue_command command, bool *found, bool *changed,
                          queue_state *now, error *e);
 
@@ -323,9 +333,9 @@ typedef struct queue_retried {
     size_t other_count;
 } queue_retried;
 
-/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents in
- * turn. Jobs that still depend on a failed one are returned in `others`. `owner`: jobs of other owners are neither
- * retried nor returned; NULL: all are retried. */
+/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents
+ * in turn. Jobs that still depend on a failed one are returned in `others`. `owner`: jobs of other owners are
+ * neither retried nor returned; NULL: all are retried. */
 bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e);
 
 typedef struct queue_edit {
@@ -342,19 +352,19 @@ typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_e
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
                   error *e);
 
-/* Deletes an ended job, and records its directories for removal (see queue_removal). *deleted is false if the job has
- * not ended. */
+/* Deletes an ended job, and records its directories for removal (see queue_removal). *deleted is false if the
+ * job has not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
-/* The ids of at most `limit` jobs whose retention has ended by one of these bounds, in one array that the caller
- * frees. */
+/* The ids of at most `limit` jobs whose retention has ended by one of these bounds, in one array that the
+ * caller frees. */
 bool queue_list_expired(queue *q, const running_bound *bounds, size_t bound_count, int limit,
                         char (**ids)[ULID_SIZE], size_t *count, error *e);
 /* The end of the next retention after `after_ms`, both by the wall clock; INT64_MAX: none. */
 bool queue_next_expiry(queue *q, int64_t after_ms, int64_t *wall_ms, error *e);
 
-/* The running time of the daemon: the stored periods, and the one that began with queue_open. The caller stores them
- * periodically with queue_store_running; time since the last store is lost in a crash. */
+/* The running time of the daemon: the stored periods, and the one that began with queue_open. The caller
+ * stores them periodically with queue_store_running; time since the last store is lost in a crash. */
 running_time *queue_running(queue *q);
 bool queue_store_running(queue *q, error *e);
 
@@ -394,8 +404,8 @@ typedef struct queue_attempt {
     char *reason;                    /* may be NULL */
 } queue_attempt;
 
-/* Lists attempts by task and number, after attempt `after` of the task `after_task` (-1: all). Empty if there is no
- * such job. */
+/* Lists attempts by task and number, after attempt `after` of the task `after_task` (-1: all). Empty if there
+ * is no such job. */
 bool queue_list_attempts(queue *q, const char *id, int after_task, int after, int limit,
                          queue_attempt **attempts, size_t *count, error *e);
 void queue_attempts_free(queue_attempt *attempts, size_t count);
@@ -417,8 +427,8 @@ typedef struct queue_claimed {
 void queue_claimed_clear(queue_claimed *claimed);
 void queue_claimed_free(queue_claimed *claimed, size_t count);
 
-/* Free and total resources of this host. A job that requests more threads than there are gets all of them. A job that
- * requests more memory than there is is claimed at once, so that the executor can fail it. */
+/* Free and total resources of this host. A job that requests more threads than there are gets all of them. A
+ * job that requests more memory than there is is claimed at once, so that the executor can fail it. */
 typedef struct queue_resources {
     int threads, all_threads;
     int64_t memory_mb, all_memory_mb;
@@ -426,17 +436,19 @@ typedef struct queue_resources {
     const user_numbers *weights; /* relative number of turns of each owner; NULL: 1 for each */
 } queue_resources;
 
-/* Maximum number of later claims that may overtake a job that does not fit. After that all others wait for it. */
+/* Maximum number of later claims that may overtake a job that does not fit. After that all others wait for
+ * it. */
 #define QUEUE_OVERTAKE_MOST 16
 
-/* Claims a task of a job with the highest priority that fits into the free resources. Owners of such jobs take turns;
- * of the jobs of one owner the oldest comes first. The claimed task is the first one that can start and is not in a
- * chunk with a running task. The task becomes running with a new attempt number. *found is false if no task may run
- * now. */
+/* Claims a task of a job with the highest priority that fits into the free resources. Owners of such jobs
+ * take turns; of the jobs of one owner the oldest comes first. The claimed task is the first one that can
+ * start and is not in a chunk with a running task. The task becomes running with a new attempt number. *found
+ * is false if no task may run now. */
 bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e);
 
-/* Claims the next task that can start in the chunk of the task with the number `task`, which was claimed before, for an
- * engine that runs the claimed tasks of a chunk one after another. Other limits are those of queue_claim. */
+/* Claims the next task that can start in the chunk of the task with the number `task`, which was claimed
+ * before, for an engine that runs the claimed tasks of a chunk one after another. Other limits are those
+ * of queue_claim. */
 bool queue_claim_in_chunk(queue *q, const queue_resources *resources, const char *id, int task,
                           queue_claimed *claimed, bool *found, error *e);
 
@@ -447,8 +459,8 @@ bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *fou
 bool queue_hold(queue *q, bool on, error *e);
 bool queue_is_held(queue *q, bool *held, error *e);
 
-/* Call it after the wall clock was set back: limits the remaining waits of delayed tasks and notifications to the
- * delay that was set after their last attempt. */
+/* Call it after the wall clock was set back: limits the remaining waits of delayed tasks and notifications to
+ * the delay that was set after their last attempt. */
 bool queue_shorten_waits(queue *q, error *e);
 
 /* When the next delayed task is due, wall clock; INT64_MAX: there is none. */
@@ -487,17 +499,18 @@ typedef struct queue_fence {
     int task, attempt;
 } queue_fence;
 
-/* Ends a task. If the attempt is not the current one, or the task does not run, nothing changes and *accepted is
- * false. */
+/* Ends a task. If the attempt is not the current one, or the task does not run, nothing changes and *accepted
+ * is false. */
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
-/* Queues a running task again. `counts`: the attempt counts against max_attempts, and its time against the time limit.
- * The next attempt starts at `not_before_ms` (wall clock; 0: now) or later. *accepted: see queue_finish; also false if
- * the job is cancelling. */
+/* Queues a running task again. `counts`: the attempt counts against max_attempts, and its time against the
+ * time limit. The next attempt starts at `not_before_ms` (wall clock; 0: now) or later. *accepted: see
+ * queue_finish; also false if the job is cancelling. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);
 
-/* Finds the job whose result was stored last with this key, and the inputs stored with it; the caller frees these. */
+/* Finds the job whose result was stored last with this key, and the inputs stored with it; the caller
+ * frees these. */
 bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e);
 
 /* A job that has succeeded with the result of another job. */
@@ -524,8 +537,9 @@ typedef struct queue_copy {
 
 void queue_copies_free(queue_copy *copies, size_t count);
 
-/* Records that a temporary file with this name may be created in the directory; names are unique. Also records that the
- * report in that directory, whose path without links is `output`, belongs to the owner from now on. */
+/* Records that a temporary file with this name may be created in the directory; names are unique. Also
+ * records that the report in that directory, whose path without links is `output`, belongs to the owner
+ * from now on. */
 bool queue_note_copy(queue *q, const char *directory, const char *name, const char *output, const char *owner,
                      error *e);
 /* The user for whom the last report was delivered to this directory; the caller frees it. NULL: unknown. */
@@ -546,8 +560,8 @@ void queue_uncopied_clear(queue_uncopied *job);
 
 /* Finds the first such job (QUEUE_DELIVER, queue_ending.copy_pending) with a seq above `after`. */
 bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *found, error *e);
-/* Records that the result of a task was copied, or (`fault` not NULL) why not, and deletes the record of the copy
- * `name`. */
+/* Records that the result of a task was copied, or (`fault` not NULL) why not, and deletes the record of the
+ * copy `name`. */
 bool queue_note_copied(queue *q, const char *id, const queue_task *task, const error *fault, const char *name,
                        error *e);
 /* Records that copying of all tasks of the job was attempted. */
@@ -596,19 +610,19 @@ typedef struct queue_event_page {
     int64_t position; /* start of the next page: all events up to this number were read */
     bool more;        /* more events may exist now: the page is full, or the bound was reached */
     int64_t newest;   /* the highest number so far; a page after it is empty, with this position */
-    /* Some events up to this number were deleted with their jobs. 0: none, or the page is of one job, whose events are
-     * deleted together. */
+    /* Some events up to this number were deleted with their jobs. 0: none, or the page is of one job, whose
+     * events are deleted together. */
     int64_t removed_up_to;
 } queue_event_page;
 
-/* Reads a bounded number of events in order of their numbers (with a job id: only the events of that job). A page may
- * therefore be empty although more events follow. The events of a job are deleted with it. */
+/* Reads a bounded number of events in order of their numbers (with a job id: only the events of that job). A
+ * page may therefore be empty although more events follow. The events of a job are deleted with it. */
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e);
 
 /* ---- directories of tasks: to be removed, and found at a start */
 
-/* A deleted task, whose result and attempts 1 .. `attempts` have to be removed. The transaction that deletes the job
- * stores this record. Results are removed only because of such a record. */
+/* A deleted task, whose result and attempts 1 .. `attempts` have to be removed. The transaction that deletes
+ * the job stores this record. Results are removed only because of such a record. */
 typedef struct queue_removal {
     int64_t number; /* ascending */
     char id[ULID_SIZE];
@@ -635,8 +649,8 @@ typedef struct queue_directory {
 /* Sets the members that the queue has. Costs one index lookup per directory. */
 bool queue_find_directories(queue *q, queue_directory *directories, size_t count, error *e);
 
-/* Ends a waiting task whose result was found, because the database is older than the result. *accepted is false if the
- * task does not wait. */
+/* Ends a waiting task whose result was found, because the database is older than the result. *accepted is
+ * false if the task does not wait. */
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e);
 
 /* A job that is missing in the queue, from its results. It has succeeded. */
@@ -666,9 +680,9 @@ typedef struct queue_sum {
     int64_t bytes, results;
 } queue_sum;
 
-/* Bounds on the disk space of ended jobs: results and logs. Every task that succeeded, failed or timed out counts as a
- * result. While a bound on all results is reached, no task is started; while a bound on a user's results is reached,
- * none of that user. Running tasks may exceed a bound. */
+/* Bounds on the disk space of ended jobs: results and logs. Every task that succeeded, failed or timed out
+ * counts as a result. While a bound on all results is reached, no task is started; while a bound on a user's
+ * results is reached, none of that user. Running tasks may exceed a bound. */
 typedef struct queue_bounds {
     queue_sum all, user; /* INT64_MAX: none */
     bool undelivered;    /* jobs with undelivered results may also be deleted, after all others */
@@ -677,12 +691,12 @@ typedef struct queue_bounds {
 /* Sets the bounds; initially there are none. Call it before other threads use the queue. */
 void queue_bound(queue *q, const queue_bounds *bounds);
 
-/* The job to delete next if a bound is reached: of the jobs whose results were all delivered, the one with the earliest
- * delivery. A job without results counts as delivered when it ends. */
+/* The job to delete next if a bound is reached: of the jobs whose results were all delivered, the one with
+ * the earliest delivery. A job without results counts as delivered when it ends. */
 bool queue_next_leaving(queue *q, char id[ULID_SIZE], bool *found, error *e);
 
-/* Records that the owner received the whole result of this task. Changes nothing if that is known or there is no
- * result. */
+/* Records that the owner received the whole result of this task. Changes nothing if that is known or there is
+ * no result. */
 bool queue_note_delivery(queue *q, const char *id, int frame, int64_t wall_ms, error *e);
 
 /* An ended job with unknown disk space: an older version ran it, or it was adopted. */
@@ -706,7 +720,8 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e);
 
 /* ---- webhooks */
 
-/* The notification of the end of a job with a webhook. The transaction that ends the job adds it to the outbox. */
+/* The notification of the end of a job with a webhook. The transaction that ends the job adds it to the
+ * outbox. */
 typedef struct queue_delivery {
     int64_t number;        /* number in this outbox */
     char event[ULID_SIZE]; /* unique random id of this end of the job */
@@ -725,9 +740,9 @@ typedef struct queue_delivery {
 
 void queue_delivery_clear(queue_delivery *delivery);
 
-/* The delivery with the earliest due time, possibly in the future. It remains in the outbox until queue_end_delivery.
- * Deliveries whose URL starts with an item of `but`, a JSON array of texts, are skipped. An item for one host ends with
- * the slash after the host. */
+/* The delivery with the earliest due time, possibly in the future. It remains in the outbox until
+ * queue_end_delivery. Deliveries whose URL starts with an item of `but`, a JSON array of texts, are skipped.
+ * An item for one host ends with the slash after the host. */
 bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
 /* Removes a delivery that was made or abandoned. With wait_ms > 0 it is tried again after this time
@@ -736,8 +751,8 @@ bool queue_end_delivery(queue *q, int64_t number, int64_t wait_ms, error *e);
 
 /* ---- waiting for changes */
 
-/* Stored changes and queue_signal wake the task, whose next step then misses no event. Call it before other threads
- * use the queue. */
+/* Stored changes and queue_signal wake the task, whose next step then misses no event. Call it before other
+ * threads use the queue. */
 void queue_wake_on_change(queue *q, runner_task *t);
 void queue_signal(queue *q);
 

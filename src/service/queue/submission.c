@@ -90,7 +90,8 @@ static bool look_at_need(database *d, const submitting *s, const char *id, need 
     return ok;
 }
 
-/* The event of another job that the new job waits for: its success, its end, or the success of the same frames. */
+/* The event of another job that the new job waits for: its success, its end, or the success of the same
+ * frames. */
 typedef enum need_kind { NEEDS_SUCCESS, NEEDS_END, NEEDS_FRAMES } need_kind;
 
 static size_t count_needs(const queue_submission *in)
@@ -110,8 +111,8 @@ static const char *need_at(const queue_submission *in, size_t index, need_kind *
     return in->after_frames[index - in->after_count];
 }
 
-/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: the job `id` is not an array.
- * *all: it has all frames. */
+/* Finds a frame of the new job that the job `id` lacks. *missing: QUEUE_NO_FRAME: the job `id` is not an
+ * array. *all: it has all frames. */
 static bool find_missing_frame(database *d, const queue_submission *in, const char *id, bool *all,
                                int *missing, error *e)
 {
@@ -144,7 +145,8 @@ static bool refuse(submitting *s, queue_admission why, size_t index, bool *refus
     return true;
 }
 
-/* Checks a job in after_frames. If it is refused, sets the receipt. The frames of another user's job are not read. */
+/* Checks a job in after_frames. If it is refused, sets the receipt. The frames of another user's job are
+ * not read. */
 static bool check_frames(database *d, submitting *s, size_t index, const need *n, bool again, bool *refused,
                          error *e)
 {
@@ -156,8 +158,8 @@ static bool check_frames(database *d, submitting *s, size_t index, const need *n
            (all || refuse(s, QUEUE_UNKNOWN_FRAME, index, refused));
 }
 
-/* Counts the jobs for which the new job has to wait. *lost: the seq of an ended job with which the new job cannot
- * start; 0: there is none. *refused: a dependency is not possible; the receipt has its index. */
+/* Counts the jobs for which the new job has to wait. *lost: the seq of an ended job with which the new job
+ * cannot start; 0: there is none. *refused: a dependency is not possible; the receipt has its index. */
 static bool check_needs(database *d, submitting *s, int *pending, int64_t *lost, bool *refused, error *e)
 {
     *refused = false;

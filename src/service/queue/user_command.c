@@ -125,8 +125,8 @@ typedef struct retrying {
     queue_retried retried;
 } retrying;
 
-/* Jobs that ended as dependency_failed and depend, directly or indirectly, on the job. In order of arrival, a job
- * follows those that it depends on. */
+/* Jobs that ended as dependency_failed and depend, directly or indirectly, on the job. In order of arrival, a
+ * job follows those that it depends on. */
 static bool list_dependents(database *d, const char *id, int64_t **seqs, size_t *count, error *e)
 {
     bool ok = false;
@@ -263,8 +263,8 @@ typedef struct deleting {
     bool found, deleted;
 } deleting;
 
-/* The events of a job are deleted with it. Clients that follow events receive the number up to which events are
- * missing. */
+/* The events of a job are deleted with it. Clients that follow events receive the number up to which events
+ * are missing. */
 static bool note_removed_events(database *d, const job_state *j, error *e)
 {
     return RUN(d, e,

@@ -43,7 +43,8 @@ static char *copy_labels(json_at asked)
     return text;
 }
 
-/* The whole part of a number in a report; `otherwise` if it is missing, not a number or outside of [least, most]. */
+/* The whole part of a number in a report; `otherwise` if it is missing, not a number or outside of [least,
+ * most]. */
 static int64_t integer_of(json_at object, const char *key, int64_t least, int64_t most, int64_t otherwise)
 {
     double number = json_number(json_member(&object, key), (double)otherwise);
@@ -64,7 +65,8 @@ static bool is_shared(const char *directory, const result *r)
     return shared;
 }
 
-/* Removes members that may belong to another user: jobs share the result, and the report does not name its job. */
+/* Removes members that may belong to another user: jobs share the result, and the report does not name its
+ * job. */
 static void remove_job_data(json *spec)
 {
     static const char *const private[][2] = {
@@ -75,8 +77,8 @@ static void remove_job_data(json *spec)
     }
 }
 
-/* Reads the job from the report of a directory, unless an earlier frame gave it. *finished_ms: when the report was
- * written (wall clock). False if the report has no spec. */
+/* Reads the job from the report of a directory, unless an earlier frame gave it. *finished_ms: when the
+ * report was written (wall clock). False if the report has no spec. */
 static bool take_report(const char *directory, json *report, bool shared, restored *j, int64_t *finished_ms)
 {
     struct stat info;
@@ -100,7 +102,8 @@ static bool take_report(const char *directory, json *report, bool shared, restor
     return ok;
 }
 
-/* Adds the result to the job if it is complete and its directory is not a symbolic link. Otherwise logs a warning. */
+/* Adds the result to the job if it is complete and its directory is not a symbolic link. Otherwise logs a
+ * warning. */
 static bool add_task(const char *work_dir, const queue_directory *found, restored *j)
 {
     struct stat info;
@@ -143,8 +146,8 @@ static bool put(queue *q, restored *jobs, size_t *count, size_t *adopted, error 
     return ok;
 }
 
-/* Whether a result belongs to the job of the first result with its id. If the first one has no frame, the job is not an
- * array, and results of frames with the same id do not belong to it. */
+/* Whether a result belongs to the job of the first result with its id. If the first one has no frame, the job
+ * is not an array, and results of frames with the same id do not belong to it. */
 static bool belongs(const queue_directory *first, const queue_directory *d)
 {
     return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);

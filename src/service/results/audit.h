@@ -9,9 +9,9 @@
 #include "base/core/error.h"
 #include "service/queue/queue.h"
 
-/* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that are not in the queue. Prints a
- * line for each and adds their number to *findings. Adds the number of checked results to *results. Errors: internal,
- * when the queue or a result cannot be read; the check stops there. */
+/* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that are not in the queue.
+ * Prints a line for each and adds their number to *findings. Adds the number of checked results to *results.
+ * Errors: internal, when the queue or a result cannot be read; the check stops there. */
 bool audit_results(queue *q, const char *work_dir, FILE *out, size_t *results, size_t *findings, error *e);
 
 #endif

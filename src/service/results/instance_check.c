@@ -58,7 +58,8 @@ static void clear_temporary(const char *work_dir)
     free(path);
 }
 
-/* Whether results/ contains an entry that is not hidden. A directory that exists but cannot be read counts as one with entries. */
+/* Whether results/ contains an entry that is not hidden. A directory that exists but cannot be read counts
+ * as one with entries. */
 static bool holds_results(const char *work_dir)
 {
     char *path = mem_printf("%s/results", work_dir);
@@ -117,7 +118,8 @@ queue *instance_check_open_queue(const char *state_dir, const char *work_dir, bo
         if (e) *e = why;
         return NULL;
     }
-    /* before queue_open, which creates a missing database and deletes files of the missing one (its log) beside it */
+    /* before queue_open, which creates a missing database and deletes files of the missing one (its log)
+     * beside it */
     bool lost = !header_exists(state_dir);
     if (lost && !adopt && holds_results(work_dir)) {
         refuse_new(state_dir, work_dir, e);

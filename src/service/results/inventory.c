@@ -35,7 +35,8 @@ static void listing_clear(listing *l)
     free(l->directory);
 }
 
-/* Reads ".NUMBER" without leading zeros, and advances the text behind it. False if the text begins otherwise. */
+/* Reads ".NUMBER" without leading zeros, and advances the text behind it. False if the text begins
+ * otherwise. */
 static bool read_number(const char **text, int *number)
 {
     char written[16], *end = NULL;
@@ -140,7 +141,8 @@ typedef enum decision {
     BLOCKS_A_JOB /* move it; a failure is an error: a task will need the name for its result or an attempt */
 } decision;
 
-/* Corrects the report of a job that is not an array: an earlier version may have linked it to another job's report. */
+/* Corrects the report of a job that is not an array: an earlier version may have linked it to another
+ * job's report. */
 static bool correct_report(queue *q, const char *directory, const queue_directory *d, error *e)
 {
     queue_job job = {0};
@@ -173,8 +175,8 @@ static bool end_from_result(queue *q, const char *work_dir, const queue_director
     return ok;
 }
 
-/* Decides on a result. If a failed task has one, the database is older than a retry of the task. The task keeps its
- * state, and its result is moved, because it would block the next retry. */
+/* Decides on a result. If a failed task has one, the database is older than a retry of the task. The task
+ * keeps its state, and its result is moved, because it would block the next retry. */
 static bool decide_on_result(queue *q, const char *work_dir, const queue_directory *d, decision *v,
                              size_t *ended, error *e)
 {
@@ -186,8 +188,8 @@ static bool decide_on_result(queue *q, const char *work_dir, const queue_directo
     return true;
 }
 
-/* Decides on an attempt. The queue stores the number before the directory is created, so a directory with a higher
- * number was made with a newer database. */
+/* Decides on an attempt. The queue stores the number before the directory is created, so a directory with a
+ * higher number was made with a newer database. */
 static decision decide_on_attempt(const queue_directory *d)
 {
     if (d->to_be_removed || (d->known && d->attempt <= d->last_attempt)) return STAYS;

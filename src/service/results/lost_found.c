@@ -10,8 +10,8 @@
 #include "base/core/memory.h"
 #include "files/file.h"
 
-/* The path of an unused name in `directory`, to be freed. No other process creates names there: the daemon holds the
- * lock on the state directory. */
+/* The path of an unused name in `directory`, to be freed. No other process creates names there: the daemon
+ * holds the lock on the state directory. */
 static char *free_place(const char *directory, const char *name)
 {
     struct stat info;

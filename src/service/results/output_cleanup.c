@@ -8,7 +8,8 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 
-/* Time between two rounds, in milliseconds. An unreachable directory becomes reachable when its disk is mounted. */
+/* Time between two rounds, in milliseconds. An unreachable directory becomes reachable when its disk is
+ * mounted. */
 #define AGAIN_MS 60000
 
 struct output_cleanup {

@@ -20,11 +20,12 @@
 
 /* Maximum time, in ms, that a submission waits for the file system. */
 #define LOOK_MS 2000
-/* Threads that may wait for the file system of one root. Further checks fail at once: the file system does not
- * respond. */
+/* Threads that may wait for the file system of one root. Further checks fail at once: the file system does
+ * not respond. */
 #define LOOKS_MOST 16
 
-/* The number of running checks below each root. The place and each check refer to it; the last one frees it. */
+/* The number of running checks below each root. The place and each check refer to it; the last one frees
+ * it. */
 typedef struct look_counts {
     atomic_int holders;   /* references: the place and the checks */
     atomic_int of_root[]; /* running checks below each root */
@@ -40,8 +41,8 @@ struct output_place {
     atomic_bool changed;              /* output_place_note_change */
 };
 
-/* A check of a directory, in a thread of its own. If the file system does not respond, it outlives the submission that
- * waits for it; therefore it has copies of all texts. */
+/* A check of a directory, in a thread of its own. If the file system does not respond, it outlives the
+ * submission that waits for it; therefore it has copies of all texts. */
 typedef struct look {
     look_counts *looks; /* the place's */
     size_t root_index;
@@ -125,8 +126,9 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
 
 /* ---- copies */
 
-/* Copies a file of all frames to the open directory above the directories of the frames. The record of its owner has
- * the path of the file instead of a directory, because the directory may contain the report of another user. */
+/* Copies a file of all frames to the open directory above the directories of the frames. The record of its
+ * owner has the path of the file instead of a directory, because the directory may contain the report of
+ * another user. */
 static bool copy_stage(output_place *p, const char *user, const char *from, const char *file, int to,
                        const char *above, const char *temporary, error *e)
 {
@@ -258,8 +260,8 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Checks a directory below root `index`, or the root itself (path NULL). *name: as in `look`, to be freed; unchanged
- * if no check could be started. */
+/* Checks a directory below root `index`, or the root itself (path NULL). *name: as in `look`, to be freed;
+ * unchanged if no check could be started. */
 static bool look_at(output_place *p, size_t index, const char *path, char **name, error *e)
 {
     const char *root = p->outputs->roots[index];

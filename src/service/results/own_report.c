@@ -15,12 +15,12 @@
 
 /* Jobs that one query lists. */
 #define AT_ONCE 100
-/* Seconds by which the start timeout of the service manager is extended for AT_ONCE jobs. Each takes milliseconds on a
- * working disk. */
+/* Seconds by which the start timeout of the service manager is extended for AT_ONCE jobs. Each takes
+ * milliseconds on a working disk. */
 static const double AT_ONCE_S = 60;
 
-/* The spec in the format of a report: indented as a member of the outermost object. To be freed; NULL: it is not
- * JSON. */
+/* The spec in the format of a report: indented as a member of the outermost object. To be freed; NULL: it is
+ * not JSON. */
 static char *print_member(const char *spec, error *e)
 {
     static const char before[] = "{\n  \"spec\":", after[] = "\n}\n";
@@ -36,7 +36,8 @@ static char *print_member(const char *spec, error *e)
     return member;
 }
 
-/* Copies the report and replaces its spec. A report without a spec (of another worker than hexad-worker) gets none. */
+/* Copies the report and replaces its spec. A report without a spec (of another worker than hexad-worker)
+ * gets none. */
 static bool copy_report(const char *from, const char *to, const char *spec, error *e)
 {
     int64_t bytes = 0;
@@ -66,8 +67,8 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     return ok;
 }
 
-/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the summary
- * that a worker writes: without a valid one the report is read. */
+/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the
+ * summary that a worker writes: without a valid one the report is read. */
 static void write_summary(const char *to, json *summary)
 {
     int64_t bytes = 0;

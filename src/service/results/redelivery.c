@@ -46,8 +46,8 @@ static bool copy_task(redelivery *r, const queue_uncopied *job, const queue_task
     return ok;
 }
 
-/* Takes the first marked job of a user whose results no other task copies. *taken: there is such a job, and its
- * user holds a delivery. False: a database error. */
+/* Takes the first marked job of a user whose results no other task copies. *taken: there is such a job, and
+ * its user holds a delivery. False: a database error. */
 static bool take(redelivery *r, queue_uncopied *job, bool *taken)
 {
     bool ok = true, found = true;

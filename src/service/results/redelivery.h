@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* redelivery: copies results of ended jobs to output.directory again.
  *
- * Several tasks process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs of
- * one user are delivered one after another, so a file system that does not respond delays only jobs of users who
- * write to it.
+ * Several tasks process the jobs that are marked in the queue (QUEUE_DELIVER), also after a restart. The jobs
+ * of one user are delivered one after another, so a file system that does not respond delays only jobs of
+ * users who write to it.
  */
 #ifndef HEXAD_SERVICE_RESULTS_REDELIVERY_H
 #define HEXAD_SERVICE_RESULTS_REDELIVERY_H

@@ -18,7 +18,8 @@
 #include "base/json/json_copy.h"
 #include "files/file.h"
 
-/* Longest report that is read. A report has a record for each sweep, and a job may request a million sweeps. */
+/* Longest report that is read. A report has a record for each sweep, and a job may request a million
+ * sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)
 /* Longest document that result_peek reads; its callers delay other requests. */
 #define SHORT_REPORT_BYTES (1u << 20)
@@ -57,7 +58,8 @@ static bool is_plain_name(const char *name)
     return true;
 }
 
-/* Whether this errno of open means that the file does not exist (or is a symbolic link), not that reading failed. */
+/* Whether this errno of open means that the file does not exist (or is a symbolic link), not that reading
+ * failed. */
 static bool is_absence(int fault)
 {
     return fault == ENOENT || fault == ENOTDIR || fault == ELOOP;
@@ -168,8 +170,8 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-/* The text of a report or summary with null for its sweeps, which are most of a long report. To be freed; NULL on
- * failure. */
+/* The text of a report or summary with null for its sweeps, which are most of a long report. To be freed;
+ * NULL on failure. */
 static char *read_text(const char *directory, const char *name, size_t limit, size_t *length, error *e)
 {
     int64_t bytes = 0;
@@ -230,8 +232,8 @@ static bool read_named(const char *directory, const char *name, size_t limit, re
     return report != NULL;
 }
 
-/* Reads the summary, which contains all members that are read from a report. Results of earlier versions and of other
- * workers have no summary: then reads the report. */
+/* Reads the summary, which contains all members that are read from a report. Results of earlier versions and
+ * of other workers have no summary: then reads the report. */
 static json *read_shortest(const char *directory, size_t limit, result *r, error *e)
 {
     int64_t bytes = 0;
@@ -351,9 +353,9 @@ void result_list_long(const char *directory)
     if (bytes > SHORT_REPORT_BYTES && result_list(directory, &r, NULL)) result_clear(&r);
 }
 
-/* Deleting is safe: the queue stored the number of this attempt before the directory was created, a start moves
- * directories with unknown numbers to lost+found (service/results/inventory), and the directory contains no result that was
- * ever reported. */
+/* Deleting is safe: the queue stored the number of this attempt before the directory was created, a start
+ * moves directories with unknown numbers to lost+found (service/results/inventory), and the directory
+ * contains no result that was ever reported. */
 void result_remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);

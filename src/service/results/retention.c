@@ -20,8 +20,8 @@
 #define REMOVE_AGAIN_MS 10000
 /* Longest time between two collections of uploaded files, in milliseconds. */
 #define COLLECT_MOST_MS 3600000
-/* Collections in the time for which uploaded files are kept, if that is shorter than COLLECT_MOST_MS times this
- * number. */
+/* Collections in the time for which uploaded files are kept, if that is shorter than COLLECT_MOST_MS times
+ * this number. */
 #define COLLECTIONS_IN_KEEP 4
 /* Longest wait between two readings of the wall clock, in milliseconds, because the clock may be set. */
 #define LOOK_MS 60000
@@ -42,8 +42,8 @@ struct retention {
     fetches_result *delivered; /* results that were sent completely and are not yet marked in the queue */
     size_t delivered_count;
     bool left; /* some noted directories may still exist */
-    /* The following are used by the task only. Monotonic times of the next attempt of a failed removal, of the next
-     * collection of uploaded files, and of the next storing of the running time: */
+    /* The following are used by the task only. Monotonic times of the next attempt of a failed removal, of
+     * the next collection of uploaded files, and of the next storing of the running time: */
     int64_t again_ms, collect_ms, store_ms;
     bool trouble;     /* a failed removal has been logged */
     DIR *results;     /* results/, while temporary files of an earlier daemon are removed; otherwise NULL */
@@ -70,7 +70,8 @@ static bool remove_task(retention *r, const queue_removal *task, error *e)
     return ok;
 }
 
-/* Flushes results/ and attempts/, so that all removals are durable, also those of an earlier run that crashed. */
+/* Flushes results/ and attempts/, so that all removals are durable, also those of an earlier run that
+ * crashed. */
 static bool flush_places(retention *r, error *e)
 {
     char *results = mem_printf("%s/results", r->work_dir), *attempts = mem_printf("%s/attempts", r->work_dir);
@@ -80,8 +81,8 @@ static bool flush_places(retention *r, error *e)
     return ok;
 }
 
-/* Removes the directories of these notes, flushes, then removes the notes. If a directory cannot be removed, its
- * note stays, and the remaining ones are processed. */
+/* Removes the directories of these notes, flushes, then removes the notes. If a directory cannot be removed,
+ * its note stays, and the remaining ones are processed. */
 static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
 {
     size_t gone = 0;
@@ -100,7 +101,8 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
     return ok;
 }
 
-/* Processes the notes of one job or (NULL) of all jobs. False if some remain. Any thread; `removing` serialises. */
+/* Processes the notes of one job or (NULL) of all jobs. False if some remain. Any thread; `removing`
+ * serialises. */
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
@@ -129,8 +131,8 @@ static void set_left(retention *r, bool left)
     pthread_mutex_unlock(&r->mutex);
 }
 
-/* Processes the remaining notes if it is time, and logs a failure once. Returns the monotonic time of the next
- * attempt. */
+/* Processes the remaining notes if it is time, and logs a failure once. Returns the monotonic time of the
+ * next attempt. */
 static int64_t work_off_rest(retention *r)
 {
     error e = {0};
@@ -218,8 +220,8 @@ static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
     return true;
 }
 
-/* Measures up to AT_ONCE jobs without a stored size: jobs of older versions and adopted ones. *more: others may
- * remain. */
+/* Measures up to AT_ONCE jobs without a stored size: jobs of older versions and adopted ones. *more: others
+ * may remain. */
 static bool measure_some(retention *r, bool *more)
 {
     char id[ULID_SIZE];
@@ -265,7 +267,8 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* Removes the temporary files that a killed daemon left in up to AT_ONCE results. *more: others may have some. */
+/* Removes the temporary files that a killed daemon left in up to AT_ONCE results. *more: others may have
+ * some. */
 static void clear_some(retention *r, bool *more)
 {
     struct dirent *entry = NULL;
@@ -282,9 +285,9 @@ static void clear_some(retention *r, bool *more)
     *more = r->results != NULL;
 }
 
-/* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most LOOK_MS
- * from now. It is in the past if the retention has expired since forget_some ran. Jobs whose expiry is held back
- * after a step of the wall clock are examined every LOOK_MS. */
+/* *at_ms: the monotonic time at which the next retention after `looked_ms` (wall clock) expires, at most
+ * LOOK_MS from now. It is in the past if the retention has expired since forget_some ran. Jobs whose expiry
+ * is held back after a step of the wall clock are examined every LOOK_MS. */
 static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
 {
     int64_t next;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* attempt_inspection: finds out how each attempt has ended or why it waits, from the files of the attempts and from the
- * answers of Slurm.
+/* attempt_inspection: finds out how each attempt has ended or why it waits, from the files of the attempts
+ * and from the answers of Slurm.
  */
 #include <signal.h>
 #include <stdio.h>
@@ -15,13 +15,14 @@
 #include "base/json/json.h"
 #include "service/slurm/engine_data.h"
 
-/* Maximum time, in ms, by which a network file system may show an ending later than Slurm reports the end of the
- * job. */
+/* Maximum time, in ms, by which a network file system may show an ending later than Slurm reports the end of
+ * the job. */
 #define LATE_MS 3000
 /* Maximum time, in ms, to wait until Slurm reports why it stopped a worker. */
 #define WORD_MS 30000
 #define AVOID_MS 600000
-/* Maximum age, in ms, of a listing that shows that an attempt waits. After that the attempt's files are examined. */
+/* Maximum age, in ms, of a listing that shows that an attempt waits. After that the attempt's files are
+ * examined. */
 #define FRESH_MS 2000
 
 /* The data for the decision about an attempt, copied under the mutex. */
@@ -60,8 +61,8 @@ static void survey(slurm *s, slurm_batch *b)
     s->sharing |= b->shared && b->runs;
 }
 
-/* The task that determines the state of the attempt. An attempt that any task may run has the state of the task that
- * may run it first. The caller holds the mutex. */
+/* The task that determines the state of the attempt. An attempt that any task may run has the state of the
+ * task that may run it first. The caller holds the mutex. */
 static slurm_task find_task(const slurm *s, const engine_attempt *a)
 {
     const slurm_batch *b = a->batch;
@@ -175,7 +176,8 @@ static void keep_progress(view *v)
     put_progress(v, line);
 }
 
-/* The loss of an attempt whose worker has begun. A time limit that other attempts have partly used does not count. */
+/* The loss of an attempt whose worker has begun. A time limit that other attempts have partly used does
+ * not count. */
 static engine_loss find_loss(const view *v)
 {
     engine_loss loss = v->task.state->begun;
@@ -216,8 +218,8 @@ static bool explain(view *v, engine_ending *ending)
     return (state && state->over) || now - v->stopped_ms >= WORD_MS;
 }
 
-/* Handles an ending that cannot be read. The storage may have failed temporarily: the ending is read again for
- * lost_s, or until the attempt is abandoned. False: it was abandoned. */
+/* Handles an ending that cannot be read. The storage may have failed temporarily: the ending is read again
+ * for lost_s, or until the attempt is abandoned. False: it was abandoned. */
 static bool wait_for_ending(view *v, const error *why)
 {
     char words[256];
@@ -249,7 +251,8 @@ static bool read_ending(view *v)
     return found;
 }
 
-/* Cancels an attempt. The creator of the claim owns it: if this is the service, no node will run the attempt. */
+/* Cancels an attempt. The creator of the claim owns it: if this is the service, no node will run the
+ * attempt. */
 static void follow_cancel(view *v)
 {
     error e = {0};

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* engine_data: data shared by the tasks of the Slurm engine; internal to src/service/slurm.
  *
- * One task submits, cancels and lists (service/slurm/sbatch, service/slurm/listing) and stores the states that
- * Slurm reports. The task of the files (service/slurm/attempt_inspection) decides when an attempt has ended. The supervisor
- * starts, polls, cancels and settles attempts. `mutex` guards all members; no thread holds it while it waits for a file
- * or a command. The supervisor frees an attempt only after the task of the files has ended it, or leaves it to
- * slurm_close. Only the task of the files keeps a pointer to an attempt without holding the mutex.
+ * One task submits, cancels and lists (service/slurm/sbatch, service/slurm/listing) and stores the states
+ * that Slurm reports. The task of the files (service/slurm/attempt_inspection) decides when an attempt has
+ * ended. The supervisor starts, polls, cancels and settles attempts. `mutex` guards all members; no thread
+ * holds it while it waits for a file or a command. The supervisor frees an attempt only after the task of the
+ * files has ended it, or leaves it to slurm_close. Only the task of the files keeps a pointer to an attempt
+ * without holding the mutex.
  */
 #ifndef HEXAD_SERVICE_SLURM_ENGINE_DATA_H
 #define HEXAD_SERVICE_SLURM_ENGINE_DATA_H
@@ -36,9 +37,11 @@ typedef struct slurm_batch {
     size_t task_count;
     slurm_task *tasks;
     bool shared; /* any task may run any attempt, also of other shared batches with equal needs */
-    /* name of the list of these attempts (service/slurm/attempt_files); NULL: none, or of an earlier daemon */
+    /* name of the list of these attempts (service/slurm/attempt_files); NULL: none, or of an earlier
+     * daemon */
     char *list;
-    /* shared: number of attempts that are neither ended nor cancelled and that no task is known to have claimed */
+    /* shared: number of attempts that are neither ended nor cancelled and that no task is known to have
+     * claimed */
     size_t open;
     size_t wanted; /* `open` plus the attempts of all tasks */
     size_t users;  /* number of references: attempts, and a submission in progress */
@@ -79,8 +82,8 @@ struct engine_attempt {
     TAILQ_ENTRY(engine_attempt) link;
 };
 
-/* Nodes that failed before a worker started. They are excluded for some time, since such a node would fail all
- * attempts. */
+/* Nodes that failed before a worker started. They are excluded for some time, since such a node would fail
+ * all attempts. */
 #define AVOIDED_MOST 16
 typedef struct slurm_avoided {
     char host[65];

@@ -11,7 +11,8 @@
 #include "service/slurm/program_call.h"
 #include "service/slurm/engine_data.h"
 
-/* The pause after a call of squeue in units of its duration: squeue then runs at most a quarter of the time. */
+/* The pause after a call of squeue in units of its duration: squeue then runs at most a quarter of the
+ * time. */
 #define PAUSE_TIMES 3
 /* Maximum number of jobs in one call of scancel. */
 #define CANCEL_MOST 500
@@ -58,13 +59,13 @@ static bool has_name(const attempt_files_names *n, const char *name)
 
 typedef struct listing {
     slurm_batch *last; /* of the previous row: the rows of an array are consecutive */
-    /* "NAME NUMBER" or "NAME NUMBER_TASK". strays: to be cancelled if the next listing has them as well. doomed: to
-     * be cancelled now. */
+    /* "NAME NUMBER" or "NAME NUMBER_TASK". strays: to be cancelled if the next listing has them as well.
+     * doomed: to be cancelled now. */
     attempt_files_names strays, doomed;
 } listing;
 
-/* The id to cancel because all attempts that the task runs or may run have ended or were cancelled: of the task, or
- * of its whole array. NULL: none. A running task may have claimed one of the open attempts. */
+/* The id to cancel because all attempts that the task runs or may run have ended or were cancelled: of the
+ * task, or of its whole array. NULL: none. A running task may have claimed one of the open attempts. */
 static char *find_unwanted(const slurm *s, const slurm_batch *b, const row *r, const slurm_state *state)
 {
     bool any_open = s->open && (!b || b->shared);
@@ -98,8 +99,8 @@ static void take_row(slurm *s, listing *l, const row *r)
     if (id) add_name(&l->doomed, id);
 }
 
-/* Cancels the first elements that belong to one job, and returns their number. The call also contains the name,
- * because Slurm may reuse a number for another job. */
+/* Cancels the first elements that belong to one job, and returns their number. The call also contains the
+ * name, because Slurm may reuse a number for another job. */
 static size_t cancel_some(const slurm *s, char *const *doomed, size_t count)
 {
     const char *arguments[CANCEL_MOST + 4] = {"scancel", "--quiet"};

@@ -17,8 +17,8 @@
 #include "service/executor/local.h"
 #include "files/file.h"
 
-/* Interval, in ms, between two checks for a cancellation, and between two writes of progress, which other hosts read
- * over the network. */
+/* Interval, in ms, between two checks for a cancellation, and between two writes of progress, which other
+ * hosts read over the network. */
 #define LOOK_MS 500
 /* Number of tries, one per second, to write an ending. Without the ending the attempt is lost. */
 #define ENDING_TRIES 30
@@ -129,8 +129,8 @@ static bool is_restart(void)
     return count && atoi(count) > 0;
 }
 
-/* If Slurm has requeued this task and the task had claimed the attempt before, records it: the service may not have
- * seen the task wait. */
+/* If Slurm has requeued this task and the task had claimed the attempt before, records it: the service may
+ * not have seen the task wait. */
 static bool note_restart(const char *directory, const attempt_files_batch *self, error *e)
 {
     attempt_files_batch by;
@@ -168,8 +168,8 @@ static bool may_take_more(const node *n)
     return !n->stopped && clock_monotonic_ms() < n->end_ms;
 }
 
-/* Runs attempts of the list, beginning with index `first` and continuing cyclically. The first `own` attempts are
- * always tried; the others while the task may take more. */
+/* Runs attempts of the list, beginning with index `first` and continuing cyclically. The first `own` attempts
+ * are always tried; the others while the task may take more. */
 static bool run_list(node *n, const attempt_files_names *names, size_t first, size_t own, error *e)
 {
     for (size_t i = 0; i < names->count && !n->stopped && (i < own || may_take_more(n)); i++)

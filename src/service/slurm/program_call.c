@@ -85,8 +85,8 @@ static void collect(int fds[2], pid_t pid, double limit_s, text texts[2], bool *
     }
 }
 
-/* Waits for the end of a program that has closed its output, and kills it after limit_s. Returns its exit status;
- * -1: a signal ended it. */
+/* Waits for the end of a program that has closed its output, and kills it after limit_s. Returns its exit
+ * status; -1: a signal ended it. */
 static int await(pid_t pid, double limit_s, bool *timed_out)
 {
     int status = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* program_call: runs a program of Slurm with a time limit and collects its output. No state; any thread that may wait. */
+/* program_call: runs a program of Slurm with a time limit and collects its output. No state; any thread
+ * that may wait. */
 #ifndef HEXAD_SERVICE_SLURM_PROGRAM_CALL_H
 #define HEXAD_SERVICE_SLURM_PROGRAM_CALL_H
 
@@ -14,9 +15,9 @@ typedef struct program_call_result {
     char *output, *complaint; /* standard output and standard error */
 } program_call_result;
 
-/* Runs `arguments` (the program is found by PATH; the last element is NULL) with `input` as standard input (NULL:
- * none). Error internal: the program cannot be started, or its output is too long. On success the caller releases
- * *out with program_call_clear. */
+/* Runs `arguments` (the program is found by PATH; the last element is NULL) with `input` as standard input
+ * (NULL: none). Error internal: the program cannot be started, or its output is too long. On success the
+ * caller releases *out with program_call_clear. */
 bool program_call_run(const char *const *arguments, const char *input, double limit_s,
                       program_call_result *out, error *e);
 void program_call_clear(program_call_result *r);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* sbatch: selects the waiting attempts that are submitted together, calls sbatch and interprets its answer. */
+/* sbatch: selects the waiting attempts that are submitted together, calls sbatch and interprets its
+ * answer. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -13,21 +14,23 @@
 #include "service/slurm/engine_data.h"
 #include "files/file.h"
 
-/* Maximum number of attempts of an array. The script contains their names; Slurm accepts scripts of up to 4 MB. */
+/* Maximum number of attempts of an array. The script contains their names; Slurm accepts scripts of up to
+ * 4 MB. */
 #define MOST_MEMBERS 8000
 /* Small attempts share tasks only if more than SPREAD of them wait. */
 #define SPREAD 16
 /* Wait, in ms, before the next command after Slurm could not be reached. */
 #define AWAY_MS 2000
-/* Attempts are gathered, because a call of sbatch costs Slurm more than an attempt: until none has arrived for
- * PAUSE_MS, and at most for GATHER_MS. While attempts of a chunk are missing, none may arrive for GATHER_MS. If no
- * attempt is in Slurm, its nodes are idle, and the limit is PAUSE_MS. If more small attempts wait in Slurm than here,
- * the limit is GATHER_MORE_MS. */
+/* Attempts are gathered, because a call of sbatch costs Slurm more than an attempt: until none has arrived
+ * for PAUSE_MS, and at most for GATHER_MS. While attempts of a chunk are missing, none may arrive for
+ * GATHER_MS. If no attempt is in Slurm, its nodes are idle, and the limit is PAUSE_MS. If more small attempts
+ * wait in Slurm than here, the limit is GATHER_MORE_MS. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
 #define GATHER_MORE_MS 10000
 
-/* Error messages of Slurm's client commands after which nothing was submitted, and a repetition may succeed. */
+/* Error messages of Slurm's client commands after which nothing was submitted, and a repetition may
+ * succeed. */
 static const char *const away[] = {
     "Unable to contact slurm controller",           "Connection refused",
     "Slurm temporarily unable to accept job",       "Resource temporarily unavailable",
@@ -123,8 +126,8 @@ static void list_avoided(const slurm *s, int64_t now, load *l)
                                      s->avoided[i].host);
 }
 
-/* Makes the list of attempts that nodes may run after their own: attempts with the same needs and time limit. The
- * caller holds the mutex. */
+/* Makes the list of attempts that nodes may run after their own: attempts with the same needs and time limit.
+ * The caller holds the mutex. */
 static void share(slurm *s, load *l)
 {
     char hex[STORE_HASH_SIZE];
@@ -140,8 +143,8 @@ static void share(slurm *s, load *l)
             attempt_files_add_name(&l->open, a->name, strlen(a->name));
 }
 
-/* Takes the first waiting attempt and the attempts that can be submitted with it. False: none is due; *due_ms is the
- * time of the next one. The caller holds the mutex. */
+/* Takes the first waiting attempt and the attempts that can be submitted with it. False: none is due; *due_ms
+ * is the time of the next one. The caller holds the mutex. */
 static bool gather(slurm *s, load *l, int64_t *due_ms)
 {
     int64_t now = clock_monotonic_ms();
@@ -247,8 +250,8 @@ static bool call_sbatch(slurm *s, const load *l, program_call_result *said, erro
 
 typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED, AGAIN } answer;
 
-/* Interprets the answer of sbatch. If Slurm is too busy, sbatch repeats the request by itself until the time limit
- * ends it. */
+/* Interprets the answer of sbatch. If Slurm is too busy, sbatch repeats the request by itself until the time
+ * limit ends it. */
 static answer understand(const program_call_result *said)
 {
     bool is_away = says_any(said->complaint, away, sizeof away / sizeof *away);
@@ -273,8 +276,8 @@ static void find_reason(const char *complaint, char *why, size_t size)
     snprintf(why, size, "Slurm refused the job: %.*s", (int)(length - first), words);
 }
 
-/* Removes the attempts from a batch that Slurm has not accepted. If several attempts were refused together, each is
- * submitted separately. The caller holds the mutex. */
+/* Removes the attempts from a batch that Slurm has not accepted. If several attempts were refused together,
+ * each is submitted separately. The caller holds the mutex. */
 static void take_back(slurm *s, const load *l, answer a, const char *why)
 {
     engine_attempt *m;

@@ -40,8 +40,8 @@ static char *add_need(char *needs, const char *option)
     return more;
 }
 
-/* The options of the Slurm job. sbatch uses the last of repeated options, so those of the spec take precedence.
- * `root`: the root of the spec. */
+/* The options of the Slurm job. sbatch uses the last of repeated options, so those of the spec take
+ * precedence. `root`: the root of the spec. */
 static char *describe_needs(const slurm_settings *settings, const engine_request *r, const json_at *root)
 {
     const char *account = find_account(settings, r->owner);
@@ -135,7 +135,8 @@ static bool runs_on(void *place, const char *directory)
     return found;
 }
 
-/* Submits an attempt that had not been submitted. Searches Slurm's queue for an attempt that may have been. */
+/* Submits an attempt that had not been submitted. Searches Slurm's queue for an attempt that may have
+ * been. */
 static engine_attempt *resume(void *place, const engine_request *request, error *e)
 {
     (void)e;
@@ -273,8 +274,8 @@ static int64_t run_commands(void *context)
     return list_ms < submit_ms ? list_ms : submit_ms;
 }
 
-/* Removes the files of an attempt after renaming their directory. Nodes find attempts by their names; if the claim
- * were removed first, a node could claim the attempt again. */
+/* Removes the files of an attempt after renaming their directory. Nodes find attempts by their names; if the
+ * claim were removed first, a node could claim the attempt again. */
 static bool remove_files(const slurm *s, const char *directory, error *e)
 {
     char *aside = mem_printf("%s/.old-%s", s->farm, strrchr(directory, '/') + 1);

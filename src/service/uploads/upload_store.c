@@ -245,8 +245,8 @@ store_inputs_space store_inputs_get_space(store_inputs *s)
     return space;
 }
 
-/* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. The caller holds the
- * mutex. */
+/* Whether there is space for `bytes` more bytes, and otherwise the limit that is reached. The caller holds
+ * the mutex. */
 static store_upload_outcome find_space(const store_inputs *s, const char *sender, int64_t bytes)
 {
     if (bytes > s->total_bytes - s->used_bytes) return STORE_UPLOAD_ALL_FULL;
@@ -361,7 +361,8 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
     if (strcmp(hex, u->wanted) != 0) return u->outcome = STORE_UPLOAD_MISMATCH;
     bool ok = store_file_flush(&u->file, e); /* outside the mutex, since it is slow */
     if (ok) {
-        /* under the mutex, so that an existing file is not collected in between: its space would be released twice */
+        /* under the mutex, so that an existing file is not collected in between: its space would be
+         * released twice */
         pthread_mutex_lock(&u->owner->mutex);
         /* if the file exists, it is kept, since workers may be reading it */
         bool there = store_inputs_find(u->owner, hex) >= 0;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* upload_store: files that clients uploaded, each named by the SHA-256 of its content.
  *
- * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never changes. A
- * file that is uploaded again is stored once. Its modification time is the time of its last use. For each user that
- * sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's name. It is removed
- * together with the file. Opening the directory removes unfinished uploads that a crash left. One process owns the
- * directory. Any thread may call; an upload belongs to one thread at a time.
+ * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never
+ * changes. A file that is uploaded again is stored once. Its modification time is the time of its last use.
+ * For each user that sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's
+ * name. It is removed together with the file. Opening the directory removes unfinished uploads that a crash
+ * left. One process owns the directory. Any thread may call; an upload belongs to one thread at a time.
  */
 #ifndef HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
 #define HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
@@ -20,10 +20,10 @@
 
 typedef struct store_inputs store_inputs;
 
-/* Makes the directory if it is missing. One file may have at most `most_bytes`, all files together `total_bytes`. The
- * ledger, which must outlive the store and in which no other store counts, limits each user: LEDGER_UPLOAD_BYTES are the
- * files that the user sent and the arrived bytes of unfinished uploads, LEDGER_UPLOADS the simultaneous uploads. A file
- * that several users sent counts for each of them. */
+/* Makes the directory if it is missing. One file may have at most `most_bytes`, all files together
+ * `total_bytes`. The ledger, which must outlive the store and in which no other store counts, limits each
+ * user: LEDGER_UPLOAD_BYTES are the files that the user sent and the arrived bytes of unfinished uploads,
+ * LEDGER_UPLOADS the simultaneous uploads. A file that several users sent counts for each of them. */
 store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes,
                                 ledger *counts, error *e);
 void store_inputs_close(store_inputs *s); /* accepts NULL */
@@ -39,8 +39,8 @@ store_inputs_space store_inputs_get_space(store_inputs *s);
 int64_t store_inputs_find(store_inputs *s, const char *hex);
 /* As store_inputs_find, and sets the time of the last use to now. */
 int64_t store_inputs_use(store_inputs *s, const char *hex);
-/* Removes the files for which `may_go` returns true. used_ms is the time of the last use, on the wall clock. *gone
- * is the number of removed files. `may_go` must not call functions of this header. */
+/* Removes the files for which `may_go` returns true. used_ms is the time of the last use, on the wall
+ * clock. *gone is the number of removed files. `may_go` must not call functions of this header. */
 bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const char *name, int64_t used_ms),
                           void *context, size_t *gone, error *e);
 /* Removes a file. *found is false if the file does not exist. Jobs that name the file fail from then on. */
@@ -64,17 +64,17 @@ typedef enum store_upload_outcome {
 
 typedef struct store_upload store_upload;
 
-/* Begins an upload of `announced` bytes; -1: the length is not known. Space is reserved as bytes arrive. Announced
- * bytes reserve no space, but the upload is refused if there is no space for them now. On GOOD the caller opens
- * and ends *upload. */
+/* Begins an upload of `announced` bytes; -1: the length is not known. Space is reserved as bytes arrive.
+ * Announced bytes reserve no space, but the upload is refused if there is no space for them now. On GOOD the
+ * caller opens and ends *upload. */
 store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const char *user, int64_t announced,
                                         store_upload **upload);
 /* Creates the file, before the first bytes. */
 store_upload_outcome store_upload_open(store_upload *u, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
-/* Verifies the hash, flushes the file and renames it to its name. If the same file is already stored, the upload is
- * discarded. */
+/* Verifies the hash, flushes the file and renames it to its name. If the same file is already stored, the
+ * upload is discarded. */
 store_upload_outcome store_upload_commit(store_upload *u, error *e);
 void store_upload_end(store_upload *u); /* removes what was not committed; accepts NULL */
 

@@ -6,8 +6,8 @@
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 
-/* Cells along the longest side of the domain, and across the smallest feature of the shape. The error of the area of
- * the quartic of (15) is 1e-6; more cells only cost time. */
+/* Cells along the longest side of the domain, and across the smallest feature of the shape. The error of the
+ * area of the quartic of (15) is 1e-6; more cells only cost time. */
 static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of the area of a cube with this many cells along its side. */
 static const double CELLS_SHARP = 160;
@@ -16,8 +16,8 @@ static const double MOST_CELLS = 0x1p40;
 /* Extension of the lateral surface of a frustum, in its lengths and radii. */
 static const double FARTHER = 10;
 
-/* F and its gradient for each shape. False where they are not defined. Mostly without branches, so that the compiler
- * vectorises them. */
+/* F and its gradient for each shape. False where they are not defined. Mostly without branches, so that the
+ * compiler vectorises them. */
 ISA_INLINE bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double length = vec3_norm(d);
@@ -261,8 +261,8 @@ static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *def
     lanes_of[p->shape](p, x, defined, value, gradient);
 }
 
-/* The side at a point without a derivative: the centre of a sphere or of the tube of a torus is inside, the axis of a
- * torus outside. */
+/* The side at a point without a derivative: the centre of a sphere or of the tube of a torus is inside, the
+ * axis of a torus outside. */
 static double corner_value(const field *f, vec3 x)
 {
     const analytic_params *p = &((const analytic *)f)->params;
@@ -403,7 +403,8 @@ static void lay_out_grid(analytic *a)
     const analytic_params *p = &a->params;
     vec3 half = half_extent(p);
     bool open = p->shape == ANALYTIC_GYROID;
-    /* A closed surface must not touch the faces. An odd margin keeps the zeros of symmetric shapes off the corners. */
+    /* A closed surface must not touch the faces. An odd margin keeps the zeros of symmetric shapes off the
+     * corners. */
     double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
     a->base.domain = p->shape == ANALYTIC_HALFSPACE
@@ -436,8 +437,8 @@ static int box_pieces(const analytic_params *p, analytic_params *out)
     return 6;
 }
 
-/* The lateral surface comes first. It is extended to its apex or by `reach`, so that its ends are never the closest
- * place. */
+/* The lateral surface comes first. It is extended to its apex or by `reach`, so that its ends are never the
+ * closest place. */
 static int frustum_pieces(const analytic_params *p, analytic_params *out)
 {
     vec3 axis = vec3_unit(p->axis);

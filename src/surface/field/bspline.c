@@ -7,13 +7,14 @@
 #include "base/core/memory.h"
 #include "surface/field/spline.h"
 
-/* Minimum cells along the longest side of the domain; and cells per span, in which the second derivative of F may
- * change its sign once. */
+/* Minimum cells along the longest side of the domain; and cells per span, in which the second derivative of F
+ * may change its sign once. */
 static const double CELLS_COARSE = 40, CELLS_SPAN = 2;
 /* In spans: tolerance for faces of boxes that are knots except for rounding. */
 static const double KNOT_ROUNDING = 1e-9;
 
-/* The index of the span at `u` spans from the low face of the domain. *t: the position within it, in [0, 1]. */
+/* The index of the span at `u` spans from the low face of the domain. *t: the position within it, in [0,
+ * 1]. */
 static int find_span(double u, int spans, double *t)
 {
     int k = (int)u;
@@ -61,8 +62,8 @@ static double corner_value(const field *f, vec3 x)
     return s.value;
 }
 
-/* The basis functions are non-negative and add up to 1: F lies between the minimum and the maximum of the coefficients
- * that it depends on. */
+/* The basis functions are non-negative and add up to 1: F lies between the minimum and the maximum of the
+ * coefficients that it depends on. */
 static bool may_cross(const field *f, vec3 low, vec3 high)
 {
     const bspline *b = (const bspline *)f;

@@ -8,13 +8,14 @@
 #include "base/core/memory.h"
 
 enum { BLOCK = CELL_GRID_BLOCK, ROW = BLOCK + 1, SLAB = ROW * ROW };
-/* Test for a sharp edge in a cell. Where F is smooth it is nearly linear: the sums of the values at opposite corners
- * are equal. A difference above KINK, in cell sizes, indicates a kink. An edge in the cell is at most FARTHEST, in cell
- * sizes, from a corner. */
+/* Test for a sharp edge in a cell. Where F is smooth it is nearly linear: the sums of the values at opposite
+ * corners are equal. A difference above KINK, in cell sizes, indicates a kink. An edge in the cell is at most
+ * FARTHEST, in cell sizes, from a corner. */
 static const double KINK = 0.1, FARTHEST = 1;
 /* Places along each axis at which a cell is searched for a sharp edge, corners included. */
 enum { PLACES = 5 };
-/* The index of a crossing cell has its level in the bits from LEVEL_BIT, and its linear index within the level below. */
+/* The index of a crossing cell has its level in the bits from LEVEL_BIT, and its linear index within the
+ * level below. */
 enum { LEVEL_BIT = 58 };
 
 /* Blocks in a chunk of work, and blocks that are sampled to estimate the number of crossing cells. */
@@ -88,8 +89,8 @@ static void note_crossing(scan *l, const int64_t at[3])
     l->crossing[l->count++] = (int64_t)l->level << LEVEL_BIT | ((at[2] * y + at[1]) * x + at[0]);
 }
 
-/* Whether a sharp edge of the surface enters a cell whose corners all have one sign. `low`, `high`: its extreme
- * corners. */
+/* Whether a sharp edge of the surface enters a cell whose corners all have one sign. `low`, `high`: its
+ * extreme corners. */
 static bool hides_edge(const scan *l, const double *value, vec3 low, vec3 high)
 {
     const search *w = l->search;
@@ -233,7 +234,8 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Whether the list has more crossing cells than allowed: an estimate from some of its blocks, only for long lists. */
+/* Whether the list has more crossing cells than allowed: an estimate from some of its blocks, only for
+ * long lists. */
 static bool has_too_many(const search *w)
 {
     scan probe = {0};

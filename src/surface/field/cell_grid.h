@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* cell_grid: a regular grid of cells over a box, and the list of its cells that a surface crosses.
  *
- * For fields whose F is defined everywhere in the box: formulas, splines and combinations. Cells can be subdivided: the
- * cells of each level have half the edge length of the level before. The search descends from large blocks, which are
- * discarded where a bound shows that F has one sign, to small ones, in which F is evaluated at every corner and, where
- * a sharp edge may pass, between corners. World units. A grid belongs to one thread until it is searched; then any
- * thread may read it.
+ * For fields whose F is defined everywhere in the box: formulas, splines and combinations. Cells can be
+ * subdivided: the cells of each level have half the edge length of the level before. The search descends from
+ * large blocks, which are discarded where a bound shows that F has one sign, to small ones, in which F is
+ * evaluated at every corner and, where a sharp edge may pass, between corners. World units. A grid belongs to
+ * one thread until it is searched; then any thread may read it.
  */
 #ifndef HEXAD_SURFACE_FIELD_CELL_GRID_H
 #define HEXAD_SURFACE_FIELD_CELL_GRID_H
@@ -38,10 +38,11 @@ typedef struct cell_grid_oracle {
     bool (*may_cross)(const field *f, vec3 low, vec3 high);
 } cell_grid_oracle;
 
-/* Sets `crossing` and `count`; `count` 0 is not an error. The result does not depend on the number of threads;
- * the pool may be NULL. Errors: limit_memory (more than CELL_GRID_MOST crossing cells, which may be estimated from a
- * sample of the blocks; more than CELL_GRID_MOST / 8 blocks; more than 2^31 cells along an axis or 2^58 in total),
- * not_supported (cells too small for the precision of their coordinates), cancelled. */
+/* Sets `crossing` and `count`; `count` 0 is not an error. The result does not depend on the number of
+ * threads;
+ * the pool may be NULL. Errors: limit_memory (more than CELL_GRID_MOST crossing cells, which may be estimated
+ * from a sample of the blocks; more than CELL_GRID_MOST / 8 blocks; more than 2^31 cells along an axis or
+ * 2^58 in total), not_supported (cells too small for the precision of their coordinates), cancelled. */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 
 /* Cells along each axis of a block, at any level. Blocks start at the lowest corner of the grid. */
@@ -52,12 +53,12 @@ static inline int64_t cell_grid_blocks(const cell_grid *g, int level, int axis)
     return ((g->cells[axis] << level) + CELL_GRID_BLOCK - 1) / CELL_GRID_BLOCK;
 }
 
-/* Bits of a block. DIVIDE comes first: the eight blocks of the next level are processed instead. SEARCH: the cells of
- * the block are tested. */
+/* Bits of a block. DIVIDE comes first: the eight blocks of the next level are processed instead. SEARCH: the
+ * cells of the block are tested. */
 enum { CELL_GRID_SEARCH = 1, CELL_GRID_DIVIDE = 2 };
 
-/* cell_grid_search in marked blocks: `blocks` has the bits of the blocks of each level, x fastest. The cell size of the
- * field is that of the last level. */
+/* cell_grid_search in marked blocks: `blocks` has the bits of the blocks of each level, x fastest. The cell
+ * size of the field is that of the last level. */
 bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
                              const uint8_t *const blocks[CELL_GRID_LEVELS], threads *pool, error *e);
 

@@ -10,42 +10,44 @@
 
 /* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */
 static const double BULGE = 0.5;
-/* If a cell of a part is at least this many blocks wide, blocks that the surface of the part does not cross are
- * discarded. */
+/* If a cell of a part is at least this many blocks wide, blocks that the surface of the part does not cross
+ * are discarded. */
 enum { SMALL = 4 };
-/* Minimum cells along the longest side. A sharp edge is cut off in each cell that it crosses: with 32 cells, as for
- * formulas, the area of a sphere minus a sphere is 5e-3 too small. */
+/* Minimum cells along the longest side. A sharp edge is cut off in each cell that it crosses: with 32 cells,
+ * as for formulas, the area of a sphere minus a sphere is 5e-3 too small. */
 static const double CELLS_LONGEST = 192;
-/* Value, in cell sizes, where F is not defined. No edge is near there: it exceeds the distance at which edges are
- * searched. */
+/* Value, in cell sizes, where F is not defined. No edge is near there: it exceeds the distance at which edges
+ * are searched. */
 static const double FAR = 2;
 /* Number of cells of a part over which the slope is averaged. */
 enum { SLOPES = 256 };
-/* Cells of a part that are wider than this, in cells of the combination, have eight sample places instead of one. */
+/* Cells of a part that are wider than this, in cells of the combination, have eight sample places instead
+ * of one. */
 static const double WIDE = 1.5;
 /* Maximum number of blocks of the finest cells, one byte each: 256 MB. */
 static const double MOST_BLOCKS = 1 << 28;
 
-/* Two surfaces are opposite if the cosine of their outward normals is less than FACING. They then meet, if at all, in
- * edges sharper than 18 degrees; blunter edges are cut off by at most three cells. They are separate if their distance
- * exceeds APART times the longest side: coincident faces bound nothing. */
+/* Two surfaces are opposite if the cosine of their outward normals is less than FACING. They then meet, if at
+ * all, in edges sharper than 18 degrees; blunter edges are cut off by at most three cells. They are separate
+ * if their distance exceeds APART times the longest side: coincident faces bound nothing. */
 static const double FACING = -0.95, APART = 1e-6;
-/* Near the sharp edge of a wedge, within BESIDE_EDGE cells (of the size without walls), the thickness that cells must
- * resolve is reduced to the fraction SEEN_AT_EDGE: a cell that an edge enters is searched for it. Otherwise each
- * halving near the edge of a wedge would double the cells for half of the area. */
+/* Near the sharp edge of a wedge, within BESIDE_EDGE cells (of the size without walls), the thickness that
+ * cells must resolve is reduced to the fraction SEEN_AT_EDGE: a cell that an edge enters is searched for it.
+ * Otherwise each halving near the edge of a wedge would double the cells for half of the area. */
 static const double BESIDE_EDGE = 4, SEEN_AT_EDGE = 0.25;
-/* CELL_IN_WALL: cell size as a fraction of the thickness of a wall. Errors of the area of a shell: 1e-6; 2e-3 at 0.6,
- * 3e-2 at 0.7. Halving ends at MOST_IN_WALLS cells, at the memory limit with BYTES_IN_WALL for each cell, or if less
- * than THIN_SHARE of the area is in thinner walls: a wedge has some of any thickness. */
+/* CELL_IN_WALL: cell size as a fraction of the thickness of a wall. Errors of the area of a shell: 1e-6; 2e-3
+ * at 0.6, 3e-2 at 0.7. Halving ends at MOST_IN_WALLS cells, at the memory limit with BYTES_IN_WALL for each
+ * cell, or if less than THIN_SHARE of the area is in thinner walls: a wedge has some of any thickness. */
 static const double CELL_IN_WALL = 0.55, MOST_IN_WALLS = 8e6, BYTES_IN_WALL = 128, THIN_SHARE = 0.005;
 
-/* A place on the surface of a part: the thickness to the opposite surface (see thickness_at), its variation within the
- * place, and the area of the place. World units. */
+/* A place on the surface of a part: the thickness to the opposite surface (see thickness_at), its variation
+ * within the place, and the area of the place. World units. */
 typedef struct wall {
     float thickness, spread, area;
 } wall;
 
-/* F of the combination = sense * min over parts k of sign_k F_k / slope_k; slope: mean |grad F_k| on the part's surface. */
+/* F of the combination = sense * min over parts k of sign_k F_k / slope_k; slope: mean |grad F_k| on the
+ * part's surface. */
 typedef struct part {
     const field *field;
     double sign, slope;
@@ -193,8 +195,9 @@ static bool has_open_part(const combination *c)
     return open;
 }
 
-/* Level 0 is for the part with the widest cells, the last level for the part with the smallest. The curves in which
- * faces of the domain cut the surface consist of sides of cells: if there may be any, all cells have the smallest size. */
+/* Level 0 is for the part with the widest cells, the last level for the part with the smallest. The curves in
+ * which faces of the domain cut the surface consist of sides of cells: if there may be any, all cells have
+ * the smallest size. */
 static bool lay_out_grid(combination *c, error *e)
 {
     const double most = bbox_longest(c->base.domain) / CELLS_LONGEST;
@@ -224,11 +227,11 @@ static bool lay_out_grid(combination *c, error *e)
                      bbox_longest(c->base.domain) / edge, edge);
 }
 
-/* ---- walls and gaps thinner than cells: their two surfaces belong to different parts, and the cells of each part
- * resolve its own surface */
+/* ---- walls and gaps thinner than cells: their two surfaces belong to different parts, and the cells of each
+ * part resolve its own surface */
 
-/* *away: distance of x from the surface of a part, negative if the part covers x. *outward: the outward normal of the
- * combination there. False: the part is not defined. */
+/* *away: distance of x from the surface of a part, negative if the part covers x. *outward: the outward
+ * normal of the combination there. False: the part is not defined. */
 static bool find_side(const combination *c, const part *p, vec3 x, double *away, vec3 *outward)
 {
     field_sample s;
@@ -251,9 +254,10 @@ static bool project_to_part(const combination *c, const part *own, vec3 *x, vec3
     return true;
 }
 
-/* The thickness at x: the distance from the surface of a part near x to the closest opposite surface of another part.
- * FLT_MAX: there is none. INFINITY: the surface at x does not belong to the combination. *slope: the derivative of the
- * thickness along the surface. *cover: the opposite part that covers the surface there, or NULL. */
+/* The thickness at x: the distance from the surface of a part near x to the closest opposite surface of
+ * another part. FLT_MAX: there is none. INFINITY: the surface at x does not belong to the
+ * combination. *slope: the derivative of the thickness along the surface. *cover: the opposite part that
+ * covers the surface there, or NULL. */
 static double thickness_at(const combination *c, const part *own, vec3 x, double *slope, const part **cover)
 {
     const double apart = APART * bbox_longest(c->base.domain);
@@ -278,8 +282,8 @@ static double thickness_at(const combination *c, const part *own, vec3 x, double
     return thickness;
 }
 
-/* Projects *x onto the surface of `own`. *away: the distance of the opposite surface from it, negative if the opposite
- * part covers it. *rise: its gradient along the surface. */
+/* Projects *x onto the surface of `own`. *away: the distance of the opposite surface from it, negative if the
+ * opposite part covers it. *rise: its gradient along the surface. */
 static bool find_rise(const combination *c, const part *own, const part *facing, vec3 *x, double *away,
                       vec3 *rise)
 {
@@ -289,8 +293,9 @@ static bool find_rise(const combination *c, const part *own, const part *facing,
     return true;
 }
 
-/* For a place whose centre is covered but that may be partly uncovered, as at a lens narrower than the place: the wall
- * at the maximum of the thickness, where the gradient, extrapolated linearly, is 0. `most`: the area of the place. */
+/* For a place whose centre is covered but that may be partly uncovered, as at a lens narrower than the place:
+ * the wall at the maximum of the thickness, where the gradient, extrapolated linearly, is 0. `most`: the
+ * area of the place. */
 static wall wall_at_top(const combination *c, const part *own, const part *cover, vec3 x, double edge,
                         double most)
 {
@@ -391,7 +396,8 @@ static double share_of_place(const wall *w, double thinner, double reach)
     return high > thinner ? (thinner - low) / (high - low) : 1;
 }
 
-/* The fraction of the surface in walls thinner than `thinner`. *area (or NULL): the approximate total area. */
+/* The fraction of the surface in walls thinner than `thinner`. *area (or NULL): the approximate total
+ * area. */
 static double share_in_walls(const combination *c, double thinner, double *area)
 {
     double all = 0, thin = 0;
@@ -412,8 +418,8 @@ static double blocks_of(const cell_grid *g, int finest)
     return blocks;
 }
 
-/* Adds at most `levels` levels of cells, until walls are thicker than cells. Adds none if most of the thin area would
- * remain. */
+/* Adds at most `levels` levels of cells, until walls are thicker than cells. Adds none if most of the thin
+ * area would remain. */
 static void resolve_walls(combination *c, int levels, size_t memory)
 {
     const double before = share_in_walls(c, c->base.cell_size / CELL_IN_WALL, NULL),
@@ -434,7 +440,8 @@ static void resolve_walls(combination *c, int levels, size_t memory)
 
 /* ---- cells */
 
-/* In half diagonals of a block: a surface farther from the centre, estimated by the slope, does not cross the block. */
+/* In half diagonals of a block: a surface farther from the centre, estimated by the slope, does not cross
+ * the block. */
 static const double PASSES_BY = 2;
 
 /* Whether the surface of a part does not cross a block much smaller than the part's cell. */
@@ -479,8 +486,8 @@ static void mark_box(const combination *c, const part *p, bbox box, int level, u
             }
 }
 
-/* Marks the blocks of a level that the cells of a part intersect: those of the part's own size, and eighths of these
- * where walls need smaller ones. */
+/* Marks the blocks of a level that the cells of a part intersect: those of the part's own size, and eighths
+ * of these where walls need smaller ones. */
 static void mark_cells(const combination *c, const part *p, int level, uint8_t *blocks)
 {
     const double size = ldexp(c->base.cell_size, c->grid.finest - level);
@@ -504,8 +511,8 @@ static void mark_cells(const combination *c, const part *p, int level, uint8_t *
     }
 }
 
-/* Divides the parents of each divided block of `level` and of its 26 neighbours, so that the levels of adjacent cells
- * differ by at most one. */
+/* Divides the parents of each divided block of `level` and of its 26 neighbours, so that the levels of
+ * adjacent cells differ by at most one. */
 static void divide_around(const cell_grid *g, int level, const uint8_t *blocks, uint8_t *parents)
 {
     int64_t across[3], above[2];
@@ -549,8 +556,9 @@ static bool find_cells(combination *c, threads *pool, error *e)
     return ok;
 }
 
-/* Finds the crossing cells and the area missing in thinner walls. If no cell crosses although there are walls, adds
- * levels one by one: a combination that contains this one may have such small cells everywhere. */
+/* Finds the crossing cells and the area missing in thinner walls. If no cell crosses although there are
+ * walls, adds levels one by one: a combination that contains this one may have such small cells
+ * everywhere. */
 static bool find_surface(combination *c, int wall_levels, size_t memory, threads *pool, error *e)
 {
     const bool divides = wall_levels > 0 && !has_open_part(c);
@@ -566,8 +574,8 @@ static bool find_surface(combination *c, int wall_levels, size_t memory, threads
     return true;
 }
 
-/* Whether the plane of a face of an open part's domain meets the surface. False for a plane that is also a face of the
- * combination's domain. */
+/* Whether the plane of a face of an open part's domain meets the surface. False for a plane that is also a
+ * face of the combination's domain. */
 static bool is_cut_at(const combination *c, const part *p, int face)
 {
     int axis = face >> 1;
@@ -582,8 +590,8 @@ static bool is_cut_at(const combination *c, const part *p, int face)
     return false;
 }
 
-/* Whether the data of a part end inside the solid in a cell of the combination: some corners are inside the part, some
- * outside, and none is near its surface. */
+/* Whether the data of a part end inside the solid in a cell of the combination: some corners are inside the
+ * part, some outside, and none is near its surface. */
 static bool ends_in_a_cell(const combination *c, const part *p)
 {
     const vec3 beyond = vec3_add(p->field->solid_below, p->field->solid_above);

@@ -8,9 +8,9 @@
 #include "surface/field/creases.h"
 #include "surface/field/kuhn.h"
 
-/* Maximum cell size in cells of the whole, and minimum number of cells along the longest side. Triangles end at
- * creases, so that cells may be larger than for a combination. The triangles are flat: the area of a sphere is 1e-4 too
- * small. */
+/* Maximum cell size in cells of the whole, and minimum number of cells along the longest side. Triangles end
+ * at creases, so that cells may be larger than for a combination. The triangles are flat: the area of a
+ * sphere is 1e-4 too small. */
 static const double WIDER = 2, CELLS_LONGEST = 96;
 /* Margins of the grid around the bounding box, in cells: no plane of the solid should contain its corners. */
 static const double BELOW = 0.3819, ABOVE = 0.2764;
@@ -202,7 +202,8 @@ static vec3 project_onto_leaves(const builder *b, uint64_t on, vec3 x)
     return x;
 }
 
-/* The zero of a leaf on the segment between a place inside and a place outside, by regula falsi (Illinois). */
+/* The zero of a leaf on the segment between a place inside and a place outside, by regula falsi
+ * (Illinois). */
 static vec3 find_root(const builder *b, int leaf, vec3 inside, vec3 outside, double at_inside,
                       double at_outside)
 {
@@ -239,8 +240,8 @@ static void add_segment(builder *b, const node *p, const node *q, int other, uin
     b->segment[b->segment_count++] = (crease_segment){{p->x, q->x}, {p->on, q->on}, {b->leaf, other}, sides};
 }
 
-/* Records the sides of a triangle at which its patch ends. To record each once: the triangle inside the other leaf
- * records it, if there is one; if both leaves end there, the leaf with the lower index does. */
+/* Records the sides of a triangle at which its patch ends. To record each once: the triangle inside the other
+ * leaf records it, if there is one; if both leaves end there, the leaf with the lower index does. */
 static void note_segments(builder *b, const node t[3], uint64_t sides)
 {
     for (int side = 0; side < 3; side++) {
@@ -377,7 +378,8 @@ static int compare_keys(const void *a, const void *b)
     return p->key != q->key ? (p->key > q->key) - (p->key < q->key) : memcmp(p->at, q->at, sizeof p->at);
 }
 
-/* Groups the triangles of the current cell into field cells of one patch and at most FIELD_CELL_TRIANGLES triangles. */
+/* Groups the triangles of the current cell into field cells of one patch and at most FIELD_CELL_TRIANGLES
+ * triangles. */
 static void end_cell(builder *b)
 {
     if (b->failed || b->count == b->first) return;

@@ -9,8 +9,8 @@ double field_curvature(const field_sample *s, double *kappa1, double *kappa2)
         *kappa1 = *kappa2 = 0;
         return 0;
     }
-    /* In a frame (u, v) of the tangent plane, P H P / |grad F| is the 2x2 form below. It has no component along n, so
-     * its Frobenius norm is that of the two eigenvalues. */
+    /* In a frame (u, v) of the tangent plane, P H P / |grad F| is the 2x2 form below. It has no component
+     * along n, so its Frobenius norm is that of the two eigenvalues. */
     vec3 n = vec3_scale(s->gradient, 1 / length), u, v;
     vec3_frame(n, &u, &v);
     vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);

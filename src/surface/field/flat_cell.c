@@ -27,8 +27,8 @@ static inline double largest(double a, double b)
     return a > b ? a : b;
 }
 
-/* The derivative, with respect to the level at 0, of the fraction of a tetrahedron in which F, linear between the
- * values p, q, r, s, is below the level. Computes all cases without branches. */
+/* The derivative, with respect to the level at 0, of the fraction of a tetrahedron in which F, linear between
+ * the values p, q, r, s, is below the level. Computes all cases without branches. */
 static inline double density(double p, double q, double r, double s)
 {
     const double low_p = least(p, q), high_p = largest(p, q), low_r = least(r, s), high_r = largest(r, s),
@@ -70,8 +70,8 @@ ISA_CLONES static void sum_tetrahedra(const cell_lanes *in, double area[LANES])
     }
 }
 
-/* Linear interpolation, clamped to [a, b]: a box that contains the corners then contains the roots, in spite of
- * rounding. */
+/* Linear interpolation, clamped to [a, b]: a box that contains the corners then contains the roots, in spite
+ * of rounding. */
 static double between(double a, double b, double t)
 {
     const double x = a + t * (b - a);
@@ -146,9 +146,9 @@ static void mean_slope(const double bend[3][3], const int axis[3], double out[3]
 }
 
 /* The piecewise linear surface lies e / |grad F| below that of F. <> is the mean over the cell, H the second
- * derivatives of F in the tangent plane. The areas differ by -tr H <e> / |grad F|^2, because of the offset of a curved
- * surface, and by <|grad e|^2> / (2 |grad F|^2), because of the tilt. Both means follow from the second moments of the
- * corners of the tetrahedra. */
+ * derivatives of F in the tangent plane. The areas differ by -tr H <e> / |grad F|^2, because of the offset of
+ * a curved surface, and by <|grad e|^2> / (2 |grad F|^2), because of the tilt. Both means follow from the
+ * second moments of the corners of the tetrahedra. */
 double flat_cell_shortage(const field_cell *cell, const field_sample *middle)
 {
     vec3 edge[3], across[3], turn[3], sum = {0, 0, 0};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* kuhn: Kuhn's decomposition of a cell into six tetrahedra. Each has the corners on a path of three edges from corner 0
- * to corner 7, one path for each order of the axes. Corners are numbered as in field_cell. Pure functions.
+/* kuhn: Kuhn's decomposition of a cell into six tetrahedra. Each has the corners on a path of three edges
+ * from corner 0 to corner 7, one path for each order of the axes. Corners are numbered as in field_cell. Pure
+ * functions.
  */
 #ifndef HEXAD_SURFACE_FIELD_KUHN_H
 #define HEXAD_SURFACE_FIELD_KUHN_H

@@ -9,8 +9,8 @@
 typedef struct placement placement;
 
 /* World = `matrix` applied to the part's own space: 16 numbers, row-major, column vectors, last row 0 0 0 1,
- * invertible. `part` is not owned and outlives the placement. Error: not_supported (the part is open and the matrix
- * does not map axes to axes: boundaries lie in planes across the axes). */
+ * invertible. `part` is not owned and outlives the placement. Error: not_supported (the part is open and the
+ * matrix does not map axes to axes: boundaries lie in planes across the axes). */
 placement *placement_new(const field *part, const double matrix[16], error *e);
 
 /* A placement for sampling only, with any matrix and no information on boundaries. Cannot fail. */

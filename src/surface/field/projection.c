@@ -5,8 +5,8 @@
 #include <string.h>
 
 static const double CELLS_MOST = 5;
-/* Steps of projection_draft. Newton's method takes at most 10 steps within a grid cell, and up to 50 from random places
- * in the domain of a formula. */
+/* Steps of projection_draft. Newton's method takes at most 10 steps within a grid cell, and up to 50 from
+ * random places in the domain of a formula. */
 enum { DRAFT_STEPS = 50 };
 static const double DRAFT_ACCURACY = 1e-3;
 
@@ -153,7 +153,8 @@ bool projection_sample(const field *f, const projection_limits *limits, uint32_t
     return true;
 }
 
-/* Steps in each direction in which `reach` is searched for a change of sign; and bisections, to 2^-52 of a step. */
+/* Steps in each direction in which `reach` is searched for a change of sign; and bisections, to 2^-52 of a
+ * step. */
 enum { SEARCH_STEPS = 32, HALVINGS = 52 };
 
 /* The nearest interval [*a, *b] of `x + t along` with a change of sign. */

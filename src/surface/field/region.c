@@ -59,7 +59,8 @@ static bbox box_of_cell(const field *f, size_t k)
     return box;
 }
 
-/* Keeps the cells that reach into the box. *all, *kept: the bounding boxes of all cells and of the kept ones. */
+/* Keeps the cells that reach into the box. *all, *kept: the bounding boxes of all cells and of the kept
+ * ones. */
 static bool keep_cells(region *r, bbox box, bbox *all, bbox *kept, error *e)
 {
     size_t cells = r->whole->ops->cell_count(r->whole);

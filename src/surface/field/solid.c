@@ -57,7 +57,8 @@ void solid_join(solid *s, solid_rule *rule, bool any)
     add_step(s, rule, any ? ANY : BOTH, false);
 }
 
-/* F of a plane is g x + c. 1: the two planes are equal; -1: they are equal with opposite normals; 0: otherwise. */
+/* F of a plane is g x + c. 1: the two planes are equal; -1: they are equal with opposite normals; 0:
+ * otherwise. */
 static int same_plane(const solid *s, const field *a, const field *b)
 {
     field_sample f, g;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* solid: unions, intersections and differences of smooth solids, as Boolean functions of the sides of their surfaces.
+/* solid: unions, intersections and differences of smooth solids, as Boolean functions of the sides of their
+ * surfaces.
  *
- * A leaf is a smooth F with a matrix that places it; a cube has six planes as leaves. One rule determines which places
- * are inside the solid, a second one the region in which its surface counts. Leaf k contributes to the surface at x if
- * the first rule depends on the side of k there and the second rule holds. World space. Immutable after construction;
- * any thread.
+ * A leaf is a smooth F with a matrix that places it; a cube has six planes as leaves. One rule determines
+ * which places are inside the solid, a second one the region in which its surface counts. Leaf k contributes
+ * to the surface at x if the first rule depends on the side of k there and the second rule holds. World
+ * space. Immutable after construction; any thread.
  */
 #ifndef HEXAD_SURFACE_FIELD_SOLID_H
 #define HEXAD_SURFACE_FIELD_SOLID_H
@@ -59,14 +60,15 @@ void solid_join(solid *s, solid_rule *rule, bool any);
 
 bool solid_holds(const solid_rule *rule, uint64_t sides);
 
-/* The approximate distance of x from the surface of the leaf, negative inside, world units. Where F is not defined only
- * the sign is valid. */
+/* The approximate distance of x from the surface of the leaf, negative inside, world units. Where F is not
+ * defined only the sign is valid. */
 double solid_distance(const solid *s, int leaf, vec3 x);
 
 uint64_t solid_sides(const solid *s, vec3 x);
 
-/* Whether the leaf's surface belongs to the surface of the solid at a place with these sides; the side of the leaf
- * itself is ignored. 0: no; 1: yes, and the solid is inside the leaf; -1: yes, and the solid is outside the leaf. */
+/* Whether the leaf's surface belongs to the surface of the solid at a place with these sides; the side of the
+ * leaf itself is ignored. 0: no; 1: yes, and the solid is inside the leaf; -1: yes, and the solid is
+ * outside the leaf. */
 int solid_surface(const solid *s, int leaf, uint64_t sides);
 
 /* The leaf whose part of the surface of the solid is closest to x. *sign: as solid_surface returns it. */

@@ -6,14 +6,14 @@
 #include <immintrin.h>
 #endif
 
-/* Arithmetic is in doubles for coefficients of both types, except in `gradient_lanes`. In floats the rounding noise of
- * the value is 1e-7 of the coefficients. That is sufficient for fast steps, which do not compare energies. A minimiser
- * that compares energies to ten digits is disturbed by it. */
+/* Arithmetic is in doubles for coefficients of both types, except in `gradient_lanes`. In floats the rounding
+ * noise of the value is 1e-7 of the coefficients. That is sufficient for fast steps, which do not compare
+ * energies. A minimiser that compares energies to ten digits is disturbed by it. */
 typedef double lanes __attribute__((vector_size(32)));
 typedef float narrow __attribute__((vector_size(16)));
 
-/* The coefficients of a cell: one of the two pointers is not NULL. It is a compile-time constant where the functions
- * below are inlined. */
+/* The coefficients of a cell: one of the two pointers is not NULL. It is a compile-time constant where the
+ * functions below are inlined. */
 typedef struct support {
     const float *single;
     const double *wide;
@@ -50,8 +50,8 @@ static const cubic weight_cubics[4] = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0}, {-0.5
 #undef VERSION_ROWS
 #pragma GCC pop_options
 
-/* The rows of a cell have four coefficients: wider vectors bring nothing. AVX-512 has twice as many registers, which
- * hold the weights. */
+/* The rows of a cell have four coefficients: wider vectors bring nothing. AVX-512 has twice as many
+ * registers, which hold the weights. */
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=256")
 #define VERSION(name) name##_avx512

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* spline_cell: the functions that spline.c compiles once for each instruction set. VERSION(name): the name for that
- * set. VERSION_WIDEN(n): converts four floats to doubles. VERSION_ROWS: rows of four floats in a vector. It is included
- * several times by spline.c only and has no include guard. Inlining generic functions into one compiled for a wider
- * instruction set would not work: the compiler has then split their vectors already.
+/* spline_cell: the functions that spline.c compiles once for each instruction set. VERSION(name): the name
+ * for that set. VERSION_WIDEN(n): converts four floats to doubles. VERSION_ROWS: rows of four floats in a
+ * vector. It is included several times by spline.c only and has no include guard. Inlining generic functions
+ * into one compiled for a wider instruction set would not work: the compiler has then split their vectors
+ * already.
  */
 
 /* Vectors are passed by pointer: by value, the ABI with AVX differs from that without. */
@@ -52,8 +53,8 @@ static inline void VERSION(bend_weights)(double t, double w[4])
     w[3] = t;
 }
 
-/* `bends`: second derivatives are computed, too. It is a constant, so that a call without them does no work for
- * them. */
+/* `bends`: second derivatives are computed, too. It is a constant, so that a call without them does no work
+ * for them. */
 static inline __attribute__((always_inline)) void VERSION(jet)(const support *c, const double t[3],
                                                                bool bends, spline_jet *out)
 {
@@ -144,8 +145,8 @@ static inline __attribute__((always_inline)) void VERSION(weigh)(float t, narrow
 #endif
 }
 
-/* The weights along the last axis, repeated for each row; and each weight along the second axis, repeated for the
- * length of a row. */
+/* The weights along the last axis, repeated for each row; and each weight along the second axis, repeated for
+ * the length of a row. */
 static inline __attribute__((always_inline)) void
 VERSION(spread)(const narrow *along_row, const narrow *across, VERSION(rows) * repeated, VERSION(rows) * each)
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* label_graph: the neighbours of each vertex of a mesh between labels, and the line edges, at which interfaces meet
- * or end.
+/* label_graph: the neighbours of each vertex of a mesh between labels, and the line edges, at which
+ * interfaces meet or end.
  *
  * Ownership: label_graph_free. Not synchronised; concurrent reads are permitted.
  */
@@ -11,7 +11,8 @@
 #include "geometry/mesh/mesh.h"
 
 typedef struct label_graph {
-    /* vertex v has the neighbours neighbour[first[v]] .. neighbour[first[v + 1] - 1], neighbours along lines first */
+    /* vertex v has the neighbours neighbour[first[v]] .. neighbour[first[v + 1] - 1], neighbours along
+     * lines first */
     size_t *first;
     uint32_t *neighbour;
     /* of each vertex: the number of its neighbours along lines; 0: the vertex is on no line */
@@ -19,8 +20,8 @@ typedef struct label_graph {
     uint32_t *kind; /* of each vertex on no line: the kind of its triangles */
 } label_graph;
 
-/* `kind`: as in label_mesh; edges between triangles of different kinds are line edges, too. After an error *out is
- * zeroed. Errors: limit_memory. */
+/* `kind`: as in label_mesh; edges between triangles of different kinds are line edges, too. After an
+ * error *out is zeroed. Errors: limit_memory. */
 bool label_graph_make(const mesh *m, const uint32_t *kind, label_graph *out, error *e);
 
 /* Computes for each vertex twice the sum of the area vectors of its triangles. */

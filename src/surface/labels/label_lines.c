@@ -11,24 +11,26 @@
 
 static const char what[] = "the lines between labels";
 
-/* Coefficients of a quadric over a plane; vertices that are looked at, and interfaces that meet, around one. */
+/* Coefficients of a quadric over a plane; vertices that are looked at, and interfaces that meet, around
+ * one. */
 enum { PLANE = 3, TERMS = 6, MOST_NEAR = 8192, MOST_KINDS = 8, GRAIN = 64 };
 
-/* What holds a plane back, as a share of the weights, and curvature: little, lest quadrics are flat at their ends; and a
- * vertex where no interface would hold it. */
+/* What holds a plane back, as a share of the weights, and curvature: little, lest quadrics are flat at their
+ * ends; and a vertex where no interface would hold it. */
 static const double plane_stiffness = 1e-5, curvature_stiffness = 1e-3, rest = 1e-2;
-/* Weight of the middle of a face between voxels if the quadric passes between both voxels; otherwise it is 1 + between_weight. */
+/* Weight of the middle of a face between voxels if the quadric passes between both voxels; otherwise it is
+ * 1 + between_weight. */
 static const double between_weight = 0.01;
-/* Maximum number of passes of a fit. Each pass weights the samples by the quadric of the previous pass. The fit ends
- * early if a pass changes the quadric by less than `at_rest`, in radii. */
+/* Maximum number of passes of a fit. Each pass weights the samples by the quadric of the previous pass. The
+ * fit ends early if a pass changes the quadric by less than `at_rest`, in radii. */
 enum { PASSES = 7 };
 static const double at_rest = 1e-3;
 /* Where lines meet each interface has a corner, of fewer voxels: these are looked for farther away. */
 static const double wider = 1.4;
 static const double least_weight = 3; /* of the vertices of an interface */
-/* The radius of a fit grows by the factor `growth`, at most GROWTHS times, while the distance by which the plane or
- * quadric misses the voxels' faces is at most `most_missed` voxels: more voxels determine a smooth interface better. A
- * plane that misses by `hopeless` times `most_missed` is discarded. */
+/* The radius of a fit grows by the factor `growth`, at most GROWTHS times, while the distance by which the
+ * plane or quadric misses the voxels' faces is at most `most_missed` voxels: more voxels determine a smooth
+ * interface better. A plane that misses by `hopeless` times `most_missed` is discarded. */
 static const double growth = 1.4, most_missed = 0.01, hopeless = 4;
 enum { GROWTHS = 2 };
 static const double most_stretch = 2;
@@ -85,7 +87,8 @@ static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *o
     return too_far;
 }
 
-/* Adds the vertices near `start`. With a larger radius than before, only the ends of what is known are expanded. */
+/* Adds the vertices near `start`. With a larger radius than before, only the ends of what is known are
+ * expanded. */
 static void gather(const label_lines *l, uint32_t start, near_by *out)
 {
     const vec3 x = l->m->vertex[start];
@@ -135,7 +138,8 @@ static vec3 apart_at(vec3 middle)
     return (vec3){is_half(middle.x), is_half(middle.y), is_half(middle.z)};
 }
 
-/* AT_ONCE middles between two voxels of one interface; unused lanes of the last group have weight 0. Lengths are in radii. */
+/* AT_ONCE middles between two voxels of one interface; unused lanes of the last group have weight 0.
+ * Lengths are in radii. */
 enum { AT_ONCE = 8 };
 
 typedef struct between {
@@ -188,8 +192,9 @@ static void list_between(const work *w, const near_by *n, uint32_t kind, vec3 x,
     }
 }
 
-/* A height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in radii. By f the
- * squares are those of the way to a place, not of its shadow on the plane: so spheres are quadrics, too. */
+/* A height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in
+ * radii. By f the squares are those of the way to a place, not of its shadow on the plane: so spheres are
+ * quadrics, too. */
 typedef struct quadric {
     vec3 u, v, up;
     int terms; /* PLANE: the others are 0 */
@@ -203,7 +208,8 @@ ISA_INLINE double stretch(vec3 off, double s, double t)
     return all < most_stretch * flat ? all / flat : most_stretch;
 }
 
-/* How far up a place lies from the quadric: no more than `most` where this passes between two voxels `apart`. */
+/* How far up a place lies from the quadric: no more than `most` where this passes between two voxels
+ * `apart`. */
 ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, double *most)
 {
     const double *c = q->term, s = vec3_dot(off, q->u), t = vec3_dot(off, q->v),
@@ -214,7 +220,8 @@ ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, doubl
     return vec3_dot(off, q->up) - (c[0] + c[1] * s + c[2] * t + bend);
 }
 
-/* The quadric's terms at a place, then its height, as one vector: the sums over places of its products with each term. */
+/* The quadric's terms at a place, then its height, as one vector: the sums over places of its products
+ * with each term. */
 typedef double row __attribute__((vector_size(8 * sizeof(double))));
 
 typedef struct sums {
@@ -286,8 +293,9 @@ ISA_CLONES static void sum_quadric(const betweens *m, const quadric *before, con
         sum_terms(m, NULL, q, TERMS, out);
 }
 
-/* Makes the quadric's terms anew, over its plane, by least squares: of the middles, and where there is a quadric before, of
- * by how much that one does not pass between their voxels: *missed, the root of the mean square, in radii. */
+/* Makes the quadric's terms anew, over its plane, by least squares: of the middles, and where there is a
+ * quadric before, of by how much that one does not pass between their voxels: *missed, the root of the
+ * mean square, in radii. */
 static bool fit_terms(const betweens *m, const quadric *before, quadric *q, double *missed)
 {
     double a[TERMS][TERMS];
@@ -313,7 +321,8 @@ static vec3 normal_of(const quadric *q, double *length)
     return vec3_scale(vec3_axpy(-q->term[1], q->u, vec3_axpy(-q->term[2], q->v, q->up)), 1 / *length);
 }
 
-/* An interface near a vertex, and the plane, through a place at `distance` along `normal` from this, in which it passes. */
+/* An interface near a vertex, and the plane, through a place at `distance` along `normal` from this, in
+ * which it passes. */
 typedef struct passing {
     uint32_t kind;
     bool is_known, grows;
@@ -321,8 +330,8 @@ typedef struct passing {
     double distance;
 } passing;
 
-/* Fits a plane or quadric, by its `terms`, and leaves in p the plane in which it passes x; *missed, in voxels. False: the
- * middles are too few. */
+/* Fits a plane or quadric, by its `terms`, and leaves in p the plane in which it passes x; *missed, in
+ * voxels. False: the middles are too few. */
 static bool fit_quadric(const betweens *m, double radius, int terms, passing *p, double *missed)
 {
     quadric q = {.terms = terms}, before;
@@ -343,8 +352,8 @@ static bool fit_quadric(const betweens *m, double radius, int terms, passing *p,
     return true;
 }
 
-/* Fits the interface in what is near: a plane where that passes between its voxels, else a quadric. What passes so, or is the
- * first, is taken. */
+/* Fits the interface in what is near: a plane where that passes between its voxels, else a quadric. What
+ * passes so, or is the first, is taken. */
 static void fit(const work *w, scratch *on, vec3 x, passing *p)
 {
     const near_by *n = &on->near;
@@ -397,7 +406,8 @@ static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MO
     return count;
 }
 
-/* Where a place goes to lie on all interfaces, fitted at x, that pass by: the least squares of the distances. */
+/* Where a place goes to lie on all interfaces, fitted at x, that pass by: the least squares of the
+ * distances. */
 static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
 {
     sym3 a = {rest, rest, rest, 0, 0, 0};
@@ -441,8 +451,8 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2, lines on
- * spheres of radius 10 would be off by up to .2 voxels; with less, fits cost more time. */
+/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2,
+ * lines on spheres of radius 10 would be off by up to .2 voxels; with less, fits cost more time. */
 static const double alike = 1;
 
 static void choose_fitted(const label_lines *l, uint32_t *fitted)

@@ -5,11 +5,11 @@
 
 #include "base/core/memory.h"
 
-/* In a segmentation at least this share of the voxels equals one of the next voxels along the three axes; in noisy
- * measurements few do. */
+/* In a segmentation at least this share of the voxels equals one of the next voxels along the three axes; in
+ * noisy measurements few do. */
 static const double alike_least = 0.8;
-/* For a connected label at least this share of its voxels equals a next one. The values at a mask's soft edge are not
- * connected. */
+/* For a connected label at least this share of its voxels equals a next one. The values at a mask's soft edge
+ * are not connected. */
 static const double hangs_from = 0.5;
 
 /* Whether the next voxel along an axis has the same label. */

@@ -20,7 +20,8 @@ typedef struct ranking {
     uint16_t label[LABEL_RIVALS];
 } ranking;
 
-/* What one thread works on: a block and what is around it. The filter is applied along one axis after the other. */
+/* What one thread works on: a block and what is around it. The filter is applied along one axis after the
+ * other. */
 typedef struct scratch {
     uint16_t *label, *present; /* of the voxels, and those that occur */
     float *along_x, *along_y, *all;
@@ -181,7 +182,8 @@ static bool place_of(const filtering *f, size_t block, size_t voxel, int64_t at[
     return inside;
 }
 
-/* Keeps the voxels of a block that another label than their own may get, if there is memory; what is needed is counted. */
+/* Keeps the voxels of a block that another label than their own may get, if there is memory; what is
+ * needed is counted. */
 static void keep_contests(filtering *f, size_t block, scratch *on)
 {
     size_t count = 0;
@@ -313,7 +315,8 @@ static bool check_memory(size_t needed, size_t memory_limit, error *e)
                      (needed >> 20) + 1, memory_limit >> 20, ((needed - memory_limit) >> 20) + 1);
 }
 
-/* Finds weights with which each label wins as many of the contested voxels as it has now, which preserves its volume. */
+/* Finds weights with which each label wins as many of the contested voxels as it has now, which preserves
+ * its volume. */
 static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *pool, error *e)
 {
     const size_t labels = f->v->count;

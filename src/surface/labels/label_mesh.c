@@ -11,8 +11,8 @@
 
 static const char what[] = "the interfaces of the labels";
 
-/* The corners of the six tetrahedra of a cell, as bits of the axes: each goes from corner 0 to corner 7 along its axes one
- * by one, so that a corner's bits are among the next one's. */
+/* The corners of the six tetrahedra of a cell, as bits of the axes: each goes from corner 0 to corner 7 along
+ * its axes one by one, so that a corner's bits are among the next one's. */
 static const unsigned char corners_of[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
                                                {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
@@ -40,7 +40,8 @@ static void corner_of(const making *k, int i, int64_t out[3])
 
 /* ---- vertices */
 
-/* Of the six voxels that share a side with this one, those of its material; what lies beyond the end counts. */
+/* Of the six voxels that share a side with this one, those of its material; what lies beyond the end
+ * counts. */
 static int neighbours_alike(const label_volume *v, const int64_t at[3])
 {
     const uint16_t own = label_volume_at(v, at[0], at[1], at[2]);
@@ -55,7 +56,8 @@ static int neighbours_alike(const label_volume *v, const int64_t at[3])
     return count;
 }
 
-/* A voxel of a thread, or alone: smoothing would shrink it to nothing. A bump on something thicker is none. */
+/* A voxel of a thread, or alone: smoothing would shrink it to nothing. A bump on something thicker is
+ * none. */
 static bool is_thread(const label_volume *v, const int64_t at[3])
 {
     enum { OF_A_THREAD = 2 };
@@ -71,7 +73,8 @@ static bool is_thread(const label_volume *v, const int64_t at[3])
     return true;
 }
 
-/* How far a vertex may be moved, in voxels along each axis: half a one keeps it between the voxels that it parts. */
+/* How far a vertex may be moved, in voxels along each axis: half a one keeps it between the voxels that it
+ * parts. */
 static const float usual_limit = 0.5F, line_limit = 1, thread_limit = 0.1F;
 
 static bool add_vertex(making *k, const int *corner, int count, error *e)
@@ -95,8 +98,9 @@ static bool add_vertex(making *k, const int *corner, int count, error *e)
     return true;
 }
 
-/* The vertex between two, three or four corners, given in ascending order. It is known by its first voxel, and the bits of
- * the others as seen from there: of tetrahedra that share an edge or a side these are the same. */
+/* The vertex between two, three or four corners, given in ascending order. It is known by its first voxel,
+ * and the bits of the others as seen from there: of tetrahedra that share an edge or a side these are the
+ * same. */
 static bool vertex_between(making *k, const int *corner, int count, uint32_t *number, error *e)
 {
     enum { CODES = 128, WHOLE = 64 };
@@ -127,7 +131,8 @@ static vec3 middle_of(const making *k, uint16_t label)
     return vec3_scale(sum, 1.0 / count);
 }
 
-/* A convex piece of the interface of two materials, as triangles whose normals point from the earlier one to the later. */
+/* A convex piece of the interface of two materials, as triangles whose normals point from the earlier one
+ * to the later. */
 static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner, int count, error *e)
 {
     const uint16_t first = a < b ? a : b, second = a < b ? b : a;
@@ -151,7 +156,8 @@ static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner,
     return true;
 }
 
-/* The vertex of the side of corners i, j, k; of two or three materials the vertex between two corners that differ. */
+/* The vertex of the side of corners i, j, k; of two or three materials the vertex between two corners that
+ * differ. */
 static bool vertex_of(making *k, unsigned set, uint32_t *number, error *e)
 {
     int corner[4], count = 0;
@@ -190,8 +196,8 @@ static bool cut_in_two(making *k, unsigned one, error *e)
                     e);
 }
 
-/* Three materials, of which corners i and j have one: its interfaces with both others, and theirs, which meet in a segment
- * between the vertices of two sides. */
+/* Three materials, of which corners i and j have one: its interfaces with both others, and theirs, which meet
+ * in a segment between the vertices of two sides. */
 static bool cut_in_three(making *k, int i, int j, error *e)
 {
     int other[2], count = 0;

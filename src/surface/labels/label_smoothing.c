@@ -11,12 +11,12 @@
 
 static const char what[] = "the smoothing of the labels";
 
-/* How often the filter is applied and vertices are brought back into their boxes: the second time takes out the kinks that
- * the first left there. */
+/* How often the filter is applied and vertices are brought back into their boxes: the second time takes out
+ * the kinks that the first left there. */
 enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
 
-/* The eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they have in
- * tetrahedra of voxels, the square root of one half. */
+/* The eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they
+ * have in tetrahedra of voxels, the square root of one half. */
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
 /* Radius around a line within which interfaces are fitted to locate it, in lengths of smoothing. */
@@ -45,7 +45,8 @@ static bool is_at_end(const label_smoothing *s, vec3 x)
     return is;
 }
 
-/* The coefficients of exp(-(k / c)^2) in Chebyshev's polynomials of 1 - k; returns how many matter. They add up to 1. */
+/* The coefficients of exp(-(k / c)^2) in Chebyshev's polynomials of 1 - k; returns how many matter. They
+ * add up to 1. */
 static int make_terms(double length, double term[MOST_TERMS])
 {
     const double c = per_length2 / (length * length);
@@ -129,7 +130,8 @@ static bool any_line(const label_graph *g, size_t vertices)
     return any;
 }
 
-/* The smoothed interfaces determine the positions of the lines. Then the interfaces are smoothed again between their lines. */
+/* The smoothed interfaces determine the positions of the lines. Then the interfaces are smoothed again
+ * between their lines. */
 static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 {
     const label_lines lines = {m, &w->graph, w->from, near_lines * w->s->length};
@@ -141,8 +143,8 @@ static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 
 /* ---- beside lines */
 
-/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over RINGS rings of
- * neighbours, in SPREADS passes. */
+/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over RINGS
+ * rings of neighbours, in SPREADS passes. */
 enum { RINGS = 3, SPREADS = 10 };
 
 static void count_rings(const label_graph *g, size_t vertices, unsigned char *rings)

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* label_smoothing: removes the steps of voxels from the interfaces between labels, by a low-pass filter.
  *
- * One step of averaging over neighbours multiplies a component of the mesh with eigenvalue 1 - k by 1 - k. The
- * filter is a polynomial of this step, expanded in Chebyshev polynomials, that multiplies the component by exp(-(k /
- * c)^2). It is flat at 0, so that smooth shapes do not shrink (Taubin, Zhang and Golub 1996, "Optimal surface
- * smoothing as filter design"). The neighbours of a vertex on a line at which interfaces meet or end are its
- * neighbours along such lines. Each vertex stays within the box around its first position in which it separates the
- * same voxels.
+ * One step of averaging over neighbours multiplies a component of the mesh with eigenvalue 1 - k by 1 - k.
+ * The filter is a polynomial of this step, expanded in Chebyshev polynomials, that multiplies the component
+ * by exp(-(k / c)^2). It is flat at 0, so that smooth shapes do not shrink (Taubin, Zhang and Golub 1996,
+ * "Optimal surface smoothing as filter design"). The neighbours of a vertex on a line at which interfaces
+ * meet or end are its neighbours along such lines. Each vertex stays within the box around its first position
+ * in which it separates the same voxels.
  */
 #ifndef HEXAD_SURFACE_LABELS_LABEL_SMOOTHING_H
 #define HEXAD_SURFACE_LABELS_LABEL_SMOOTHING_H

@@ -109,7 +109,8 @@ static void find_thin(label_surface *s)
     free(side);
 }
 
-/* Bytes that a job takes for each triangle, points aside: 195 for 1 500 Voronoi cells (tools/many_labels.py). */
+/* Bytes that a job takes for each triangle, points aside: 195 for 1 500 Voronoi cells
+ * (tools/many_labels.py). */
 enum { TRIANGLE_BYTES = 200 };
 
 static bool make_surface(const label_surface_request *r, label_surface *s, error *e)
@@ -247,9 +248,9 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
-/* A label is ragged that has more thin voxels than this share of the faces of a ball as large. Balls and ellipsoids of 5
- * voxels' radius have at most .08, of 10 voxels' .024; labels of a frog, whose slices do not fit to each other, .15 to
- * .45. */
+/* A label is ragged that has more thin voxels than this share of the faces of a ball as large. Balls and
+ * ellipsoids of 5 voxels' radius have at most .08, of 10 voxels' .024; labels of a frog, whose slices do not
+ * fit to each other, .15 to .45. */
 static const double RAGGED = 0.1;
 
 bool label_surface_is_ragged(const label_surface *s, double radius)

@@ -20,7 +20,8 @@ typedef struct label_surface_request {
 
 typedef struct label_surface label_surface;
 
-/* Errors: those of label_volume_read, label_mesh_make and mesh_surface_new. Messages do not contain the path. */
+/* Errors: those of label_volume_read, label_mesh_make and mesh_surface_new. Messages do not contain the
+ * path. */
 label_surface *label_surface_open(const label_surface_request *request, error *e);
 void label_surface_close(label_surface *s); /* accepts NULL */
 
@@ -33,15 +34,16 @@ size_t label_surface_bytes(const label_surface *s);                /* 0 for NULL
 /* The labels on both sides of a patch; the normal points from the first to the second. */
 void label_surface_sides(const label_surface *s, uint32_t patch, int64_t out[2]);
 
-/* The numbers of the two materials that each patch separates, in the order of label_surface_sides. The caller frees
- * the array. `what`: the object that an error names. NULL: limit_memory. */
+/* The numbers of the two materials that each patch separates, in the order of label_surface_sides. The caller
+ * frees the array. `what`: the object that an error names. NULL: limit_memory. */
 uint32_t (*label_surface_materials(const label_surface *s, const char *what, error *e))[2];
 
-/* Stores the labels except the background, ascending, at most `most`, in `out`. Returns the number of all these
- * labels. */
+/* Stores the labels except the background, ascending, at most `most`, in `out`. Returns the number of all
+ * these labels. */
 size_t label_surface_labels(const label_surface *s, size_t most, int64_t *out);
 
-/* A thin label (label_thinness), and the label `into`, which is not thin and has the largest interface with it. */
+/* A thin label (label_thinness), and the label `into`, which is not thin and has the largest interface
+ * with it. */
 typedef struct label_thin {
     int64_t label, into;
     bool unites; /* `into` exists, and two or more labels are not thin */
@@ -51,9 +53,9 @@ typedef struct label_thin {
 /* The thin labels, ascending. *count: their number. They are valid until the surface is closed. */
 const label_thin *label_surface_thin(const label_surface *s, size_t *count);
 
-/* Whether most labels are ragged. A label is ragged if it is thin in many places, as where slices of a segmentation
- * do not match, and at least as large as a ball of this radius, in units of the smallest side of a voxel. Thin
- * labels and the largest label, which usually surrounds the others, are not counted. */
+/* Whether most labels are ragged. A label is ragged if it is thin in many places, as where slices of a
+ * segmentation do not match, and at least as large as a ball of this radius, in units of the smallest side of
+ * a voxel. Thin labels and the largest label, which usually surrounds the others, are not counted. */
 bool label_surface_is_ragged(const label_surface *s, double radius);
 
 /* The smallest side of a voxel. */

@@ -10,7 +10,8 @@
 /* Thin labels that a report names, each by a warning; rows of voxels that a thread takes at once. */
 enum { MOST_NAMED = 5, GRAIN = 64 };
 
-/* Whether the box of voxels from `low` to `high`, which has the voxel `own`, lies in the volume and is of one material. */
+/* Whether the box of voxels from `low` to `high`, which has the voxel `own`, lies in the volume and is of
+ * one material. */
 static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_t high[3], uint16_t own)
 {
     for (int k = 0; k < 3; k++)
@@ -22,8 +23,8 @@ static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_
     return true;
 }
 
-/* Whether a box that is two voxels long along each axis but `flat` has the voxel, and is of one material. flat 3: a cube. Along an
- * axis of one voxel all boxes have one: what has no thickness there is not thin. */
+/* Whether a box that is two voxels long along each axis but `flat` has the voxel, and is of one material.
+ * flat 3: a cube. Along an axis of one voxel all boxes have one: what has no thickness there is not thin. */
 static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, int flat)
 {
     for (int corner = 0; corner < 8; corner++) {
@@ -47,8 +48,8 @@ typedef struct finding {
 
 enum { WORD = 4 }; /* voxels that are compared at a time */
 
-/* Whether the next voxels of a row are of one material with those of the rows beside it, behind it and across: none of them is thin.
- * Most are; boxes are looked at where they are not. */
+/* Whether the next voxels of a row are of one material with those of the rows beside it, behind it and
+ * across: none of them is thin. Most are; boxes are looked at where they are not. */
 static bool is_thick(const label_volume *v, const int64_t at[3], uint16_t own)
 {
     if (at[0] + WORD > v->size[0] || at[1] + 1 >= v->size[1] || at[2] + 1 >= v->size[2]) return false;

@@ -160,7 +160,8 @@ static size_t place_of(label_material *list, size_t *count, int64_t value)
     return (*count)++;
 }
 
-/* Makes materials of labels, in their order, and says so in the array. `outside`: the voxels of the layer around. */
+/* Makes materials of labels, in their order, and says so in the array. `outside`: the voxels of the layer
+ * around. */
 static bool make_materials(label_volume *v, const spec_labels *c, bool is_background_needed, error *e)
 {
     const int64_t background = background_of(v, c);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* label_volume: a segmentation: each voxel has a label. The labels that a job distinguishes are its materials.
+/* label_volume: a segmentation: each voxel has a label. The labels that a job distinguishes are its
+ * materials.
  *
  * Ownership: label_volume_free. Not synchronised; concurrent reads are permitted.
  */
@@ -24,8 +25,8 @@ typedef struct label_material {
     /* the number of voxels in the file; after label_majority, the number that results from it */
     uint64_t voxels;
     uint64_t before; /* after label_majority: the number of voxels in the file; otherwise 0 */
-    /* the number of voxels in no block of 2 x 2 x 2 voxels of the material; of these, the number in no square of
-     * 2 x 2 (label_thinness) */
+    /* the number of voxels in no block of 2 x 2 x 2 voxels of the material; of these, the number in no square
+     * of 2 x 2 (label_thinness) */
     uint64_t thin, rows;
     /* the bounding box of the voxels, in voxels of the file; low > high: no voxels */
     int64_t low[3], high[3];
@@ -42,8 +43,8 @@ typedef struct label_volume {
 } label_volume;
 
 /* `memory_limit`: the maximum memory of *out, in bytes. Errors: input_unsupported (values that are not whole
- * numbers, or too many different values), spec_invalid (a chosen label does not occur), limit_memory, those of the
- * slices. Messages do not contain the path. */
+ * numbers, or too many different values), spec_invalid (a chosen label does not occur), limit_memory, those
+ * of the slices. Messages do not contain the path. */
 bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_limit, label_volume *out,
                        error *e);
 void label_volume_free(label_volume *v); /* accepts a zeroed object */

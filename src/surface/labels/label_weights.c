@@ -9,9 +9,9 @@
 
 static const char what[] = "the weights of the labels";
 
-/* Newton's method, label by label. Both of two labels that meet move by the whole step, so the step is reduced; a weight
- * is at most doubled or halved, and by less each time that it went too far: a layer is won or lost in one step, and the
- * best round counts. Rounds take less than a tenth of the filter's time. */
+/* Newton's method, label by label. Both of two labels that meet move by the whole step, so the step is
+ * reduced; a weight is at most doubled or halved, and by less each time that it went too far: a layer is won
+ * or lost in one step, and the best round counts. Rounds take less than a tenth of the filter's time. */
 static const double part_of_step = 0.7, first_limit = M_LN2, less = 0.5, more = 1.2;
 static const double enough = 0.001; /* of the voxels of a label, too many or too few */
 enum { ROUNDS = 40 };
@@ -24,7 +24,8 @@ typedef struct tally {
     int64_t won, near;
 } tally;
 
-/* For a label: the maximum next change of its weight, in logarithms, and whether it lacked voxels the last time. */
+/* For a label: the maximum next change of its weight, in logarithms, and whether it lacked voxels the last
+ * time. */
 typedef struct course {
     double limit;
     int lacked; /* 1, or -1; 0: neither */
@@ -59,8 +60,8 @@ static void count_wins(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Adds all workers' tallies to the first one's. Returns the sum over labels of how many voxels too many or too few each has, as a
- * share of its own. */
+/* Adds all workers' tallies to the first one's. Returns the sum over labels of how many voxels too many or
+ * too few each has, as a share of its own. */
 static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
 {
     double missed = 0;

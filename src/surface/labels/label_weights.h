@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* label_weights: weights of the smoothed indicators of labels with which each label keeps its number of voxels.
+/* label_weights: weights of the smoothed indicators of labels with which each label keeps its number of
+ * voxels.
  *
- * Smoothing reduces convex and thin parts of a label and enlarges the labels around them. If a voxel gets the label
- * with the largest product of indicator and weight, a weight per label compensates for this: threshold dynamics with
- * preserved volumes (Jacobs, Merkurjev and Esedoglu 2018, "Auction dynamics"), with factors instead of prices, so
- * that thin parts grow, too.
+ * Smoothing reduces convex and thin parts of a label and enlarges the labels around them. If a voxel gets the
+ * label with the largest product of indicator and weight, a weight per label compensates for this: threshold
+ * dynamics with preserved volumes (Jacobs, Merkurjev and Esedoglu 2018, "Auction dynamics"), with factors
+ * instead of prices, so that thin parts grow, too.
  */
 #ifndef HEXAD_SURFACE_LABELS_LABEL_WEIGHTS_H
 #define HEXAD_SURFACE_LABELS_LABEL_WEIGHTS_H
@@ -15,14 +16,14 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 
-/* LABEL_RIVALS: the maximum number of candidate labels of a voxel. LABEL_WEIGHTS_RATIO: the maximum ratio of two
- * weights. A label whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest cannot win. */
+/* LABEL_RIVALS: the maximum number of candidate labels of a voxel. LABEL_WEIGHTS_RATIO: the maximum ratio of
+ * two weights. A label whose indicator is less than 1 / LABEL_WEIGHTS_RATIO of the largest cannot win. */
 enum { LABEL_RIVALS = 4, LABEL_WEIGHTS_RATIO = 16 };
 
 typedef struct label_contest {
     uint16_t place; /* of the voxel; defined by the caller */
-    /* the candidate labels of the voxel, largest indicator first, and the ratios of their indicators to the largest,
-     * in 1/65535; a share of 0 ends the list */
+    /* the candidate labels of the voxel, largest indicator first, and the ratios of their indicators to the
+     * largest, in 1/65535; a share of 0 ends the list */
     uint16_t label[LABEL_RIVALS], share[LABEL_RIVALS];
 } label_contest;
 
@@ -50,10 +51,10 @@ typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;
 
-/* Stores in weight[] weights for which each label keeps its number of voxels to within a thousandth, or as nearly as
- * possible in the rounds that are made (a layer of voxels between two labels may be won as a whole or not at all).
- * Weights are within 1/4 .. 4, so that very thin labels may get too few voxels. The result does not depend on the
- * number of threads. Errors: limit_memory. */
+/* Stores in weight[] weights for which each label keeps its number of voxels to within a thousandth, or as
+ * nearly as possible in the rounds that are made (a layer of voxels between two labels may be won as a whole
+ * or not at all). Weights are within 1/4 .. 4, so that very thin labels may get too few voxels. The result
+ * does not depend on the number of threads. Errors: limit_memory. */
 bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
                         threads *pool, float *weight, error *e);
 /* bytes that label_weights_find uses, including weight[] and wish[] */

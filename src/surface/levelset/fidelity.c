@@ -12,18 +12,23 @@
 /* Samples of a triangle: one per area_per_point square voxels, at most most_points. */
 static const double area_per_point = 4;
 static const int most_points = 256;
-/* Triangles smaller than least_area, in square voxels, share samples: one per that area. golden: offset of the first one in each chunk. */
+/* Triangles smaller than least_area, in square voxels, share samples: one per that area. golden: offset of
+ * the first one in each chunk. */
 static const double least_area = 0.25, golden = 0.6180339887498949;
-/* side_gap: distance from the mesh at which the sign of F on its two sides is tested, voxels. close_vox: limit of `close`, voxels. */
+/* side_gap: distance from the mesh at which the sign of F on its two sides is tested, voxels. close_vox:
+ * limit of `close`, voxels. */
 static const double side_gap = 0.75;
 static const double close_vox = 0.05;
-/* A plate of this thickness, in voxels, is represented in any orientation: measured on plates, whose area is then accurate to 0.2 %. */
+/* A plate of this thickness, in voxels, is represented in any orientation: measured on plates, whose area
+ * is then accurate to 0.2 %. */
 static const double voxels_across = 1.25;
-/* Maximum thickness in voxels of a wall that the zero set does not follow. Crossings farther along the line belong to other walls. */
+/* Maximum thickness in voxels of a wall that the zero set does not follow. Crossings farther along the
+ * line belong to other walls. */
 static const double thinnest_vox = 2;
 /* Faces nearer than this, over the extent of the mesh, touch. */
 static const double touching = 1e-6;
-/* The lines are tilted against the normals by this vector, so that they do not run within faces of a mesh with right angles. */
+/* The lines are tilted against the normals by this vector, so that they do not run within faces of a mesh
+ * with right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
 /* A sample between two close faces. */
@@ -78,7 +83,8 @@ static double distance_at(const measuring *w, vec3 p)
     return s.value / (vec3_norm(s.gradient) * w->index_to_world[0]);
 }
 
-/* Sample k of a triangle: the additive recurrence of the plastic number, folded into the triangle; the first is the centroid. */
+/* Sample k of a triangle: the additive recurrence of the plastic number, folded into the triangle; the
+ * first is the centroid. */
 static vec3 place_of(vec3 a, vec3 ab, vec3 ac, int k)
 {
     double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1), v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
@@ -232,7 +238,8 @@ static int by_width(const void *left, const void *right)
     return (a->area > b->area) - (a->area < b->area);
 }
 
-/* The largest voxel size, in present voxels, for which at most `most` of the area is thin. Only the part that voxels of size `finest` represent counts. */
+/* The largest voxel size, in present voxels, for which at most `most` of the area is thin. Only the part
+ * that voxels of size `finest` represent counts. */
 static double voxels_wanted(const measuring *w, double finest, double most)
 {
     double left = 0;
@@ -328,7 +335,8 @@ bool fidelity_hidden(const mesh *m, double *share, error *e)
     return measure_share(m, 2048, is_hidden, 0, share, e);
 }
 
-/* Whether the outside is on one side of a sample and, on the other side, at a distance of less than `width`. */
+/* Whether the outside is on one side of a sample and, on the other side, at a distance of less than
+ * `width`. */
 static bool is_thin(const triangle_tree *tree, uint32_t n, vec3 p, vec3 normal, double width)
 {
     const vec3 d = vec3_unit(vec3_add(normal, tilt));

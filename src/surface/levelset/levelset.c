@@ -22,7 +22,8 @@ enum { CHUNK = 4096 }; /* of vertices */
 
 /* Minimum number of voxels along the longest side. */
 static const double fewest_voxels = 8;
-/* Distance of the mesh from the grid's origin beyond the band, voxels. Half a voxel keeps faces parallel to the axes off the voxel centres. */
+/* Distance of the mesh from the grid's origin beyond the band, voxels. Half a voxel keeps faces parallel
+ * to the axes off the voxel centres. */
 static const double origin_gap = 0.5;
 
 typedef struct making {
@@ -265,7 +266,8 @@ typedef struct tiling {
     size_t count, room;
 } tiling;
 
-/* Adds a tile of one block, or of TILE_BLOCKS^3 blocks, if it is inside. It has no leaf, so that one voxel decides for all. */
+/* Adds a tile of one block, or of TILE_BLOCKS^3 blocks, if it is inside. It has no leaf, so that one voxel
+ * decides for all. */
 static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_t side, error *e)
 {
     if (!winding_covers(&k->columns, k->solids.one_sided, NULL, 0, origin)) return true;

@@ -9,17 +9,21 @@
 #include "base/core/memory.h"
 #include "surface/triangles/triangle_tree.h"
 
-/* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it cuts off. */
+/* Maximum distance of a projection, voxels. The zero set is farther from the mesh only at spikes, which it
+ * cuts off. */
 static const double farthest = 2;
 /* A place within this distance of the mesh, in voxels, is projected to the closest triangle at once. */
 static const double on_mesh = 1e-3;
-/* Distance in front of a place from which the test whether it is hidden starts, voxels: beyond the triangles that meet at the place. */
+/* Distance in front of a place from which the test whether it is hidden starts, voxels: beyond the
+ * triangles that meet at the place. */
 static const double in_front = 1e-3;
-/* Lines are tilted against the normals by this vector, so that they do not run within faces of a mesh with right angles. */
+/* Lines are tilted against the normals by this vector, so that they do not run within faces of a mesh with
+ * right angles. */
 static const vec3 tilt = {0.00917, 0.00631, 0.00487};
 
-/* Meshes of more than UNGROUPED triangles are divided into groups: triangles whose centroids lie in one cell of a lattice. GROUP: typical number of
- * triangles in a group. MOST_CELLS: maximum number of cells along a side. A point searches few groups. */
+/* Meshes of more than UNGROUPED triangles are divided into groups: triangles whose centroids lie in one cell
+ * of a lattice. GROUP: typical number of triangles in a group. MOST_CELLS: maximum number of cells along a
+ * side. A point searches few groups. */
 enum { UNGROUPED = 1 << 16, GROUP = 512, MOST_CELLS = 128 };
 
 struct mesh_faces {

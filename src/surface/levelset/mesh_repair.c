@@ -40,8 +40,9 @@ typedef struct judging {
 
 /* ---- edges */
 
-/* At an edge of more than two triangles the neighbours are ambiguous. Components with an odd number of triangles there cannot be closed alone, so they
- * are joined in pairs. `odd` is zero for every triangle, before and after. */
+/* At an edge of more than two triangles the neighbours are ambiguous. Components with an odd number of
+ * triangles there cannot be closed alone, so they are joined in pairs. `odd` is zero for every triangle,
+ * before and after. */
 static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
 {
     bool turned;
@@ -63,7 +64,8 @@ static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
     }
 }
 
-/* A component whose triangles have an edge unequally often in both directions has no winding number. `sum` is used like `odd`. */
+/* A component whose triangles have an edge unequally often in both directions has no winding number. `sum`
+ * is used like `odd`. */
 static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t *sum)
 {
     bool turned;
@@ -198,7 +200,8 @@ static void flatten_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++) sets_flatten_shared(j->turned.parent, (uint32_t)n);
 }
 
-/* Finds the connected components; in parallel if every edge has two triangles of consistent orientation, as in most meshes. */
+/* Finds the connected components; in parallel if every edge has two triangles of consistent orientation,
+ * as in most meshes. */
 static bool join_triangles(judging *j, error *e)
 {
     const mesh_edges *edges = j->edges;
@@ -303,7 +306,8 @@ static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
     return ok;
 }
 
-/* Maximum number of triangles of a part of a component. Sums are taken per part, so that they do not depend on the number of threads. */
+/* Maximum number of triangles of a part of a component. Sums are taken per part, so that they do not
+ * depend on the number of threads. */
 enum { PART = 1 << 16 };
 
 typedef struct part {
@@ -375,7 +379,8 @@ static bool holds_point(const judging *j, const component *c, vec3 p, winding_po
     return c->one_sided ? crossings & 1 : winding != 0;
 }
 
-/* Whether `inner` lies inside `outer`, by the majority of three of its triangles: one of them may touch it. */
+/* Whether `inner` lies inside `outer`, by the majority of three of its triangles: one of them may touch
+ * it. */
 static bool holds(const judging *j, const component *outer, const component *inner)
 {
     if (!(inner->box.min.x >= outer->box.min.x && inner->box.max.x <= outer->box.max.x &&

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /* mesh_repair: tests whether triangles enclose a volume, and orients them consistently.
  *
- * A component is a set of triangles connected by edges. It is closed if an even number of triangles meets at each of
- * its edges. Its triangles are oriented like the majority. An outermost component is oriented so that its volume is
- * positive; if it is reversed for that, so are all components inside it. A component inside another one is a cavity
- * of it if their orientations are opposite. A solid is a component with its cavities. The shape is the union of the
- * solids.
+ * A component is a set of triangles connected by edges. It is closed if an even number of triangles meets at
+ * each of its edges. Its triangles are oriented like the majority. An outermost component is oriented so that
+ * its volume is positive; if it is reversed for that, so are all components inside it. A component inside
+ * another one is a cavity of it if their orientations are opposite. A solid is a component with its cavities.
+ * The shape is the union of the solids.
  */
 #ifndef HEXAD_SURFACE_LEVELSET_MESH_REPAIR_H
 #define HEXAD_SURFACE_LEVELSET_MESH_REPAIR_H
@@ -34,11 +34,11 @@ typedef struct mesh_place {
     threads *pool;                /* or NULL; the result does not depend on it */
 } mesh_place;
 
-/* Splits triangles at open edges (see geometry/mesh/seams.h), orients them and sorts them by solid. Before the call,
- * equal vertices must have been joined (mesh_weld), and the coordinates must be in voxels and in the range of
- * winding_fix. Adds notes on what was repaired. *out is unchanged on failure. Errors: input_unsupported (the mesh is
- * not closed; with the numbers of boundary edges and holes, and the boxes of the largest holes), limit_memory,
- * cancelled. */
+/* Splits triangles at open edges (see geometry/mesh/seams.h), orients them and sorts them by solid. Before
+ * the call, equal vertices must have been joined (mesh_weld), and the coordinates must be in voxels and in
+ * the range of winding_fix. Adds notes on what was repaired. *out is unchanged on failure. Errors:
+ * input_unsupported (the mesh is not closed; with the numbers of boundary edges and holes, and the boxes of
+ * the largest holes), limit_memory, cancelled. */
 bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);
 

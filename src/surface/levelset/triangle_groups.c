@@ -19,11 +19,13 @@ static const double group_vox = 1;
 enum { TOGETHER = 32 };
 enum { CHUNK = 1024 }; /* groups of a task */
 
-/* A triangle has a reliable normal if the squared sine of its angles is at least least_sine2 and its edges are at most large_vox voxels. Squared
- * distances within a block are then accurate to `rounding`, absolutely and relatively. */
+/* A triangle has a reliable normal if the squared sine of its angles is at least least_sine2 and its edges
+ * are at most large_vox voxels. Squared distances within a block are then accurate to `rounding`,
+ * absolutely and relatively. */
 static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9, least_length = 0.5;
 
-/* If at least MANY groups are near a block, about SOME of them are used first to bound the distances of its voxels. */
+/* If at least MANY groups are near a block, about SOME of them are used first to bound the distances of
+ * its voxels. */
 enum { MANY = 16, SOME = 128 };
 
 static triangle corners_of(const triangle_groups *k, uint32_t n)
@@ -80,7 +82,8 @@ static bbox box_of_group(const triangle_groups *k, size_t g)
     return box;
 }
 
-/* The disc is centred by the heights of the corners, not of their box: a plane may cross a box far from its centre. */
+/* The disc is centred by the heights of the corners, not of their box: a plane may cross a box far from
+ * its centre. */
 static triangle_disc disc_of_group(const triangle_groups *k, size_t g)
 {
     const bbox *box = &k->box[g];
@@ -213,8 +216,9 @@ static double outside2(double low, double high, double x)
     return most > 0 ? most * most : 0;
 }
 
-/* The voxels of a row, as bits, that may be nearer to something in a disc than their present distance: those that are near enough along the normal
- * and above the disc, or nearly so. `from`: the first voxel relative to the centre of the disc. */
+/* The voxels of a row, as bits, that may be nearer to something in a disc than their present distance: those
+ * that are near enough along the normal and above the disc, or nearly so. `from`: the first voxel relative
+ * to the centre of the disc. */
 ISA_INLINE unsigned find_near_disc(const triangle_disc *d, vec3 from, lanes nearest)
 {
     const float across2 = (float)(from.x * from.x + from.y * from.y),
@@ -248,8 +252,9 @@ ISA_INLINE lanes outside_lanes(double low, double high)
     return lanes_at(out);
 }
 
-/* Sets the voxels of each row, as bits, that may be nearer to something in a box and a disc than their present distance. Returns whether there are any.
- * Most rows have none; the box test rejects eight rows at a time. */
+/* Sets the voxels of each row, as bits, that may be nearer to something in a box and a disc than their
+ * present distance. Returns whether there are any. Most rows have none; the box test rejects eight rows at
+ * a time. */
 ISA_CLONES static bool find_rows(bbox box, const triangle_disc *d, const double nearest[VOXELS],
                                  const lanes farthest2[SIDE], uint8_t rows[64])
 {
@@ -298,7 +303,8 @@ static void cluster_add(cluster *c, const triangle *t, vec3 origin)
     c->at[c->count++] = at;
 }
 
-/* The triangles from n * SIDE on, as bits, that may be nearer to a voxel than `nearest`, by the distance to their flat discs. */
+/* The triangles from n * SIDE on, as bits, that may be nearer to a voxel than `nearest`, by the distance
+ * to their flat discs. */
 ISA_INLINE unsigned find_near_triangles(const cluster *c, int n, vec3 voxel, double nearest)
 {
     const lanes x = (float)voxel.x - c->middle[0][n], y = (float)voxel.y - c->middle[1][n],
@@ -351,8 +357,8 @@ static void approach_group(const triangle_groups *k, uint32_t group, vec3 origin
     }
 }
 
-/* Upper bounds of the squared distances of voxels, in single precision, and the groups that give them; -1: none yet. The distance from a place of a
- * triangle is an upper bound of the distance from the triangle. */
+/* Upper bounds of the squared distances of voxels, in single precision, and the groups that give them; -1:
+ * none yet. The distance from a place of a triangle is an upper bound of the distance from the triangle. */
 typedef struct bounds {
     float nearest2[VOXELS];
     int32_t from[VOXELS];
@@ -426,8 +432,9 @@ ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t
     }
 }
 
-/* With many groups: bounds the distances first by one triangle of each group, then by the triangles of the group that is nearest to each voxel. Few
- * triangles can be nearer than these bounds. The bounds are slightly too large, so that the nearest triangle is still tested. */
+/* With many groups: bounds the distances first by one triangle of each group, then by the triangles of the
+ * group that is nearest to each voxel. Few triangles can be nearer than these bounds. The bounds are
+ * slightly too large, so that the nearest triangle is still tested. */
 static void bound_by_some(const triangle_groups *k, vec3 origin, double band, const uint32_t *near,
                           size_t count, double nearest[VOXELS])
 {

@@ -93,7 +93,8 @@ static int by_solid_upwards(const void *left, const void *right)
     return (a->z > b->z) - (a->z < b->z);
 }
 
-/* Sorts the crossings of each line, whose order depends on the threads. Crossings of one solid at one height are equivalent in any order. */
+/* Sorts the crossings of each line, whose order depends on the threads. Crossings of one solid at one
+ * height are equivalent in any order. */
 static void sort_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const winding_columns *c = context;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* fine_mesh: a triangle mesh refined by halving sides until they are short compared with the spacing of the points
- * on it.
+/* fine_mesh: a triangle mesh refined by halving sides until they are short compared with the spacing of the
+ * points on it.
  *
  * Vertices with equal coordinates are joined, so that the pieces of a closed mesh are closed. World space.
  * Single-threaded.
@@ -18,8 +18,8 @@ typedef struct fine_mesh {
     uint32_t *around;
 } fine_mesh;
 
-/* Each side is at most `share` times the spacing of the point nearest to its midpoint. Free *out also after failure.
- * Error: limit_memory. */
+/* Each side is at most `share` times the spacing of the point nearest to its midpoint. Free *out also after
+ * failure. Error: limit_memory. */
 bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const double *spacing,
                     double share, fine_mesh *out, error *e);
 void fine_mesh_free(fine_mesh *f);

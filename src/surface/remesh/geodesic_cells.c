@@ -61,7 +61,8 @@ static reach pop(growth *g)
 
 /* ---- growing ---- */
 
-/* The distance of w from the point with the distances from_u and from_v to u and v, in the plane of the three. */
+/* The distance of w from the point with the distances from_u and from_v to u and v, in the plane of the
+ * three. */
 static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3 w)
 {
     const vec3 along = vec3_sub(v, u), to = vec3_sub(w, u);

@@ -28,9 +28,9 @@ typedef struct flipping {
     const vec3 *at; /* of each name */
     uint32_t (*triangle)[3];
     size_t count;
-    size_t *
-        twin; /* of side 3 n + k, from corner k of triangle n to the next: the same side of its neighbour, or NONE */
-    bool *kept; /* sides along curves, which are not flipped */
+    size_t *twin; /* of side 3 n + k, from corner k of triangle n to the next: the same side of its neighbour,
+                   * or NONE */
+    bool *kept;   /* sides along curves, which are not flipped */
     double
         *off; /* of each side, how far the edge between the cells is from the middle between their points */
     size_t *side_of; /* of each name a side that begins there, or NONE */
@@ -70,8 +70,8 @@ static size_t list_dual(const fine_mesh *f, const uint32_t *name, uint32_t (*out
     return count;
 }
 
-/* The piece on the other side of the edge from u to v of a piece, and its corner there; NONE where the mesh ends or does not
- * go on in one piece that faces the same way. */
+/* The piece on the other side of the edge from u to v of a piece, and its corner there; NONE where the mesh
+ * ends or does not go on in one piece that faces the same way. */
 static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t v, uint32_t *corner)
 {
     size_t found = NONE;
@@ -87,8 +87,8 @@ static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t
     return found;
 }
 
-/* Joins the sides of the triangles: along the edge between two cells, from where a third one meets them to where the next
- * one does. Cells that meet along several edges are so joined by as many. */
+/* Joins the sides of the triangles: along the edge between two cells, from where a third one meets them to
+ * where the next one does. Cells that meet along several edges are so joined by as many. */
 static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of, flipping *f)
 {
     const vec3 *x = fine->m.vertex;
@@ -280,7 +280,8 @@ static void flip(flipping *f, size_t s)
     }
 }
 
-/* Among the edges between two points that may be flipped, the one with the widest opposite angles; *edges counts all. */
+/* Among the edges between two points that may be flipped, the one with the widest opposite angles; *edges
+ * counts all. */
 static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edges)
 {
     const size_t begin = f->side_of[a];
@@ -381,8 +382,9 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->count += 2;
 }
 
-/* What a point has that is not a corner of a triangle: the only one whose cell touches its own, SEVERAL, itself where its cell
- * ends with the mesh, NO_CELL if it has no cell. A corner of a triangle has IN_TRIANGLE. */
+/* What a point has that is not a corner of a triangle: the only one whose cell touches its own, SEVERAL,
+ * itself where its cell ends with the mesh, NO_CELL if it has no cell. A corner of a triangle has
+ * IN_TRIANGLE. */
 #define NO_CELL GEODESIC_CELLS_NONE
 #define IN_TRIANGLE (GEODESIC_CELLS_NONE - 1)
 #define SEVERAL (GEODESIC_CELLS_NONE - 2)
@@ -424,7 +426,8 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
         }
 }
 
-/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may surround another point. */
+/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may
+ * surround another point. */
 static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
                               flipping *f)
 {
@@ -453,8 +456,8 @@ static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const
 
 /* ---- points whose cell reaches around a neck ---- */
 
-/* Such a point has a fan of triangles at either end of its cell. One fan and a triangle of the other make way for a band
- * between the edges that they leave: the neck. */
+/* Such a point has a fan of triangles at either end of its cell. One fan and a triangle of the other make way
+ * for a band between the edges that they leave: the neck. */
 enum { MOST_IN_RING = 64 };
 
 typedef struct ring {
@@ -518,7 +521,8 @@ static bool may_make_way(const flipping *f, const ring *fan, const ring *triangl
     return true;
 }
 
-/* The triangle of a fan that is nearest to the points of another, of those that may make way, as a ring of its own. */
+/* The triangle of a fan that is nearest to the points of another, of those that may make way, as a ring of
+ * its own. */
 static bool find_triangle(const flipping *f, const ring *fan, const ring *to, ring *out)
 {
     double least = INFINITY;
@@ -541,8 +545,8 @@ static double apart(const flipping *f, const ring *a, size_t i, const ring *b, s
     return vec3_norm(vec3_sub(f->at[a->point[i % a->count]], f->at[b->point[j % b->count]]));
 }
 
-/* The band between two rings, in the places of what is taken away and new ones: two, or four where both are triangles. One is
- * followed as it runs, the other backwards. */
+/* The band between two rings, in the places of what is taken away and new ones: two, or four where both are
+ * triangles. One is followed as it runs, the other backwards. */
 static void make_band(flipping *f, const ring *a, const ring *b)
 {
     size_t outer[2][MOST_IN_RING], place[MOST_IN_RING + 3], i = 0, j = 0, first = NONE, last = NONE,
@@ -586,7 +590,8 @@ static void make_band(flipping *f, const ring *a, const ring *b)
     join_sides(f, first, last);
 }
 
-/* Two points that meet this one and each other alone leave two triangles back to back: they go into another fan of it. */
+/* Two points that meet this one and each other alone leave two triangles back to back: they go into
+ * another fan of it. */
 static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_fan)
 {
     const uint32_t v = start_of(f, of_fan), a = pair->point[0], b = pair->point[1];
@@ -675,8 +680,8 @@ static bool touches_end(const flipping *f, const ring *r)
     return found;
 }
 
-/* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a triangle of each joins
- * them. Only one of several bars between the same parts gets a band. */
+/* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a
+ * triangle of each joins them. Only one of several bars between the same parts gets a band. */
 static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
 {
     uint32_t *parent = mem_array(names, sizeof *parent, what, e);

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points (geodesic_cells).
+/* surface_mesh: triangles between points on a triangle mesh: the dual of the cells of the points
+ * (geodesic_cells).
  *
  * Edges are flipped until the sum of the two angles opposite to each edge is at most 180 degrees.
  *
- * If all cells are discs, the triangles have the topology of the mesh, independent of the distance of opposite walls
- * and of the angle of its edges. Other cells are repaired if points are available, so that no edge has four
- * triangles: cells that meet in several places, as on a fin; a cell that another one surrounds, as at a tip; and a
- * cell around a neck. At a boundary of the mesh, the triangles end at the edges between the points along it. World
- * space. Single-threaded.
+ * If all cells are discs, the triangles have the topology of the mesh, independent of the distance of
+ * opposite walls and of the angle of its edges. Other cells are repaired if points are available, so that no
+ * edge has four triangles: cells that meet in several places, as on a fin; a cell that another one surrounds,
+ * as at a tip; and a cell around a neck. At a boundary of the mesh, the triangles end at the edges between
+ * the points along it. World space. Single-threaded.
  */
 #ifndef HEXAD_SURFACE_REMESH_SURFACE_MESH_H
 #define HEXAD_SURFACE_REMESH_SURFACE_MESH_H

@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* Minimum number of cells that are measured by all their parts, and by half as many along each axis. At most one of
- * SAMPLE_EVERY cells is measured by all parts. */
+/* Minimum number of cells that are measured by all their parts, and by half as many along each axis. At most
+ * one of SAMPLE_EVERY cells is measured by all parts. */
 static const double LEAST_WHOLE = 8000, LEAST_HALF = 50000, SAMPLE_EVERY = 8;
 /* Cells that are measured by all parts in a stretch, over which their ratios are averaged. */
 static const size_t WHOLE_IN_STRETCH = 250;

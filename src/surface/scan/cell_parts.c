@@ -41,8 +41,9 @@ typedef struct roots {
     double x[EDGES + LANES], y[EDGES + LANES], z[EDGES + LANES];
     double nx[EDGES + LANES], ny[EDGES + LANES], nz[EDGES + LANES];
     double smooth[EDGES + LANES]; /* 1 or 0 */
-    uint16_t of
-        [EDGES]; /* root + 1 of the edge that goes up from a node, by the axes that it goes along; 0: none yet */
+    uint16_t
+        of[EDGES]; /* root + 1 of the edge that goes up from a node, by the axes that it goes along; 0: none
+                    * yet */
 } roots;
 
 /* The triangles of the parts, part after part, by their roots. */
@@ -61,8 +62,8 @@ static vec3 part_node(const field_cell *cell, int parts, int n)
         vec3_axpy(y, vec3_sub(cell->corner[2], from), vec3_axpy(x, vec3_sub(cell->corner[1], from), from)));
 }
 
-/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the first have
- * in common. */
+/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the
+ * first have in common. */
 static int node_in_turn(int parts, int n)
 {
     const int nodes = parts + 1;
@@ -94,8 +95,8 @@ static bool sample_parts(const field *f, const field_cell *cell, int parts, part
     return true;
 }
 
-/* A root by what is known at the ends: a cubic through their values and slopes, as splines are along the axes; elsewhere its
- * error is of fourth order. The gradient between is taken for linear. */
+/* A root by what is known at the ends: a cubic through their values and slopes, as splines are along the
+ * axes; elsewhere its error is of fourth order. The gradient between is taken for linear. */
 ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int first, roots *out)
 {
     double low[LANES], high[LANES], at_low[LANES], at_high[LANES], newton[LANES], kept[LANES], done[LANES],
@@ -175,7 +176,8 @@ static void put_edge(const part_nodes *n, int inside, int outside, int l, edge_l
     out->f1[l] = n->value[outside];
 }
 
-/* Where F is not smooth, values and gradients at the ends of an edge do not determine the root: F is evaluated. */
+/* Where F is not smooth, values and gradients at the ends of an edge do not determine the root: F is
+ * evaluated. */
 static void find_sharp_root(const field *f, const part_nodes *n, int inside, int outside, int k, roots *out)
 {
     corner c = {.smooth = false, .normal = {0, 0, 0}};
@@ -194,7 +196,8 @@ static void find_sharp_root(const field *f, const part_nodes *n, int inside, int
     out->smooth[k] = c.smooth;
 }
 
-/* The root on an edge, computed at its first use; together with others, so that it is known at the end of cut_parts. */
+/* The root on an edge, computed at its first use; together with others, so that it is known at the end of
+ * cut_parts. */
 static uint16_t root_on(const field *f, const part_nodes *n, int inside, int outside, int axes,
                         edge_lanes *batch, roots *out)
 {
@@ -249,7 +252,8 @@ typedef struct triangle_lanes {
     double smooth[LANES];
 } triangle_lanes;
 
-/* As curved_area of surface.c without more triangles; and the excess that it would look at, 0 where it would not. */
+/* As curved_area of surface.c without more triangles; and the excess that it would look at, 0 where it
+ * would not. */
 ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[LANES],
                                          double more_than_flat[LANES])
 {

@@ -23,8 +23,8 @@ int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES])
     return count;
 }
 
-/* The edges of a tetrahedron that the surface crosses, in order around the section: from each corner inside to the
- * corners outside, forth and back. */
+/* The edges of a tetrahedron that the surface crosses, in order around the section: from each corner inside
+ * to the corners outside, forth and back. */
 static int ring_of(unsigned inside, const int at[4], crossed_edge ring[4])
 {
     int count = 0;
@@ -146,7 +146,8 @@ void root_group_clear(root_group *g)
     g->count = 0;
 }
 
-/* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is read with a wait. */
+/* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is
+ * read with a wait. */
 static inline uint64_t bits_of(const double *number)
 {
     uint64_t bits;

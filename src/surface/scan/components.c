@@ -15,12 +15,13 @@
 
 static const char what[] = "the surface's parts"; /* that memory is for */
 
-/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and 2, have
- * their middles up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is TOUCHING_UNEVEN times the mean. */
+/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and
+ * 2, have their middles up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is TOUCHING_UNEVEN times the
+ * mean. */
 static const double TOUCHING_UNEVEN = 1.106;
 
-/* A position in a lattice is valid if its coordinates, in cells, differ from integers by at most CLEAR and do not exceed
- * LARGEST. */
+/* A position in a lattice is valid if its coordinates, in cells, differ from integers by at most CLEAR and do
+ * not exceed LARGEST. */
 static const double CLEAR = 0.25, LARGEST = 0x1p30;
 
 enum { CHUNK = 1024 };
@@ -96,8 +97,8 @@ static bool note_places(lattice *l, size_t cells, error *e)
     return l->cell != NULL;
 }
 
-/* A cell and those beyond its faces that the surface passes. Where the surface passes between corners, only one of two
- * cells may have the crossing of their common face. */
+/* A cell and those beyond its faces that the surface passes. Where the surface passes between corners, only
+ * one of two cells may have the crossing of their common face. */
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const lattice *l = context;
@@ -137,8 +138,8 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     return ok;
 }
 
-/* Cells that differ in size, or whose positions are not valid: cells near each other are joined, whichever faces the
- * surface passes. */
+/* Cells that differ in size, or whose positions are not valid: cells near each other are joined, whichever
+ * faces the surface passes. */
 typedef struct cell_set {
     const field *field;
     vec3 *middle;

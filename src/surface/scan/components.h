@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* components: the connected parts of a surface, as sets of cells. Two cells are connected if they share a face that
- * the surface crosses, by the signs of F at its corners. If cells differ in size, or are too far from the origin for
- * lattice positions, any shared face connects them. If the surface has patches, each patch is a part, also if it
- * touches others; a cell with several patches belongs to one of them.
+/* components: the connected parts of a surface, as sets of cells. Two cells are connected if they share a
+ * face that the surface crosses, by the signs of F at its corners. If cells differ in size, or are too far
+ * from the origin for lattice positions, any shared face connects them. If the surface has patches, each
+ * patch is a part, also if it touches others; a cell with several patches belongs to one of them.
  */
 #ifndef HEXAD_SURFACE_SCAN_COMPONENTS_H
 #define HEXAD_SURFACE_SCAN_COMPONENTS_H
@@ -15,7 +15,8 @@
 
 typedef struct components {
     size_t count; /* of parts */
-    /* the cells, part after part, ascending within each part; NULL: one part, cells in their own order, no patches */
+    /* the cells, part after part, ascending within each part; NULL: one part, cells in their own order, no
+     * patches */
     uint32_t *order;
     size_t *begin; /* count + 1 values: the start of each part in `order` */
 } components;

@@ -13,7 +13,8 @@
 
 /* Cells in a chunk of work: whole groups. */
 static const size_t GRAIN = THREADS_GRAIN;
-/* Chunks after which a field may free its caches: coefficient blocks of AT_ONCE chunks take some megabytes. */
+/* Chunks after which a field may free its caches: coefficient blocks of AT_ONCE chunks take some
+ * megabytes. */
 static const size_t AT_ONCE = 128;
 
 /* Corners are projected to this fraction of the cell: its square is far below the area's error. */
@@ -31,15 +32,17 @@ static const double ROOT_TOLERANCE = 1e-6;
  * as the cell cut corners: it is measured by parts (cell_parts.h). With 0.8 the area of smoke is 3e-3 too
  * small, with 0.9 2e-3, and with every cell in parts the area of fogs is right to 2e-4. */
 static const double BENT_FACING = 0.9;
-/* So is a cell whose size is more than this share of the radius, which is estimated from the normals of its triangles:
- * the surface passes tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are right to 5e-4 then, and
- * 2e-2 too small without. Corners nearer to each other than TOO_NEAR, in cells, are not used. */
+/* So is a cell whose size is more than this share of the radius, which is estimated from the normals of its
+ * triangles: the surface passes tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are
+ * right to 5e-4 then, and 2e-2 too small without. Corners nearer to each other than TOO_NEAR, in cells,
+ * are not used. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-/* If MANY_BENT cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h). So are those of the
- * last, incomplete group of chunks. */
+/* If MANY_BENT cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h). So are those
+ * of the last, incomplete group of chunks. */
 enum { MANY_BENT = 16384 };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
- * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
+ * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the
+ * square. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
 static const int CLIP_DEPTH = 8;
 /* How far the surface above a triangle may lie beyond its corners, of its longest side. */
@@ -332,8 +335,8 @@ static bool is_bent(const triangulation *t, double cell_size)
 }
 
 /* Measures a cell by its parts; of a cell without triangles `t` takes over some of theirs. What triangles cut
- * off at a sharp edge goes with their size, in the mean of all cells along it: what the parts leave is a third
- * of what they gain. 0 where that comes to nothing. */
+ * off at a sharp edge goes with their size, in the mean of all cells along it: what the parts leave is a
+ * third of what they gain. 0 where that comes to nothing. */
 static double measure_parts(const field *f, const field_cell *cell, triangulation *t)
 {
     double rough = 0;
@@ -377,8 +380,8 @@ typedef struct cell_group {
     size_t number[ROOT_GROUP_CELLS];     /* of each of these */
 } cell_group;
 
-/* The area of the surface in the domain, which also widens the box. A cell that is measured by parts later gets a rough
- * area, with the sign reversed. */
+/* The area of the surface in the domain, which also widens the box. A cell that is measured by parts later
+ * gets a rough area, with the sign reversed. */
 static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
 {
     const field_cell *cell = &own->cell;
@@ -398,8 +401,8 @@ static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
     return area > 0 ? area : triangles_area(f, &t);
 }
 
-/* Whether a cell's area is that of flat_cell.h. Where the domain cuts the surface cells that it cuts want roots, beside
- * which gentle ones are not right: of a cap of a ball of 14 voxels 3e-3 would be missing. */
+/* Whether a cell's area is that of flat_cell.h. Where the domain cuts the surface cells that it cuts want
+ * roots, beside which gentle ones are not right: of a cap of a ball of 14 voxels 3e-3 would be missing. */
 static bool is_smooth(const field *f, const field_cell *cell)
 {
     const bool bends_little = cell->bend == FIELD_FLAT || (cell->bend == FIELD_GENTLE && !f->open);
@@ -459,8 +462,8 @@ static void measure_group(const surface *s, size_t first, size_t last, cell_grou
         s->area_before[group->cells[i].number + 1] = measure_cell(s->field, &group->cells[i], box);
 }
 
-/* Whether a cell's triangles hold little of its area: where a corner is all but on the surface they may be as good as one
- * point, and all that is drawn from them lies there. */
+/* Whether a cell's triangles hold little of its area: where a corner is all but on the surface they may be as
+ * good as one point, and all that is drawn from them lies there. */
 static bool are_specks(const triangulation *t, double area)
 {
     double flat = 0;
@@ -470,8 +473,8 @@ static bool are_specks(const triangulation *t, double area)
     return flat < LITTLE * area;
 }
 
-/* The triangles to draw points from, which are then put onto the surface. How the area of a cell is shared out among them
- * matters little: what is there is no larger than the cell. */
+/* The triangles to draw points from, which are then put onto the surface. How the area of a cell is shared
+ * out among them matters little: what is there is no larger than the cell. */
 static void draw_triangles(const surface *s, size_t index, triangulation *out)
 {
     const field *f = s->field;
@@ -512,7 +515,8 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     job->box[worker] = box;
 }
 
-/* The bent cell k by its parts; or less than 0, by half of them or roughly, until it is known how much these fall short. */
+/* The bent cell k by its parts; or less than 0, by half of them or roughly, until it is known how much
+ * these fall short. */
 static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
 {
     const field *f = job->s->field;
@@ -557,8 +561,8 @@ static size_t count_bent(const scan_job *job, size_t chunks)
     return count;
 }
 
-/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach. Returns how
- * bent cells were sampled. */
+/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach.
+ * Returns how bent cells were sampled. */
 static bent_samples scan_cells(const scan_job *job, size_t chunks, threads *pool)
 {
     const field *f = job->s->field;

@@ -9,7 +9,8 @@
 
 static const char what[] = "the orientation of the mesh";
 
-/* Directions of the rays that decide, by majority, whether a part lies inside another one. None is parallel to an axis or to a usual edge. */
+/* Directions of the rays that decide, by majority, whether a part lies inside another one. None is
+ * parallel to an axis or to a usual edge. */
 enum { RAYS = 3 };
 static const vec3 RAY[RAYS] = {
     {0.5377, 0.2896, 0.7917}, {-0.6412, 0.7431, 0.1915}, {0.1873, -0.5921, 0.7838}};
@@ -45,7 +46,8 @@ static uint32_t patch_of(const mesh_patches *p, size_t triangle)
     return (uint32_t)low;
 }
 
-/* Lists the boundary edges, sorted by position; free the result. Vertices belong to one patch, so that a patch ends at edges of one triangle. */
+/* Lists the boundary edges, sorted by position; free the result. Vertices belong to one patch, so that a
+ * patch ends at edges of one triangle. */
 static open_edge *list_open_edges(const mesh_patches *p, size_t *count, error *e)
 {
     mesh_edges edges = {0};
@@ -220,7 +222,8 @@ static uint32_t outermost(const parts *s, uint32_t part)
     return found;
 }
 
-/* Turns closed parts, with the parts inside them, so that the normals of the outermost ones point outwards. */
+/* Turns closed parts, with the parts inside them, so that the normals of the outermost ones point
+ * outwards. */
 static bool turn_outside(parts *s, error *e)
 {
     bool *inwards = mem_array(s->p->count, sizeof *inwards, what, e);

@@ -17,8 +17,8 @@ static const char what[] = "the patches of the mesh";
 
 /* Minimum height of a triangle over its longest edge for a reliable normal. */
 static const double least_height = 1e-4;
-/* A thinner triangle also has a reliable normal if its height is at least this fraction of the extent of the mesh, as on the sides of a blade. Float
- * coordinates then determine its plane to 0.01 rad. */
+/* A thinner triangle also has a reliable normal if its height is at least this fraction of the extent of the
+ * mesh, as on the sides of a blade. Float coordinates then determine its plane to 0.01 rad. */
 static const double seen_height = 1e-5;
 /* Passes that copy normals to triangles without one; such triangles may be adjacent. */
 enum { MOST_PASSES = 4 };
@@ -48,8 +48,8 @@ typedef struct making {
     size_t *at;        /* vertex v has the cuts around[at[v]] .. around[at[v + 1] - 1] */
     uint32_t *around;
     bool *corner; /* per vertex */
-    double
-        bend; /* radians: a curve that bends by more at a vertex has a corner there; 0: bends make no corners */
+    double bend;  /* radians: a curve that bends by more at a vertex has a corner there; 0: bends make no
+                   * corners */
     mesh_patches *out;
 } making;
 
@@ -78,7 +78,8 @@ static bool has_normal(vec3 n)
     return vec3_norm2(n) > 0;
 }
 
-/* The side of the other triangle at an edge of two triangles; NULL at other edges. *against: both triangles have the edge in the same direction. */
+/* The side of the other triangle at an edge of two triangles; NULL at other edges. *against: both
+ * triangles have the edge in the same direction. */
 static const mesh_side *other_side(const mesh_edges *edges, uint32_t a, uint32_t b, uint32_t triangle,
                                    bool *against)
 {
@@ -136,14 +137,16 @@ static double angle_at(const making *k, const mesh_side *s)
     return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
 }
 
-/* Length of the edges with dihedral angles near MESH_PATCHES_ANGLE, and above. CAD models have few edges near that angle, however coarse
- * the facets of their arcs are. On scans and on decimated or coarse meshes the length decreases with the angle. */
+/* Length of the edges with dihedral angles near MESH_PATCHES_ANGLE, and above. CAD models have few edges near
+ * that angle, however coarse the facets of their arcs are. On scans and on decimated or coarse meshes the
+ * length decreases with the angle. */
 typedef struct bends {
     double near, above;
 } bends;
 
-/* near_angle: half-width of the interval, radians. most_near: largest ratio near / above of a CAD-like mesh; real CAD models have .65 at
- * most, scans .76 at least. flat_below: radians; flatter edges are not examined. */
+/* near_angle: half-width of the interval, radians. most_near: largest ratio near / above of a CAD-like mesh;
+ * real CAD models have .65 at most, scans .76 at least. flat_below: radians; flatter edges are not
+ * examined. */
 static const double near_angle = 0.15, most_near = 0.7, flat_below = 0.2;
 
 static void bends_add(bends *b, double angle, double length)
@@ -161,7 +164,8 @@ static double feature_angle(const making *k, const bends *b)
     return b->near <= most_near * b->above ? MESH_PATCHES_ANGLE : 0;
 }
 
-/* Whether the dihedral angle of an edge is certainly below `flat_below`, as at most edges; computed without the angle. */
+/* Whether the dihedral angle of an edge is certainly below `flat_below`, as at most edges; computed
+ * without the angle. */
 static bool is_flat(const making *k, const mesh_side *s)
 {
     static const double surely = 0.99;
@@ -204,7 +208,8 @@ typedef struct bent_edge {
     double angle, length;
 } bent_edge;
 
-/* Connected components of sharp edges: networks, joined at any vertex; chains, joined where exactly two edges meet and bend little. */
+/* Connected components of sharp edges: networks, joined at any vertex; chains, joined where exactly two
+ * edges meet and bend little. */
 typedef struct feature_groups {
     bent_edge *edge;
     size_t count;
@@ -292,9 +297,9 @@ static void measure_groups(const making *k, feature_groups *g)
     }
 }
 
-/* least_length: of a network, and on a scan of a chain, in spacings; a shorter one is noise or has too few samples to matter.
- * surely_bent: dihedral angle, radians; a network with a sharper edge is kept at any length. LEAST_EDGES: of a chain on a scan; chains of
- * noise are shorter. */
+/* least_length: of a network, and on a scan of a chain, in spacings; a shorter one is noise or has too few
+ * samples to matter. surely_bent: dihedral angle, radians; a network with a sharper edge is kept at any
+ * length. LEAST_EDGES: of a chain on a scan; chains of noise are shorter. */
 static const double least_length = 4, surely_bent = 1;
 enum { LEAST_EDGES = 16 };
 

@@ -12,7 +12,8 @@ static const char what[] = "the refined triangles of the mesh";
 
 #define NONE UINT32_MAX
 
-/* Sine of the angle between a triangle's normal and a vertex normal. With larger angles, particles on large triangles converge slowly. */
+/* Sine of the angle between a triangle's normal and a vertex normal. With larger angles, particles on
+ * large triangles converge slowly. */
 static const double least_bend = 0.1;
 
 /* One round: edges that are too long get a vertex at their midpoint. */
@@ -27,8 +28,8 @@ static vec3 middle_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_scale(vec3_add(m->vertex[a], m->vertex[b]), 0.5);
 }
 
-/* The corner of its triangle at which side `s` of an edge begins; v: the lower vertex of the edge. A triangle in which two vertices are joined
- * has two sides that begin at the same vertex. */
+/* The corner of its triangle at which side `s` of an edge begins; v: the lower vertex of the edge. A triangle
+ * in which two vertices are joined has two sides that begin at the same vertex. */
 static int begins_at(const mesh *m, const mesh_side *s, uint32_t v)
 {
     const uint32_t from = s->upwards ? v : s->other, to = s->upwards ? s->other : v,
@@ -46,7 +47,8 @@ static void side_vertices(const mesh *m, const mesh_side *s, int k, uint32_t out
     out[1] = a < b ? b : a;
 }
 
-/* Whether a vertex normal differs from the normal of the triangle. Its sign is ignored, because it is arbitrary on a one-sided surface. */
+/* Whether a vertex normal differs from the normal of the triangle. Its sign is ignored, because it is
+ * arbitrary on a one-sided surface. */
 static bool is_bent(const mesh *m, const vec3 *normal, size_t n)
 {
     const uint32_t *t = m->triangle[n];
@@ -71,8 +73,8 @@ static bool has_long_side(const mesh *m, double longest)
     return found;
 }
 
-/* The new vertex of side k of an edge: that of an earlier side with the same vertices, or a new one. Patches that meet in an edge have different
- * vertices at the same positions. */
+/* The new vertex of side k of an edge: that of an earlier side with the same vertices, or a new one. Patches
+ * that meet in an edge have different vertices at the same positions. */
 static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first, size_t k, uint32_t v,
                               const mesh *joined)
 {
@@ -87,7 +89,8 @@ static uint32_t middle_vertex(halving *h, const mesh_edges *edges, size_t first,
     return (uint32_t)h->vertices++;
 }
 
-/* Marks the edges to be halved. `joined`: the mesh with one vertex at each position, so that an edge is halved in all patches or in none. */
+/* Marks the edges to be halved. `joined`: the mesh with one vertex at each position, so that an edge is
+ * halved in all patches or in none. */
 static void mark_sides(halving *h, const mesh *joined, const mesh_edges *edges, const vec3 *normal,
                        double longest)
 {

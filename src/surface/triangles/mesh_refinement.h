@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_refinement: halves long edges of triangles where the surface bends. If called until nothing changes, normals
- * that are interpolated between vertices turn only within about the distance `longest` from the edges of large
- * triangles. The surface itself does not change. Pure function except for allocation.
+/* mesh_refinement: halves long edges of triangles where the surface bends. If called until nothing changes,
+ * normals that are interpolated between vertices turn only within about the distance `longest` from the edges
+ * of large triangles. The surface itself does not change. Pure function except for allocation.
  */
 #ifndef HEXAD_SURFACE_TRIANGLES_MESH_REFINEMENT_H
 #define HEXAD_SURFACE_TRIANGLES_MESH_REFINEMENT_H
@@ -12,14 +12,14 @@
 #include "base/core/error.h"
 #include "geometry/mesh/mesh.h"
 
-/* One round: halves each edge longer than `longest` once, if a vertex normal (unit) of an adjacent triangle differs
- * from the normal of the triangle. Several vertices may have the same position, one for each patch: an edge is
- * halved in all patches or in none. Group k has the triangles first[k] .. first[k + 1] - 1, k < count, before and
- * after.
+/* One round: halves each edge longer than `longest` once, if a vertex normal (unit) of an adjacent triangle
+ * differs from the normal of the triangle. Several vertices may have the same position, one for each patch:
+ * an edge is halved in all patches or in none. Group k has the triangles first[k] .. first[k + 1] - 1, k <
+ * count, before and after.
  *
  * *changed: an edge was halved. If the result would have more than `most` triangles, the mesh stays as it is,
- * *changed is false and the function returns true. Error: limit_memory; the mesh is unchanged then, and *changed
- * undefined.
+ * *changed is false and the function returns true. Error: limit_memory; the mesh is unchanged then,
+ * and *changed undefined.
  */
 bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
                  bool *changed, error *e);

@@ -17,18 +17,22 @@ static const char what[] = "the surface of the mesh";
 
 /* Tolerance for places at the end of a patch, over the extent of the mesh. */
 static const double rounding = 1e-7;
-/* A place above a triangle within this distance, over the extent, is on it: another triangle cannot be closer by more than this. */
+/* A place above a triangle within this distance, over the extent, is on it: another triangle cannot be
+ * closer by more than this. */
 static const double touching = 1e-6;
-/* Minimum height of a triangle over its longest edge for the shape operator. The gradient of the normal over a thinner triangle is meaningless. */
+/* Minimum height of a triangle over its longest edge for the shape operator. The gradient of the normal
+ * over a thinner triangle is meaningless. */
 static const double least_height = 1e-3;
-/* Maximum number of triangles that a walk crosses before the tree is searched: from a particle's last triangle, and between places that are sampled
- * one after the other. */
+/* Maximum number of triangles that a walk crosses before the tree is searched: from a particle's last
+ * triangle, and between places that are sampled one after the other. */
 enum { MOST_STEPS = 4, MOST_STEPS_BETWEEN = 24 };
 
-/* MOST_ROUNDS: of refinement, each halves long sides once. REFINED_BYTES: peak memory per triangle during refinement, approximate. */
+/* MOST_ROUNDS: of refinement, each halves long sides once. REFINED_BYTES: peak memory per triangle during
+ * refinement, approximate. */
 enum { MOST_ROUNDS = 32, REFINED_BYTES = 400 };
 
-/* Radius of the disc over which shape operators are averaged, in spacings, and the largest number of rounds, which bounds the time. */
+/* Radius of the disc over which shape operators are averaged, in spacings, and the largest number of
+ * rounds, which bounds the time. */
 static const double SMOOTHED_OVER = 0.5;
 enum { MOST_SMOOTHING = 16 };
 
@@ -130,7 +134,8 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
     return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch they are turned to the side of the first. */
+/* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch
+ * they are turned to the side of the first. */
 static void find_normals(const mesh_surface *s, vec3 *normal)
 {
     const mesh_patches *m = &s->mesh;
@@ -182,7 +187,8 @@ static sym3 normal_gradient(const mesh_surface *s, size_t n, vec3 cross)
     return sum;
 }
 
-/* Shape operators of the vertices: means over the incident triangles, weighted by area. On a one-sided patch the sign is that of the vertex normal. */
+/* Shape operators of the vertices: means over the incident triangles, weighted by area. On a one-sided
+ * patch the sign is that of the vertex normal. */
 static bool find_shapes(mesh_surface *s, error *e)
 {
     const mesh *m = &s->mesh.m;
@@ -210,8 +216,9 @@ static bool find_shapes(mesh_surface *s, error *e)
     return true;
 }
 
-/* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the triangles of a scan are
- * smaller than the spacing, and noisy. Skips one-sided patches, where signs may differ. */
+/* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the
+ * triangles of a scan are smaller than the spacing, and noisy. Skips one-sided patches, where signs may
+ * differ. */
 static bool smooth_shapes(mesh_surface *s, double longest, error *e)
 {
     const mesh *m = &s->mesh.m;
@@ -241,7 +248,8 @@ static bool smooth_shapes(mesh_surface *s, double longest, error *e)
     return ok;
 }
 
-/* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of one triangle. */
+/* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of
+ * one triangle. */
 static bool find_sides(mesh_surface *s, error *e)
 {
     mesh_edges edges = {0};
@@ -311,8 +319,9 @@ static double distance_along(const closest_point *f)
     return up == 0 ? 0 : fmax(fmin(far * far / up, most), -most);
 }
 
-/* Walks from triangle *n across edges to the triangle below x. True: x is so near to triangle *n that no other triangle can be closer; `weight` are
- * the barycentric weights of the closest point. False: undecided; *n is the last triangle of the walk. */
+/* Walks from triangle *n across edges to the triangle below x. True: x is so near to triangle *n that no
+ * other triangle can be closer; `weight` are the barycentric weights of the closest point. False:
+ * undecided; *n is the last triangle of the walk. */
 static bool walk(const mesh_surface *s, int most_steps, uint32_t *n, vec3 x, double weight[3])
 {
     for (int step = 0; step < most_steps; step++) {
@@ -357,7 +366,8 @@ static bool is_of_patch(const patch_field *p, uint32_t hint)
     return hint - p->first < p->triangles.triangle_count;
 }
 
-/* The closest triangle of the patch, and the barycentric weights of the closest point. Faster if *near is a triangle nearby. */
+/* The closest triangle of the patch, and the barycentric weights of the closest point. Faster if *near is
+ * a triangle nearby. */
 static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, double weight[3])
 {
     const size_t n = is_of_patch(p, *near) ? triangle_tree_find_from(p->tree, x, *near - p->first, weight)
@@ -365,7 +375,8 @@ static uint32_t find_in_patch(const patch_field *p, vec3 x, uint32_t *near, doub
     return *near = (uint32_t)(p->first + n);
 }
 
-/* find_in_patch; but if x is close to the wall of the hint, the triangle of that wall, even if another wall of the patch is closer. */
+/* find_in_patch; but if x is close to the wall of the hint, the triangle of that wall, even if another
+ * wall of the patch is closer. */
 static uint32_t nearest_of_patch(const patch_field *p, vec3 x, uint32_t *hint, double weight[3])
 {
     if (is_of_patch(p, *hint) && walk(p->whole, MOST_STEPS_BETWEEN, hint, x, weight)) return *hint;
@@ -387,7 +398,8 @@ static bool sample_patch(const field *f, vec3 x, field_order order, field_sample
     return sample_patch_near(f, x, order, &hint, out);
 }
 
-/* Prefetches the triangles of the hints, then their vertices. (Inlined: the compiler removes calls of a function that only prefetches.) */
+/* Prefetches the triangles of the hints, then their vertices. (Inlined: the compiler removes calls of a
+ * function that only prefetches.) */
 ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
 {
     for (int l = 0; l < VEC3_LANES; l++) {
@@ -403,8 +415,8 @@ ISA_INLINE void prefetch(const mesh_surface *s, const uint32_t hint[VEC3_LANES])
         }
 }
 
-/* Gathers the triangles of the hints. Lanes that are undefined, without a hint or with one of another patch get a degenerate triangle, above which
- * no place lies. */
+/* Gathers the triangles of the hints. Lanes that are undefined, without a hint or with one of another patch
+ * get a degenerate triangle, above which no place lies. */
 static void gather_lanes(const mesh_surface *s, const uint32_t patch[VEC3_LANES],
                          const bool defined[VEC3_LANES], const uint32_t hint[VEC3_LANES], const vec3_lanes *x,
                          smooth_triangle_lanes *out)
@@ -421,8 +433,8 @@ static void gather_lanes(const mesh_surface *s, const uint32_t patch[VEC3_LANES]
     }
 }
 
-/* Samples lane l, whose place is not above the triangle of its hint. The search starts from the hint, or else from the triangle of the lane before.
- * Returns the triangle. */
+/* Samples lane l, whose place is not above the triangle of its hint. The search starts from the hint, or else
+ * from the triangle of the lane before. Returns the triangle. */
 static uint32_t sample_beyond(const mesh_surface *s, const patch_field *p, int l, const vec3_lanes *x,
                               uint32_t hint, uint32_t last, double value[VEC3_LANES], vec3_lanes *gradient)
 {
@@ -596,8 +608,8 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
     return true;
 }
 
-/* Halves the edges that are too long, down to the resolution of the weights. The decision depends on the ends of an edge only, so that the pieces on
- * both sides agree. */
+/* Halves the edges that are too long, down to the resolution of the weights. The decision depends on the ends
+ * of an edge only, so that the pieces on both sides agree. */
 static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], const cutting *c, error *e)
 {
     vec3 at[6] = {corner[0], corner[1], corner[2]}; /* entry 3 + k: the midpoint of the edge from corner k */
@@ -635,7 +647,8 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
 {
     const mesh *m = &s->mesh.m;
     const cutting c = {longest, mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
-    /* the pieces along the longest side alone would exceed the limit: refused before the recursion goes so deep */
+    /* the pieces along the longest side alone would exceed the limit: refused before the recursion goes so
+     * deep */
     if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const piece all = whole_triangle(n);
@@ -646,7 +659,8 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     return true;
 }
 
-/* Refines the triangles where the surface bends, to sides of at most `longest`, then computes the vertex normals. */
+/* Refines the triangles where the surface bends, to sides of at most `longest`, then computes the vertex
+ * normals. */
 static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     mesh_patches *m = &s->mesh;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_surface: a triangle mesh as a field of patches (surface/field/patches.h). The zero set of each patch is its
- * triangles.
+/* mesh_surface: a triangle mesh as a field of patches (surface/field/patches.h). The zero set of each patch
+ * is its triangles.
  *
- * F of a patch at x is the signed distance from x to the plane of the closest triangle, along the interpolated
- * normal at the closest point of that triangle. One Newton step from x therefore ends in that plane. Beyond its
- * curves a patch continues in the planes of its last triangles. Second derivatives are those of the interpolated
- * normals, as a shape operator at each vertex. Long edges are halved where the surface bends (mesh_refinement.h), so
- * that normals turn within a spacing of an edge. The grid cells of the field are the triangles, divided into pieces.
- * World units. Sampling: any thread.
+ * F of a patch at x is the signed distance from x to the plane of the closest triangle, along the
+ * interpolated normal at the closest point of that triangle. One Newton step from x therefore ends in that
+ * plane. Beyond its curves a patch continues in the planes of its last triangles. Second derivatives are
+ * those of the interpolated normals, as a shape operator at each vertex. Long edges are halved where the
+ * surface bends (mesh_refinement.h), so that normals turn within a spacing of an edge. The grid cells of the
+ * field are the triangles, divided into pieces. World units. Sampling: any thread.
  */
 #ifndef HEXAD_SURFACE_TRIANGLES_MESH_SURFACE_H
 #define HEXAD_SURFACE_TRIANGLES_MESH_SURFACE_H
@@ -18,10 +18,10 @@
 
 typedef struct mesh_surface mesh_surface;
 
-/* Takes ownership of *patches and zeroes it, also on failure. `longest`: maximum edge length of a piece, and of a
- * triangle where the surface bends. `memory_limit`: maximum size, in bytes, of the triangles, the pieces, and the
- * data that a scan of the surface (surface_scan) keeps for each piece. NULL on error: no_surface (no area),
- * limit_memory. */
+/* Takes ownership of *patches and zeroes it, also on failure. `longest`: maximum edge length of a piece, and
+ * of a triangle where the surface bends. `memory_limit`: maximum size, in bytes, of the triangles, the
+ * pieces, and the data that a scan of the surface (surface_scan) keeps for each piece. NULL on error:
+ * no_surface (no area), limit_memory. */
 mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e);
 void mesh_surface_free(mesh_surface *s); /* accepts NULL */
 

@@ -77,8 +77,9 @@ void triangle_tree_free(triangle_tree *n)
     free(n);
 }
 
-/* The tree, built at the first call. A search returns no error: if memory is out, the process is aborted, as by mem_alloc. Lazy trees are small
- * (UNGROUPED in mesh_faces.c): 2 MB at most, and 1.6 MB more during construction. */
+/* The tree, built at the first call. A search returns no error: if memory is out, the process is aborted, as
+ * by mem_alloc. Lazy trees are small (UNGROUPED in mesh_faces.c): 2 MB at most, and 1.6 MB more during
+ * construction. */
 static const box_tree *tree_of(const triangle_tree *n)
 {
     lazy_tree *l = n->lazy;
@@ -104,7 +105,8 @@ static inline double most_of(double a, double b, double c)
     return d > c ? d : c;
 }
 
-/* Whether the bounding box of a triangle is farther than the squared distance, with a margin for rounding. Rejects most triangles of a leaf. */
+/* Whether the bounding box of a triangle is farther than the squared distance, with a margin for rounding.
+ * Rejects most triangles of a leaf. */
 static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
 {
     const double margin = 1e-12;
@@ -115,8 +117,8 @@ static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
     return box_tree_distance2(&box, p) > (1 + margin) * distance2;
 }
 
-/* The closest accepted triangle with a squared distance below *nearest, which receives its squared distance. The number of triangles: there is
- * none. */
+/* The closest accepted triangle with a squared distance below *nearest, which receives its squared distance.
+ * The number of triangles: there is none. */
 static inline size_t search(const triangle_tree *n, vec3 p, double *nearest, triangle_tree_accept *accept,
                             const void *context)
 {
@@ -161,8 +163,8 @@ size_t triangle_tree_find(const triangle_tree *n, vec3 p, double weight[3])
     return weights_of(n, found, p, weight);
 }
 
-/* An upper bound of the squared distance to triangle `start`, with a margin for rounding: a search with this bound finds the same triangle as one
- * without. */
+/* An upper bound of the squared distance to triangle `start`, with a margin for rounding: a search with this
+ * bound finds the same triangle as one without. */
 static double bound_by(const triangle_tree *n, vec3 p, size_t start)
 {
     const double margin = 1e-9;

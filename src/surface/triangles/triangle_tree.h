@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to find the
- * closest triangle and the intersections with a line. Immutable after construction. All searches: any thread, also
- * the first search of a lazy tree (it locks). Lengths are those of the mesh.
+/* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to
+ * find the closest triangle and the intersections with a line. Immutable after construction. All searches:
+ * any thread, also the first search of a lazy tree (it locks). Lengths are those of the mesh.
  */
 #ifndef HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
 #define HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
@@ -12,11 +12,12 @@
 
 typedef struct triangle_tree triangle_tree;
 
-/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL: limit_memory. */
+/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL:
+ * limit_memory. */
 triangle_tree *triangle_tree_new(const mesh *m, error *e);
-/* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be searched.
- * Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB): a search returns no error, so that
- * the process is aborted if memory is out at the first search. */
+/* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be
+ * searched. Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB): a search returns
+ * no error, so that the process is aborted if memory is out at the first search. */
 triangle_tree *triangle_tree_new_lazy(const mesh *m);
 void triangle_tree_free(triangle_tree *n); /* accepts NULL */
 
@@ -26,8 +27,8 @@ size_t triangle_tree_find(const triangle_tree *n, vec3 p, double weight[3]);
 /* triangle_tree_find, faster if triangle `start` is near p. */
 size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, double weight[3]);
 
-/* Finds the closest triangle if its squared distance is less than *distance2, and sets *distance2 to it. False:
- * there is none. */
+/* Finds the closest triangle if its squared distance is less than *distance2, and sets *distance2 to it.
+ * False: there is none. */
 bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2, size_t *nearest);
 
 /* Whether a triangle with the corners *t is accepted by a search. `n`: its number in its own tree. */
@@ -56,18 +57,20 @@ typedef struct triangle_forest triangle_forest;
 triangle_forest *triangle_forest_new(const triangle_tree *const *tree, size_t count, error *e);
 void triangle_forest_free(triangle_forest *n); /* accepts NULL */
 
-/* Returns the tree with the closest triangle, the first one at equal distances, and sets *nearest to that triangle. */
+/* Returns the tree with the closest triangle, the first one at equal distances, and sets *nearest to that
+ * triangle. */
 size_t triangle_forest_find(const triangle_forest *n, vec3 p, size_t *nearest);
 
-/* Finds the closest point of the accepted triangles of all trees that is nearer than `within`. False: there is none. */
+/* Finds the closest point of the accepted triangles of all trees that is nearer than `within`. False:
+ * there is none. */
 bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double within,
                                    triangle_tree_accept *accept, const void *context, vec3 *place);
 
 /* triangle_tree_cross over all triangles of all trees. */
 line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d);
 
-/* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another tree has
- * a closer triangle, or is earlier at the same distance. */
+/* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another
+ * tree has a closer triangle, or is earlier at the same distance. */
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest);
 
 size_t triangle_forest_bytes(const triangle_forest *n);

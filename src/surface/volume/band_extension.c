@@ -15,13 +15,14 @@
 enum { BLOCKS = 64 }; /* in a chunk of work */
 /* Of voxels; beyond, straight lines are enough. */
 enum { LAYERS = 2 };
-/* Number of blocks by which the band is extended beyond blocks that have a known voxel: no caller reads farther. */
+/* Number of blocks by which the band is extended beyond blocks that have a known voxel: no caller reads
+ * farther. */
 enum { ROUNDS = 2 };
 /* Maximum factor by which extrapolation may increase a value; see bounded. */
 enum { LINE_MOST = 3 * SIDE };
 
-/* A block that is continued and those below and above it along each axis: which of their voxels are known, and these. A missing
- * block has no known voxels. */
+/* A block that is continued and those below and above it along each axis: which of their voxels are known,
+ * and these. A missing block has no known voxels. */
 typedef struct surroundings {
     float *here;
     const float *beyond[6];
@@ -44,8 +45,8 @@ ISA_INLINE void find_surroundings(const samples *s, uint32_t block, surroundings
     memcpy(out->layers + 3 + SIDE, out->known[1], 3 * sizeof *out->layers);
 }
 
-/* For each voxel of the layer x of a block, as bits: whether the voxel `step` away is known: below (side 0) or above along an
- * axis; step <= 3. */
+/* For each voxel of the layer x of a block, as bits: whether the voxel `step` away is known: below (side 0)
+ * or above along an axis; step <= 3. */
 ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int side, int step)
 {
     if (axis == 0) return s->layers[x + 3 + (side ? step : -step)];
@@ -56,8 +57,8 @@ ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int sid
     return side ? (here >> by & ~high) | (there << back & high) : (here << by & ~low) | (there >> back & low);
 }
 
-/* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1] which have
- * one `step` steps away; k: below and above along each axis. */
+/* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1]
+ * which have one `step` steps away; k: below and above along each axis. */
 ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
 {
     const uint64_t here = s->layers[x + 3];
@@ -111,8 +112,8 @@ ISA_INLINE lanes across(lanes a, lanes b, int from)
     return a;
 }
 
-/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. For a missing block they are
- * undefined. */
+/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. For a missing
+ * block they are undefined. */
 ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int side, int step)
 {
     const float *there = s->beyond[2 * axis + side];
@@ -130,8 +131,8 @@ ISA_INLINE lanes line_bend(lanes a, lanes b, lanes c)
     return lanes_larger(lanes_smaller(a - 2 * b + c, most), -most);
 }
 
-/* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off what
- * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
+/* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off
+ * what meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
 ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
 {
     const lanes_mask side = (lanes_mask)raw & INT32_MIN;
@@ -226,8 +227,9 @@ static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
     return left;
 }
 
-/* Eight lines side by side: their voxels number i, and byte i of `known` has their known bits. A line that ends with two
- * known voxels goes straight on, up (or down) to the end of the block. Returns which are known then. */
+/* Eight lines side by side: their voxels number i, and byte i of `known` has their known bits. A line that
+ * ends with two known voxels goes straight on, up (or down) to the end of the block. Returns which are
+ * known then. */
 ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
 {
     const int by = up ? 1 : -1;
@@ -273,8 +275,8 @@ ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
     }
 }
 
-/* The axes, that along which values change most first: extrapolation across the surface is more accurate than along it. One pair
- * of known voxels of each layer is compared. */
+/* The axes, that along which values change most first: extrapolation across the surface is more accurate than
+ * along it. One pair of known voxels of each layer is compared. */
 static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
 {
     static const uint64_t below_last = 0x7f7f7f7f7f7f7f7fu;
@@ -313,9 +315,9 @@ ISA_INLINE void go_straight_within(extension *job, size_t n)
     set_whole(job, n, is_whole(known));
 }
 
-/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole rows are
- * read and written, those of neighbours while these write theirs: of what is known the same bits again, and nothing else
- * of them counts. */
+/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole
+ * rows are read and written, those of neighbours while these write theirs: of what is known the same bits
+ * again, and nothing else of them counts. */
 ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
@@ -346,8 +348,8 @@ typedef struct crossing_lines {
     int axis, side;
 } crossing_lines;
 
-/* How much values grow where the lines cross, which is larger the straighter they lead away from the surface. Four lines
- * are evaluated. */
+/* How much values grow where the lines cross, which is larger the straighter they lead away from the surface.
+ * Four lines are evaluated. */
 static double growth(const crossing_lines *l)
 {
     const int along = block_stride[l->axis], end = l->side ? 0 : (SIDE - 1) * along,
@@ -384,7 +386,8 @@ ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known
     }
 }
 
-/* Blocks that no line of their own fills: from that beside them, whole since an earlier round, from which values grow most. */
+/* Blocks that no line of their own fills: from that beside them, whole since an earlier round, from which
+ * values grow most. */
 ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;

@@ -55,10 +55,10 @@ ISA_INLINE bool block_has_any(const uint64_t bits[GRID_VIEW_SIDE])
     return any != 0;
 }
 
-/* The second difference for extrapolating a line beyond its voxels a, b, c, the nearest first. A gentle bend is
- * extrapolated as a parabola. A bend of more than half of the slope is an edge or noise, and a parabola would be far
- * off. For a ball of 10 voxels, limits of 0.25 to 1 of the slope give equally small errors; with straight lines they
- * are ten times larger. */
+/* The second difference for extrapolating a line beyond its voxels a, b, c, the nearest first. A gentle bend
+ * is extrapolated as a parabola. A bend of more than half of the slope is an edge or noise, and a parabola
+ * would be far off. For a ball of 10 voxels, limits of 0.25 to 1 of the slope give equally small errors; with
+ * straight lines they are ten times larger. */
 ISA_INLINE double block_line_bend(double a, double b, double c)
 {
     const double most = 0.5 * fabs(a - b);

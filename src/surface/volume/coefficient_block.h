@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/* coefficient block: spline coefficients of a volume, in one coefficient block per block, and the sides of its
- * samples.
+/* coefficient block: spline coefficients of a volume, in one coefficient block per block, and the sides of
+ * its samples.
  *
  * A coefficient block has the coefficients that the 8^3 cells of a block need: from -1 to +9 along each axis
- * relative to the block's lowest voxel, contiguous, the third axis fastest. They are floats, since sampling is
- * limited by memory bandwidth. The caller owns all arrays. `pool` may be NULL; results do not depend on its number
- * of threads, and are incomplete if it was stopped.
+ * relative to the block's lowest voxel, contiguous, the third axis fastest. They are floats, since sampling
+ * is limited by memory bandwidth. The caller owns all arrays. `pool` may be NULL; results do not depend on
+ * its number of threads, and are incomplete if it was stopped.
  *
- * If few places will be sampled, coefficient blocks are made on first access: a surface has many more, and the first
- * access to their memory takes longer than filling it. Only a limited number is stored; for other coefficient blocks
- * the coefficients of a cell are gathered on each access.
+ * If few places will be sampled, coefficient blocks are made on first access: a surface has many more, and
+ * the first access to their memory takes longer than filling it. Only a limited number is stored; for other
+ * coefficient blocks the coefficients of a cell are gathered on each access.
  */
 #ifndef HEXAD_SURFACE_VOLUME_COEFFICIENT_BLOCK_H
 #define HEXAD_SURFACE_VOLUME_COEFFICIENT_BLOCK_H
@@ -29,8 +29,8 @@ typedef struct coefficient_blocks {
     const block_map *map; /* owned by the caller */
     float *memory;        /* COEFFICIENT_BLOCK_SIZE floats for each of `capacity` coefficient blocks */
     size_t capacity;
-    /* NULL: all coefficient blocks exist, in the order of blocks. Otherwise one state per block, and at the end the
-     * number of coefficient blocks that exist. */
+    /* NULL: all coefficient blocks exist, in the order of blocks. Otherwise one state per block, and at the
+     * end the number of coefficient blocks that exist. */
     atomic_uint *place;
     samples source; /* source of coefficient blocks that are made later; empty if all exist */
 } coefficient_blocks;
@@ -38,20 +38,21 @@ typedef struct coefficient_blocks {
 /* States of a coefficient block; other values are COEFFICIENT_BLOCK_PRESENT plus its index in `memory`. */
 enum { COEFFICIENT_BLOCK_MISSING, COEFFICIENT_BLOCK_IN_PROGRESS, COEFFICIENT_BLOCK_PRESENT };
 
-/* The number of coefficient blocks to store if they are made on first access, or 0: make all at once. They are made
- * on first access if there are so many that touching their memory is slow, and `points` (0: unknown) access only a
- * few. */
+/* The number of coefficient blocks to store if they are made on first access, or 0: make all at once. They
+ * are made on first access if there are so many that touching their memory is slow, and `points` (0: unknown)
+ * access only a few. */
 size_t coefficient_blocks_capacity(size_t blocks, size_t points);
 
-/* Makes coefficient blocks from samples that are coefficients. `later` 0: all at once; the memory of the samples is
- * freed progressively, if the blocks of the map are roughly sorted by their first coordinate. Otherwise on first
- * access, with storage for `later` coefficient blocks. Takes ownership of the samples, also on failure. Error:
- * limit_memory. */
+/* Makes coefficient blocks from samples that are coefficients. `later` 0: all at once; the memory of the
+ * samples is freed progressively, if the blocks of the map are roughly sorted by their first coordinate.
+ * Otherwise on first access, with storage for `later` coefficient blocks. Takes ownership of the samples,
+ * also on failure. Error: limit_memory. */
 bool coefficient_blocks_build(samples *s, const block_map *map, size_t later, threads *pool,
                               coefficient_blocks *out, error *e);
 void coefficient_blocks_free(coefficient_blocks *b);
 
-/* Makes the coefficient block of block n, or waits until another thread has made it. NULL: the storage is full. */
+/* Makes the coefficient block of block n, or waits until another thread has made it. NULL: the storage is
+ * full. */
 const float *coefficient_blocks_wait(const coefficient_blocks *b, uint32_t n);
 
 /* The coefficient block of block n, or NULL if the storage is full. Any thread. */
@@ -64,8 +65,8 @@ static inline const float *coefficient_blocks_at(const coefficient_blocks *b, ui
                : b->memory + (size_t)(place - COEFFICIENT_BLOCK_PRESENT) * COEFFICIENT_BLOCK_SIZE;
 }
 
-/* The coefficient block of block n for a single access: a coefficient block that does not exist is computed in
- * `buffer` and not stored. Never NULL. */
+/* The coefficient block of block n for a single access: a coefficient block that does not exist is computed
+ * in `buffer` and not stored. Never NULL. */
 const float *coefficient_blocks_read_once(const coefficient_blocks *b, uint32_t n,
                                           float buffer[COEFFICIENT_BLOCK_SIZE]);
 

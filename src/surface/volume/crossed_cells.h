@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* crossed_cells: the cells that the surface of a volume crosses, block by block, with F at their corners.
  *
- * There may be millions. A cell is a bit of its block, and F at a corner is stored once for all cells of the block that
- * share it: about 14 bytes per cell instead of 44. Cells that are added later are in a list. Units: index space; F as
- * in samples.h. Results do not depend on the number of threads of the pool, and are incomplete if it was stopped.
- * Reading: any thread.
+ * There may be millions. A cell is a bit of its block, and F at a corner is stored once for all cells of the
+ * block that share it: about 14 bytes per cell instead of 44. Cells that are added later are in a list.
+ * Units: index space; F as in samples.h. Results do not depend on the number of threads of the pool, and are
+ * incomplete if it was stopped. Reading: any thread.
  */
 #ifndef HEXAD_SURFACE_VOLUME_CROSSED_CELLS_H
 #define HEXAD_SURFACE_VOLUME_CROSSED_CELLS_H
@@ -25,7 +25,8 @@ typedef struct crossed_cell {
     float value[8]; /* F at corner k as in field_cell */
 } crossed_cell;
 
-/* The cells of a block, and the positions of F at their corners. The last element has no cells: it has the totals. */
+/* The cells of a block, and the positions of F at their corners. The last element has no cells: it has the
+ * totals. */
 typedef struct cell_block {
     uint32_t block;       /* index in the map */
     uint16_t before[8];   /* number of cells of the block in layers below x */
@@ -47,7 +48,8 @@ typedef struct crossed_cells {
 
 enum { CROSSED_CELLS_STEP = 32 };
 
-/* Lists the cells of the crossings, whose blocks are in the map, without values. Errors: limit_memory, cancelled. */
+/* Lists the cells of the crossings, whose blocks are in the map, without values. Errors: limit_memory,
+ * cancelled. */
 bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool, crossed_cells *out,
                         error *e);
 
@@ -55,8 +57,8 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
 bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, threads *pool, error *e);
 void crossed_cells_free(crossed_cells *c);
 
-/* Sets the bits of the cells in `rows`, 64 bytes for each block of the map, as in crossing_block. Call it before
- * crossed_cells_add_late. */
+/* Sets the bits of the cells in `rows`, 64 bytes for each block of the map, as in crossing_block. Call it
+ * before crossed_cells_add_late. */
 void crossed_cells_mark(const crossed_cells *c, threads *pool, uint8_t *rows);
 
 /* Takes ownership of a list of cells, allocated by malloc. Call it at most once. */

@@ -30,7 +30,8 @@ static bool append(crossings *c, const crossing_block *b, error *e)
     return true;
 }
 
-/* The corners of a layer as the cells (y, z) have them: their own, and those one farther along y, z and both. */
+/* The corners of a layer as the cells (y, z) have them: their own, and those one farther along y, z and
+ * both. */
 typedef struct beside {
     uint64_t own, y, z, yz;
 } beside;
@@ -126,8 +127,8 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
     return crossings_add(out, block, &corners, e);
 }
 
-/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of them
- * in the order of `near`. */
+/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of
+ * them in the order of `near`. */
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
     const int32_t *leaf = l->leaves.blocks[n];
@@ -161,7 +162,8 @@ static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings 
     return !(inside && outside) || look_at(l, block, near, out, e);
 }
 
-/* The blocks whose cells touch a face of a tile, `side` blocks wide: in each axis the layer below it and its last one. */
+/* The blocks whose cells touch a face of a tile, `side` blocks wide: in each axis the layer below it and
+ * its last one. */
 static bool add_shell(const int32_t origin[3], int32_t side, block_map *candidates, error *e)
 {
     for (int32_t x = 0; x <= side; x++)
@@ -175,8 +177,8 @@ static bool add_shell(const int32_t origin[3], int32_t side, block_map *candidat
     return true;
 }
 
-/* Which tiles of a level part the surface from what lies beyond them. A tile on the background's side matters only beside leaves
- * and other tiles, which count. Bits are as the table's nodes have them. */
+/* Which tiles of a level part the surface from what lies beyond them. A tile on the background's side matters
+ * only beside leaves and other tiles, which count. Bits are as the table's nodes have them. */
 typedef struct tile_search {
     const grid_view *from;
     int level;
@@ -213,9 +215,9 @@ static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int 
                     : (here << by & ~low) | (there >> 3 * by & low);
 }
 
-/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides meet at an
- * edge or a corner alone, what lies beside both is a leaf, which looks around itself, or is on one side, and so meets
- * the other by a face. */
+/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides
+ * meet at an edge or a corner alone, what lies beside both is a leaf, which looks around itself, or is on one
+ * side, and so meets the other by a face. */
 static bool meets_background(const grid_view *l, const int32_t origin[3], int32_t side, int face)
 {
     const int axis = face >> 1, a = (axis + 1) % 3, b = (axis + 2) % 3;

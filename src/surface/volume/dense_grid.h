@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /* dense_grid: converts the blocks of a dense volume near its isosurface to a sparse grid.
  *
- * Two passes over the slices find the blocks and fill them, so that the whole volume is never in memory. Beyond the end
- * of the data, values are extrapolated by point reflection at the last sample (f(-k) = 2 f(0) - f(k), axis by axis), as
- * an interpolating spline with natural ends. Such voxels are inactive, and cells with such voxels do not belong to the
- * surface.
+ * Two passes over the slices find the blocks and fill them, so that the whole volume is never in memory.
+ * Beyond the end of the data, values are extrapolated by point reflection at the last sample (f(-k) = 2
+ * f(0) - f(k), axis by axis), as an interpolating spline with natural ends. Such voxels are inactive, and
+ * cells with such voxels do not belong to the surface.
  */
 #ifndef HEXAD_SURFACE_VOLUME_DENSE_GRID_H
 #define HEXAD_SURFACE_VOLUME_DENSE_GRID_H
@@ -19,10 +19,10 @@ typedef struct dense_grid_facts {
     int64_t not_finite_at[3]; /* index of the first one */
 } dense_grid_facts;
 
-/* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is inside). Its
- * values are those of the file minus the isovalue, subtracted before the conversion to floats (vdb_grid.zero).
- * `memory_limit` bounds the grid and what is made from it, bytes. The caller frees the grid. Errors: those of the
- * slices, no_surface, limit_memory. */
+/* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is
+ * inside). Its values are those of the file minus the isovalue, subtracted before the conversion to floats
+ * (vdb_grid.zero). `memory_limit` bounds the grid and what is made from it, bytes. The caller frees the grid.
+ * Errors: those of the slices, no_surface, limit_memory. */
 vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e);
 
 #endif

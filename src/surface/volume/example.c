@@ -13,8 +13,8 @@
 /* Half-width of the narrow band, voxels: the default of OpenVDB's tools. */
 #define BAND_VOX 3
 
-/* Number of chords of the closed curve: the longest is 0.009 units and deviates from the curve by 5e-6 units, less than
- * the resolution of a half float at the edge of the band. */
+/* Number of chords of the closed curve: the longest is 0.009 units and deviates from the curve by 5e-6 units,
+ * less than the resolution of a half float at the edge of the band. */
 #define CHORDS 1500
 
 /* Half sizes of the index box of the knot with tube and band: 1 + 0.15 + 0.06 units horizontally, 0.34 + 0.21

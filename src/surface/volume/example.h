@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* example: a small generated level set for first tests: a tube along a trefoil knot, about 2.5 units across. */
+/* example: a small generated level set for first tests: a tube along a trefoil knot, about 2.5 units
+ * across. */
 #ifndef HEXAD_SURFACE_VOLUME_EXAMPLE_H
 #define HEXAD_SURFACE_VOLUME_EXAMPLE_H
 

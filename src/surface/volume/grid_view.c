@@ -171,7 +171,8 @@ static bool look_through(grid_view *l, size_t memory_limit, threads *pool, error
 }
 
 /* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
- * clamped on that side (the whole inside may be filled), and then only the active state shows which voxels are known. */
+ * clamped on that side (the whole inside may be filled), and then only the active state shows which voxels
+ * are known. */
 static void set_clamp(grid_view *l)
 {
     float b = fabsf(l->grid->background);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any position.
  *
- * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The value of a level
- * set's voxel is known if the voxel is active and not clamped to +-background; other voxels determine only the sign.
- * Every voxel of a fog volume is known: outside of the leaves it has the value of its tile or the background. In a
- * dense volume exactly the active voxels of the leaves are known. Voxel (x, y, z) of a block has offset 64 x + 8 y +
- * z and bit 8 y + z of word x, as in vdb.h. Units: index space; F in the unit of the grid. Reading is safe with any
- * number of threads.
+ * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The value of
+ * a level set's voxel is known if the voxel is active and not clamped to +-background; other voxels determine
+ * only the sign. Every voxel of a fog volume is known: outside of the leaves it has the value of its tile or
+ * the background. In a dense volume exactly the active voxels of the leaves are known. Voxel (x, y, z) of a
+ * block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F in the unit
+ * of the grid. Reading is safe with any number of threads.
  */
 #ifndef HEXAD_SURFACE_VOLUME_GRID_VIEW_H
 #define HEXAD_SURFACE_VOLUME_GRID_VIEW_H
@@ -59,12 +59,13 @@ typedef struct grid_view_block {
 /* Results do not depend on the pool, which may be NULL. Errors: limit_memory, input_damaged, cancelled. */
 bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue,
                     size_t memory_limit, threads *pool, error *e);
-/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the same
- * time. */
+/* A table may take 1 / GRID_VIEW_TABLES of the limit: when it doubles, the old and the new one exist at the
+ * same time. */
 enum { GRID_VIEW_TABLES = 3 };
 void grid_view_free(grid_view *l);
 
-/* The voxel with the lowest coordinates, x before y before z, whose value is not finite; there must be one. */
+/* The voxel with the lowest coordinates, x before y before z, whose value is not finite; there must be
+ * one. */
 void grid_view_find_not_finite(const grid_view *l, int32_t at[3]);
 
 grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);

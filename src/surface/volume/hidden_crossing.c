@@ -15,12 +15,14 @@
 #include "surface/volume/grid_view.h"
 
 enum { FACES = 6, LATTICE = 8, GROUP = 4 /* cells along each axis */, BLOCKS = 16 /* per chunk of work */ };
-/* Depth of a crossing, in units of the largest coefficient on which the face depends, below which it is ignored as
- * rounding or as insignificant. A face in a plane of voxels that contains the surface has only such values. */
+/* Depth of a crossing, in units of the largest coefficient on which the face depends, below which it is
+ * ignored as rounding or as insignificant. A face in a plane of voxels that contains the surface has only
+ * such values. */
 static const double LEAST_DEPTH = 1e-3;
-/* Maximum fraction of bent cells; above it no cell of the volume is classified as gentle. The areas of gentle cells are
- * right in the mean over all positions. This is not so next to cells whose area is computed from roots, which divide
- * the surface in another way: the area of a torus with half of its cells bent would be 6e-4 too small. */
+/* Maximum fraction of bent cells; above it no cell of the volume is classified as gentle. The areas of gentle
+ * cells are right in the mean over all positions. This is not so next to cells whose area is computed from
+ * roots, which divide the surface in another way: the area of a torus with half of its cells bent would be
+ * 6e-4 too small. */
 static const double BENT_MOST = 0.01;
 static const int step_along[3] = {COEFFICIENT_BLOCK_SLAB, COEFFICIENT_BLOCK_SIDE, 1};
 
@@ -76,8 +78,8 @@ static bool is_passed(const range *corners, const range *all, double depth)
     return (corners->high < depth && all->high > depth) || (corners->low > -depth && all->low < -depth);
 }
 
-/* Whether the corners of the face have one sign and some place of it has the other. The bound by Bezier coefficients
- * avoids most evaluations. */
+/* Whether the corners of the face have one sign and some place of it has the other. The bound by Bezier
+ * coefficients avoids most evaluations. */
 static bool dips(const double bezier[16], double depth)
 {
     const range none = {INFINITY, -INFINITY};
@@ -93,7 +95,8 @@ static bool dips(const double bezier[16], double depth)
     return is_passed(&corners, &places, depth);
 }
 
-/* The minimum depth of a crossing of a face; its coefficients start at `first`, in two layers along `across`. */
+/* The minimum depth of a crossing of a face; its coefficients start at `first`, in two layers along
+ * `across`. */
 static double least_depth(const float *first, int across, const int along[2])
 {
     float largest = 0;
@@ -246,8 +249,8 @@ ISA_INLINE void rows_to_bezier(row r[4])
     r[3] = (b + 4 * c + d) * (1.0f / 6);
 }
 
-/* Whether face_is_passed may return true for a face with these four rows of coefficients. `largest`: an upper bound of
- * the coefficients of the cell. May return true for a face that is not crossed. */
+/* Whether face_is_passed may return true for a face with these four rows of coefficients. `largest`: an upper
+ * bound of the coefficients of the cell. May return true for a face that is not crossed. */
 ISA_INLINE bool may_be_passed(row face[4], float largest)
 {
     const float off = ROUNDING * largest, depth = (float)LEAST_DEPTH * largest + off;
@@ -314,9 +317,9 @@ ISA_INLINE float largest_of(row r)
     return pairs[0] > pairs[1] ? pairs[0] : pairs[1];
 }
 
-/* Whether the spline is monotone along each axis; then no face with corners of one sign is crossed. *bends: the class
- * of curvature in the world. For voxels with this `aspect`, second differences relative to the slope are up to `aspect`
- * times as large as in index space. */
+/* Whether the spline is monotone along each axis; then no face with corners of one sign is crossed. *bends:
+ * the class of curvature in the world. For voxels with this `aspect`, second differences relative to the
+ * slope are up to `aspect` times as large as in index space. */
 ISA_INLINE bool is_monotone(const slopes *s, double aspect, field_bend *bends)
 {
     const double bend = (double)largest_of(s->bend) * aspect;
@@ -390,9 +393,10 @@ ISA_INLINE row folded(lanes r)
     return row_larger(__builtin_shufflevector(r, r, 0, 1, 2, 3), __builtin_shufflevector(r, r, 4, 5, 6, 7));
 }
 
-/* Whether doubtful_faces would find no face in any cell of a group, and all cells would be flat. The group has `length`
- * cells along the first axis and GROUP along the others; its coefficients are rows of eight from `first`. Rounding is
- * monotone: a comparison that holds for the group's bounds holds for each cell, to the last bit. */
+/* Whether doubtful_faces would find no face in any cell of a group, and all cells would be flat. The group
+ * has `length` cells along the first axis and GROUP along the others; its coefficients are rows of eight from
+ * `first`. Rounding is monotone: a comparison that holds for the group's bounds holds for each cell, to
+ * the last bit. */
 ISA_CLONES static bool group_is_flat(const float *first, int length, double aspect)
 {
     const lanes zero = {0}, none = zero - INFINITY;
@@ -443,8 +447,8 @@ ISA_CLONES_OF_128 static unsigned doubtful_faces(const float *first, double aspe
     return faces;
 }
 
-/* Whether one of `faces` is crossed. A face with corners of both signs, all farther from 0 than the maximum depth, is
- * not. `bound`: upper bound of its coefficients. */
+/* Whether one of `faces` is crossed. A face with corners of both signs, all farther from 0 than the maximum
+ * depth, is not. `bound`: upper bound of its coefficients. */
 static bool has_crossed_face(const float *first, unsigned faces, double bound)
 {
     const double depth = LEAST_DEPTH * bound;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* map: a scalar grid of a VDB file as a function of space, for painted maps.
  *
- * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if that is
- * above 0; otherwise inactive voxels are ignored. The grid has its own transform. World space. Immutable after
- * construction, any thread.
+ * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if
+ * that is above 0; otherwise inactive voxels are ignored. The grid has its own transform. World space.
+ * Immutable after construction, any thread.
  */
 #ifndef HEXAD_SURFACE_VOLUME_MAP_H
 #define HEXAD_SURFACE_VOLUME_MAP_H
@@ -15,14 +15,15 @@
 
 typedef struct map map;
 
-/* `fd` is open for reading and is not closed; `grid` as in volume_request; `path` is for messages only. The caller
- * frees the map with map_close. Errors: those of grid_selection_find and vdb_load_grid, input_damaged (an active voxel
- * is not finite); messages have the file and the grid. */
+/* `fd` is open for reading and is not closed; `grid` as in volume_request; `path` is for messages only. The
+ * caller frees the map with map_close. Errors: those of grid_selection_find and vdb_load_grid, input_damaged
+ * (an active voxel is not finite); messages have the file and the grid. */
 map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, error *e);
 void map_close(map *m);
 size_t map_memory(const map *m); /* bytes; NULL: 0 */
 
-/* The value at x; NaN if all voxels around it are ignored. `m` is a map; the type is that of a callback's context. */
+/* The value at x; NaN if all voxels around it are ignored. `m` is a map; the type is that of a callback's
+ * context. */
 double map_value(const void *m, vec3 x);
 
 #endif

@@ -45,8 +45,8 @@ ISA_INLINE float *line_at(float *row, strides by, int i)
     return row + i / SIDE * by.across + i % SIDE;
 }
 
-/* 6 times the sum over k >= 0 of POLE^k p(-k), p the parabola through f0, f1, f2 at 0, 1, 2; the line where there is no third
- * value, and the constant where there is no second. */
+/* 6 times the sum over k >= 0 of POLE^k p(-k), p the parabola through f0, f1, f2 at 0, 1, 2; the line where
+ * there is no third value, and the constant where there is no second. */
 ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool three)
 {
     const double s0 = 1 / (1 - POLE), s1 = POLE * s0 * s0, s2 = (1 + POLE) * s1 * s0;
@@ -54,7 +54,8 @@ ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool thr
     return 6 * (f0 * s0 + (slope + bend / 2) * s1 + bend / 2 * s2);
 }
 
-/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the two below. */
+/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the
+ * two below. */
 ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINES], const float *kept[2])
 {
     const size_t last = r->length - 1;

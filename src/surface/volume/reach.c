@@ -15,7 +15,8 @@ enum { FARTHEST = 2, AROUND = 2 * FARTHEST + 1, OFFSETS = AROUND * AROUND * AROU
 /* Crossed blocks for which one thread is enough. */
 enum { FEW = 2048 };
 
-/* A block beside that of the cells, and those cells of each layer along x that are near it, as bits 8 y + z. */
+/* A block beside that of the cells, and those cells of each layer along x that are near it, as bits 8 y +
+ * z. */
 typedef struct neighbour {
     int32_t step[3];
     uint64_t near[SIDE];
@@ -91,7 +92,8 @@ static void part_chunk(void *context, int worker, size_t begin, size_t end)
         if (!add_around(job, &job->crossings->blocks[i], &own->map, &own->fault)) return;
 }
 
-/* Blocks that earlier parts have are there already: the others come in the order in which one thread would find them. */
+/* Blocks that earlier parts have are there already: the others come in the order in which one thread would
+ * find them. */
 static bool add_part(const part *p, block_map *map, error *e)
 {
     if (p->fault.code != ERROR_NONE) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* reach: finds the blocks within a distance of the cells that the surface crosses.
  *
- * Distances are whole voxels from the corners of a crossed cell: the maximum norm, the Euclidean norm, or the sum
- * over the axes. A block is added if the distance of one of its voxels is within any of the three limits. Blocks of
- * crossed cells are always added.
+ * Distances are whole voxels from the corners of a crossed cell: the maximum norm, the Euclidean norm, or the
+ * sum over the axes. A block is added if the distance of one of its voxels is within any of the three limits.
+ * Blocks of crossed cells are always added.
  */
 #ifndef HEXAD_SURFACE_VOLUME_REACH_H
 #define HEXAD_SURFACE_VOLUME_REACH_H

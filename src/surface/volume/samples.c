@@ -137,7 +137,8 @@ samples_leaves samples_look(const grid_view *l, const block_map *map)
     return (samples_leaves){used * leaf, (all - used) * leaf};
 }
 
-/* Says where each block's voxels lie: in the grid's leaf, where these are taken over, or in a place of their own. */
+/* Says where each block's voxels lie: in the grid's leaf, where these are taken over, or in a place of
+ * their own. */
 static bool place_blocks(samples *s, const grid_view *l, samples_leaves taken, error *e)
 {
     const bool shared = taken.used > 0;
@@ -184,8 +185,8 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
 
 /* ---- taking cubes out */
 
-/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an axis, to the
- * one before. */
+/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an
+ * axis, to the one before. */
 typedef struct nearest {
     int within, away, back;
 } nearest;
@@ -196,8 +197,8 @@ ISA_INLINE nearest nearest_to(int at, int stride)
     return (nearest){within, abs(at - within), at < 0 ? stride : at < SIDE ? 0 : -stride};
 }
 
-/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and on as it
- * changes from the one before, unless that leads to the other side of the surface. */
+/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and
+ * on as it changes from the one before, unless that leads to the other side of the surface. */
 ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float *to)
 {
     const nearest a = nearest_to(x, block_stride[0]), b = nearest_to(y, block_stride[1]);
@@ -265,7 +266,8 @@ ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int 
     }
 }
 
-/* Windows of the usual size, a block and its border, have separate code, in which the length of rows is constant. */
+/* Windows of the usual size, a block and its border, have separate code, in which the length of rows is
+ * constant. */
 ISA_CLONES void samples_window(const samples *s, const int32_t block[3], const int low[3], int side,
                                float *out)
 {

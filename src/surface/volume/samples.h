@@ -2,8 +2,8 @@
 /* samples: F at the voxels around the surface, block by block.
  *
  * This module reads them. prefilter.h converts them to coefficients of the interpolating spline, and
- * band_extension.h extrapolates a narrow band. Blocks, offsets and bits are those of grid_view.h. Threads: those of
- * a pool; results do not depend on their number. If the pool is stopped, the result is not complete.
+ * band_extension.h extrapolates a narrow band. Blocks, offsets and bits are those of grid_view.h. Threads:
+ * those of a pool; results do not depend on their number. If the pool is stopped, the result is not complete.
  */
 #ifndef HEXAD_SURFACE_VOLUME_SAMPLES_H
 #define HEXAD_SURFACE_VOLUME_SAMPLES_H
@@ -41,33 +41,33 @@ enum { SAMPLES_RELEASED = 1024 };
 /* Memory, in bytes, of samples of `count` blocks, before and after samples_settle. */
 size_t samples_bytes(size_t count, bool settled);
 
-/* Bytes of voxels in leaves of a grid that are taken over: used by blocks of a map, and unused but kept with them.
- * Both are 0 if too few are used. */
+/* Bytes of voxels in leaves of a grid that are taken over: used by blocks of a map, and unused but kept with
+ * them. Both are 0 if too few are used. */
 typedef struct samples_leaves {
     size_t used, spare;
 } samples_leaves;
 samples_leaves samples_look(const grid_view *l, const block_map *map);
 
-/* Takes over the map of the blocks to read and, if samples_look permits it, the voxels of the view's grid, which
- * then has none; both also on failure. Error: input_damaged (a value is not finite). */
+/* Takes over the map of the blocks to read and, if samples_look permits it, the voxels of the view's grid,
+ * which then has none; both also on failure. Error: input_damaged (a value is not finite). */
 bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, block_map *map, threads *pool,
                   samples *out, error *e);
 void samples_free(samples *s);
 
-/* Frees data that are needed only while samples are made: known voxels, signs and neighbours. Windows can still be
- * read. */
+/* Frees data that are needed only while samples are made: known voxels, signs and neighbours. Windows can
+ * still be read. */
 void samples_settle(samples *s);
 
-/* Reads the cube of side^3 voxels that begins at `low`, relative to the block's lowest voxel. The block must exist,
- * and the cube must lie within it and its neighbours. Voxels of missing neighbours have the value of the nearest
- * voxel of the block. */
+/* Reads the cube of side^3 voxels that begins at `low`, relative to the block's lowest voxel. The block must
+ * exist, and the cube must lie within it and its neighbours. Voxels of missing neighbours have the value of
+ * the nearest voxel of the block. */
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
 /* Prefetches the block's voxels, before a window that contains them is read. */
 void samples_fetch(const samples *s, const int32_t block[3]);
 
-/* Releases the memory of voxels in blocks below `x` along the first axis, if it precedes the memory of all other
- * blocks. Their values are lost. */
+/* Releases the memory of voxels in blocks below `x` along the first axis, if it precedes the memory of all
+ * other blocks. Their values are lost. */
 void samples_release_below(samples *s, int32_t x);
 
 /* F at the corners of the block's cells, 9^3: the samples, or with `smooth` the values of the spline

@@ -11,7 +11,8 @@
 
 /* Tolerance for a slope of 1: distances in half floats, or on curved surfaces. */
 static const double still_one = 0.02;
-/* Maximum ratio of the upper and the lower quartile for distances; creases affect less than a quarter of the voxels. */
+/* Maximum ratio of the upper and the lower quartile for distances; creases affect less than a quarter of
+ * the voxels. */
 static const double widest = 1.25;
 /* Maximum relative difference of the slopes at the surface and at the offset. */
 static const double farthest = 0.1;
@@ -21,7 +22,8 @@ static bool is_active(const vdb_grid *g, size_t leaf, int at)
     return g->leaf_active[8 * leaf + (size_t)(at >> 6)] >> (at & 63) & 1;
 }
 
-/* |grad| at the voxel; 0 if its upper neighbours are not all active and in the leaf, or if all have one sign. */
+/* |grad| at the voxel; 0 if its upper neighbours are not all active and in the leaf, or if all have one
+ * sign. */
 static double slope_at(const vdb_grid *g, size_t leaf, int at, double value, const double to_index[3][4])
 {
     static const int step[3] = {SIDE * SIDE, SIDE, 1};

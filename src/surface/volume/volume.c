@@ -26,15 +26,16 @@
 #include "surface/volume/reach.h"
 #include "surface/volume/samples.h"
 
-/* Distances, in voxels from crossed cells, within which voxels are read. Coefficient blocks depend on two voxels beyond the margin.
- * An error at the end of the voxels decays as 0.268 to the number of voxels, counted along all axes; for arbitrary
- * values 11 voxels beyond the coefficients of a crossed cell give 5e-7. For a level set only the known voxels are used,
- * wherever they end, and coefficient blocks extrapolate them independently: from 3 voxels off the surface adjacent coefficient blocks may
- * differ, which only affects trial steps. */
+/* Distances, in voxels from crossed cells, within which voxels are read. Coefficient blocks depend on two
+ * voxels beyond the margin.
+ * An error at the end of the voxels decays as 0.268 to the number of voxels, counted along all axes; for
+ * arbitrary values 11 voxels beyond the coefficients of a crossed cell give 5e-7. For a level set only the
+ * known voxels are used, wherever they end, and coefficient blocks extrapolate them independently: from 3
+ * voxels off the surface adjacent coefficient blocks may differ, which only affects trial steps. */
 #define REACH (VOLUME_FIELD_MARGIN + 2)
 #define PATH 13
-/* With smoothing, all coefficient blocks are searched for crossings, margin included: a coefficient block extends up to 7 voxels beyond the
- * margin, its apron 1 more, and a crossing may move by a cell. */
+/* With smoothing, all coefficient blocks are searched for crossings, margin included: a coefficient block
+ * extends up to 7 voxels beyond the margin, its apron 1 more, and a crossing may move by a cell. */
 #define REACH_SMOOTH (VOLUME_FIELD_MARGIN + 9)
 
 static const reach_limits coefficient_reach = {.straight = VOLUME_FIELD_MARGIN};
@@ -218,8 +219,8 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
 /* Half-width of a narrow band beside its isovalue that is sufficient for the cells on the surface. */
 static const double BAND_VOXELS = 3;
 
-/* Sets the error for a crossed cell of a level set with an inactive or clamped corner, in a grid whose inactive voxels
- * have the right sign. */
+/* Sets the error for a crossed cell of a level set with an inactive or clamped corner, in a grid whose
+ * inactive voxels have the right sign. */
 static bool refuse_open(const loading *l, const volume *v, error *e)
 {
     const crossings *c = &l->crossings;
@@ -245,8 +246,9 @@ static bool refuse_open(const loading *l, const volume *v, error *e)
 
 static bool look_for_crossings(loading *l, volume *v, error *e);
 
-/* Reloads the grid and computes the signs of inactive voxels from the active ones by flood fill. Some programs give the
- * inside of a narrow band the sign of the outside, so that the end of the band looks like a surface. */
+/* Reloads the grid and computes the signs of inactive voxels from the active ones by flood fill. Some
+ * programs give the inside of a narrow band the sign of the outside, so that the end of the band looks
+ * like a surface. */
 static bool flood(loading *l, volume *v, error *e)
 {
     const uint64_t open = l->crossings.open_cells;
@@ -295,7 +297,8 @@ static size_t held_bytes(size_t blocks, size_t made)
            blocks * (8 * sizeof(uint64_t) + 4 * 64 + sizeof(atomic_uint)) + block_map_bytes(blocks);
 }
 
-/* Whether the blocks of samples are those of the coefficient blocks, with the same indices. Otherwise there are more. */
+/* Whether the blocks of samples are those of the coefficient blocks, with the same indices. Otherwise
+ * there are more. */
 static bool reaches_coefficients_alone(const loading *l)
 {
     return l->kind == GRID_VIEW_LEVEL_SET && !l->smooth;
@@ -533,8 +536,8 @@ static bool keep_faces(volume *v, mesh *m, bool hides, threads *pool, error *e)
     return v->faces != NULL;
 }
 
-/* Converts the mesh, which does not change, to one level set. *measured is set also if there is no surface because
- * everything is too thin. */
+/* Converts the mesh, which does not change, to one level set. *measured is set also if there is no surface
+ * because everything is too thin. */
 static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, const mesh *whole,
                         fidelity *measured, error *e)
 {
@@ -632,8 +635,8 @@ volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, co
 
 /* ---- dense volumes */
 
-/* Maximum deviation of the corners of data, in voxels, from an axis-aligned box: matrices are stored in single
- * precision, and such an error of a boundary affects no measure. */
+/* Maximum deviation of the corners of data, in voxels, from an axis-aligned box: matrices are stored in
+ * single precision, and such an error of a boundary affects no measure. */
 static const double stray_limit = 1e-3;
 
 /* The world axis, 0 to 2, of each axis of the data. False: not axis-aligned. */
@@ -690,8 +693,8 @@ static bool is_solid_at(const volume *v, int face)
     return side < 0 || (side == 0 && field_sample_at(&v->base, x, FIELD_GRADIENT, &s) && s.value < 0);
 }
 
-/* Sets the boundary: the domain ends where the surface meets the end of the data. A face that the surface does not meet
- * is entirely inside or outside; if inside, the solid extends to it. */
+/* Sets the boundary: the domain ends where the surface meets the end of the data. A face that the surface
+ * does not meet is entirely inside or outside; if inside, the solid extends to it. */
 static void set_ends(volume *v)
 {
     field *f = &v->base;

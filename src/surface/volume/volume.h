@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around the
- * isosurface.
+/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse coefficient blocks around
+ * the isosurface.
  *
- * A volume is read completely by one call, through src/io/vdb. An open volume keeps no file and no library object, only
- * coefficient blocks (8^3 cells and the coefficients around them that their splines need) around the surface, with a
- * margin within which Newton's method and the trial steps of particles are defined. Any thread may sample it. If few
- * places will be sampled, coefficient blocks are made on first access.
+ * A volume is read completely by one call, through src/io/vdb. An open volume keeps no file and no library
+ * object, only coefficient blocks (8^3 cells and the coefficients around them that their splines need) around
+ * the surface, with a margin within which Newton's method and the trial steps of particles are defined. Any
+ * thread may sample it. If few places will be sampled, coefficient blocks are made on first access.
  */
 #ifndef HEXAD_SURFACE_VOLUME_VOLUME_H
 #define HEXAD_SURFACE_VOLUME_VOLUME_H
@@ -93,14 +93,15 @@ typedef struct volume_info {
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
 
-/* Opens a grid. The caller frees the volume with volume_close. Memory is estimated from the grid's leaves before it is
- * allocated. Errors, with file, grid and reason: input_damaged, input_unsupported, grid_missing, grid_ambiguous,
- * isovalue_required, no_surface, limit_memory, cancelled. */
+/* Opens a grid. The caller frees the volume with volume_close. Memory is estimated from the grid's leaves
+ * before it is allocated. Errors, with file, grid and reason: input_damaged, input_unsupported, grid_missing,
+ * grid_ambiguous, isovalue_required, no_surface, limit_memory, cancelled. */
 volume *volume_open(const volume_request *request, error *e);
 
-/* Converts a closed triangle mesh to a level set (see levelset.h). `whole` and `notes`: the mesh and the notes of
- * its reader. Defects of the mesh become warnings. Errors, with file and reason: input_unsupported (open meshes),
- * spec_invalid (voxels that do not suit the size of the mesh), no_surface, limit_memory, cancelled. */
+/* Converts a closed triangle mesh to a level set (see levelset.h). `whole` and `notes`: the mesh and the
+ * notes of its reader. Defects of the mesh become warnings. Errors, with file and reason: input_unsupported
+ * (open meshes), spec_invalid (voxels that do not suit the size of the mesh), no_surface, limit_memory,
+ * cancelled. */
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
 
@@ -110,22 +111,22 @@ const mesh_faces *volume_faces(const volume *v);
 /* The minimum voxel size with which a band extends around an offset, world units. */
 double volume_mesh_least_voxel(double offset);
 
-/* Opens a dense volume. Where the surface meets the end of the data it is open, with a boundary on that face of the
- * data's box (see volume_loose_ends for boxes that are not axis-aligned). Errors: those of the slices, no_surface,
- * limit_memory, cancelled, input_damaged (the transform is not invertible). */
+/* Opens a dense volume. Where the surface meets the end of the data it is open, with a boundary on that face
+ * of the data's box (see volume_loose_ends for boxes that are not axis-aligned). Errors: those of the slices,
+ * no_surface, limit_memory, cancelled, input_damaged (the transform is not invertible). */
 volume *volume_open_dense(const volume_dense_request *request, error *e);
 
-/* The number of crossed cells within `box` at an end of dense data whose faces are not axis-aligned: the solver cannot
- * follow a boundary there. */
+/* The number of crossed cells within `box` at an end of dense data whose faces are not axis-aligned: the
+ * solver cannot follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 
-/* Transforms the field of dense data to a space along the data's axes, in which their ends are faces of the domain.
- * Lengths and orientation do not change. `to_world`: the inverse, as in placement_new. False: the axes are not
- * orthogonal. */
+/* Transforms the field of dense data to a space along the data's axes, in which their ends are faces of the
+ * domain. Lengths and orientation do not change. `to_world`: the inverse, as in placement_new. False: the
+ * axes are not orthogonal. */
 bool volume_align(volume *v, double to_world[16]);
 
-/* An axis-aligned box around the centre of dense data that contains no cell at their ends, with the proportions of the
- * bounding box. Empty if the data are too small. */
+/* An axis-aligned box around the centre of dense data that contains no cell at their ends, with the
+ * proportions of the bounding box. Empty if the data are too small. */
 bbox volume_clear_box(const volume *v);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);

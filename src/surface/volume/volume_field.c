@@ -208,8 +208,8 @@ static double side_of_voxel(const volume *v, uint32_t index, const int32_t voxel
     return v->inside[8 * (size_t)index + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
-/* The side in the first coefficient block on the way, found by testing all coefficient blocks: used if there are fewer coefficient blocks than blocks on
- * the way. */
+/* The side in the first coefficient block on the way, found by testing all coefficient blocks: used if there
+ * are fewer coefficient blocks than blocks on the way. */
 static double side_of_first(const volume *v, vec3 from, vec3 way)
 {
     double first = INFINITY;
@@ -238,7 +238,8 @@ static double side_of_first(const volume *v, vec3 from, vec3 way)
     return side_of_voxel(v, found, voxel);
 }
 
-/* The side in the first voxel of a coefficient block on the straight line from a place outside all coefficient blocks to the first cell. */
+/* The side in the first voxel of a coefficient block on the straight line from a place outside all
+ * coefficient blocks to the first cell. */
 static double side_on_way(const volume *v, vec3 from)
 {
     crossed_cell to;
@@ -271,8 +272,9 @@ double volume_field_side_beyond(const volume *v)
     return side;
 }
 
-/* Every crossing lies in a coefficient block, at least NEAR from its faces: the side is that of the first voxel of a coefficient block on any
- * straight line to a coefficient block. The spline is not used far from the surface, where it extrapolates a band. */
+/* Every crossing lies in a coefficient block, at least NEAR from its faces: the side is that of the first
+ * voxel of a coefficient block on any straight line to a coefficient block. The spline is not used far
+ * from the surface, where it extrapolates a band. */
 static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;
@@ -292,8 +294,8 @@ static double side(const field *f, vec3 x)
     return is_near(v, voxel) ? 0 : side_of_voxel(v, index, voxel);
 }
 
-/* Positions of the lanes along one axis: block, voxel, and fraction within the voxel. Lanes outside `low` .. `high` are
- * in no block. */
+/* Positions of the lanes along one axis: block, voxel, and fraction within the voxel. Lanes outside `low` ..
+ * `high` are in no block. */
 typedef struct lane_places {
     int32_t block[VEC3_LANES], voxel[VEC3_LANES], within[VEC3_LANES];
     int32_t way[VEC3_LANES]; /* offset of the voxel's cell in a coefficient block */
@@ -319,7 +321,8 @@ ISA_CLONES static void place_lanes(const double m[4], double low, double high, i
     for (int l = 0; l < VEC3_LANES; l++) out->way[l] = out->voxel[l] * step;
 }
 
-/* Finds the cells of the lanes; lanes that are not defined get none. `buffer`: for cells of coefficient blocks that are not stored. */
+/* Finds the cells of the lanes; lanes that are not defined get none. `buffer`: for cells of coefficient
+ * blocks that are not stored. */
 static void find_cells(const volume *v, const vec3_lanes *x, bool *defined, spline_lanes *out,
                        float buffer[VEC3_LANES][COEFFICIENT_BLOCK_CELL])
 {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place, also
- * far from its stored voxels. Internal to volume.c and volume_field.c; others use volume.h. Reading: any thread.
+/* volume_field: an open volume as a field: its value, derivatives and side (inside or outside) at any place,
+ * also far from its stored voxels. Internal to volume.c and volume_field.c; others use volume.h. Reading: any
+ * thread.
  */
 #ifndef HEXAD_SURFACE_VOLUME_VOLUME_FIELD_H
 #define HEXAD_SURFACE_VOLUME_VOLUME_FIELD_H
@@ -12,7 +13,8 @@
 #include "surface/volume/hidden_crossing.h"
 #include "surface/volume/volume.h"
 
-/* Voxels around the crossed cells within which F is defined. A longer Newton or trial step has left the surface. */
+/* Voxels around the crossed cells within which F is defined. A longer Newton or trial step has left the
+ * surface. */
 #define VOLUME_FIELD_MARGIN 4
 
 struct volume {
@@ -21,7 +23,8 @@ struct volume {
     double cell_radius; /* from the centre of a cell to its farthest corner, world units */
     double low[3],
         high[3]; /* bounding box of the coefficient blocks in index space; no lookup is needed outside */
-    /* Side of all places outside that box, 1 or -1; 0 if the surface may cross its faces, at the end of the data. */
+    /* Side of all places outside that box, 1 or -1; 0 if the surface may cross its faces, at the end of
+     * the data. */
     double beyond;
     block_map map;
     coefficient_blocks coefficients; /* of the map's blocks */
@@ -41,8 +44,8 @@ extern const field_ops volume_field_ops;
 /* The bounding box of the boxes of all cells, world space. */
 bbox volume_field_cells_box(const volume *v);
 
-/* The side of all places outside the bounding box of the coefficient blocks, or 0 if its corners differ. Coefficient
- * blocks, sides and cells have been set. */
+/* The side of all places outside the bounding box of the coefficient blocks, or 0 if its corners differ.
+ * Coefficient blocks, sides and cells have been set. */
 double volume_field_side_beyond(const volume *v);
 
 #endif

@@ -6,14 +6,14 @@
 #include "geometry/space/bbox.h"
 #include "geometry/space/packing.h"
 
-/* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of the level
- * set. */
+/* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of
+ * the level set. */
 static const double usual_resolution = 256;
-/* Peak memory while the surface is opened, bytes per voxel squared of the mesh's area. Measured: 350 to 450 from 256 to
- * 2048 voxels; less for thin walls. */
+/* Peak memory while the surface is opened, bytes per voxel squared of the mesh's area. Measured: 350 to 450
+ * from 256 to 2048 voxels; less for thin walls. */
 static const double bytes_per_square = 450;
-/* Fractions of memory: for voxels as small as the spacing, of the memory that the points leave; for thin parts, of all
- * memory, since their cost does not depend on the number of points. */
+/* Fractions of memory: for voxels as small as the spacing, of the memory that the points leave; for thin
+ * parts, of all memory, since their cost does not depend on the number of points. */
 static const double share_for_spacing = 0.5, share_for_thickness = 0.125;
 /* Factor of the voxel size after it exceeded the memory. */
 static const double coarsening = 1.4;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* voxel_size: chooses the voxel size of a mesh's level set, from the spacing of the points and the thickness of the
- * mesh.
+/* voxel_size: chooses the voxel size of a mesh's level set, from the spacing of the points and the thickness
+ * of the mesh.
  *
- * The first size is the usual number of voxels along the longest side, or the spacing if that is smaller: creases are
- * rounded over a voxel, and the points must not resolve this. It is reduced if thin parts are not represented. Memory
- * and a maximum number along the longest side bound it. Pure functions.
+ * The first size is the usual number of voxels along the longest side, or the spacing if that is smaller:
+ * creases are rounded over a voxel, and the points must not resolve this. It is reduced if thin parts are not
+ * represented. Memory and a maximum number along the longest side bound it. Pure functions.
  */
 #ifndef HEXAD_SURFACE_VOLUME_VOXEL_SIZE_H
 #define HEXAD_SURFACE_VOLUME_VOXEL_SIZE_H
@@ -37,8 +37,8 @@ typedef struct resolution {
 /* The first voxel size. */
 resolution voxel_size_begin(const mesh *m, const voxel_size_request *request);
 
-/* Chooses voxels for thin parts: `all` would represent all of them, `worth` those that can be represented (see
- * fidelity.h). Returns whether they are smaller than the present ones. */
+/* Chooses voxels for thin parts: `all` would represent all of them, `worth` those that can be represented
+ * (see fidelity.h). Returns whether they are smaller than the present ones. */
 bool voxel_size_refine(resolution *r, const voxel_size_request *request, double all, double worth);
 
 /* Chooses voxels between those that exceeded the memory and `enough`, which did not. */

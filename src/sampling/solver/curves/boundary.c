@@ -6,8 +6,8 @@
 
 #include "base/core/memory.h"
 
-/* Spacing of boundary particles over h. h counts them as particles with whole Voronoi cells, so that the converged packing is
- * this much wider. Smaller (0.95): a seam of defects along the boundary. */
+/* Spacing of boundary particles over h. h counts them as particles with whole Voronoi cells, so that the
+ * converged packing is this much wider. Smaller (0.95): a seam of defects along the boundary. */
 static const double BOUNDARY_SPACING = 1.04;
 /* Distance in spacings within which curve ends at an edge of the domain are one sample. */
 static const double MERGE_DISTANCE = 0.3;
@@ -29,7 +29,8 @@ static const size_t NONE = SIZE_MAX;
 
 /* ---- segments of one face */
 
-/* Distance of x from a face of the domain, positive inside. Faces: 2 axis for the minimum, 2 axis + 1 for the maximum. */
+/* Distance of x from a face of the domain, positive inside. Faces: 2 axis for the minimum, 2 axis + 1 for
+ * the maximum. */
 static double distance_inside(const field *f, int face, vec3 x)
 {
     int axis = face >> 1;
@@ -73,8 +74,8 @@ static bool add_segment(segments *all, const segment *s, error *e)
     return true;
 }
 
-/* Adds the segment in which a triangle cuts a face. A vertex in the face counts as outside: an edge in the face is then found
- * once, from the triangle inside. */
+/* Adds the segment in which a triangle cuts a face. A vertex in the face counts as outside: an edge in the
+ * face is then found once, from the triangle inside. */
 static bool cut_triangle(const field *f, int face, const vec3 t[3], segments *all, error *e)
 {
     segment s;
@@ -200,7 +201,8 @@ typedef struct sampling {
     size_t capacity;
 } sampling;
 
-/* Projects a sample onto the surface within the faces that it lies in. False if that fails or leaves the domain. */
+/* Projects a sample onto the surface within the faces that it lies in. False if that fails or leaves the
+ * domain. */
 static bool project_in_faces(const sampling *w, vec3 *x, vec3 *normal)
 {
     const field *f = w->s->field;
@@ -219,7 +221,8 @@ static void add_sample(sampling *w, vec3 x)
     w->out->normal[w->out->count++] = normal;
 }
 
-/* Adds the end of a curve. Two curves end where the surface meets an edge of the domain; the end is added once. */
+/* Adds the end of a curve. Two curves end where the surface meets an edge of the domain; the end is added
+ * once. */
 static void add_corner(sampling *w, vec3 x)
 {
     for (size_t k = 0; k < w->out->count; k++)

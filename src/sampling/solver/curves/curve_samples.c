@@ -9,21 +9,25 @@
 #include "base/core/sets.h"
 #include "sampling/solver/curves/near_curves.h"
 
-/* Integration step of the arc length with a sizing field, in local spacings. Smaller: more accurate, slower. */
+/* Integration step of the arc length with a sizing field, in local spacings. Smaller: more accurate,
+ * slower. */
 static const double SIZING_STEP = 0.25;
-/* Minimum length of a curve with distinct end samples, in spacings. A shorter curve has one sample for both corners. */
+/* Minimum length of a curve with distinct end samples, in spacings. A shorter curve has one sample for
+ * both corners. */
 static const double MIN_LENGTH = 0.5;
-/* Factor on the spacing beyond the proportional correction if there are too many samples: covers the rounding per curve. */
+/* Factor on the spacing beyond the proportional correction if there are too many samples: covers the
+ * rounding per curve. */
 static const double SPACING_MARGIN = 1.02;
-/* Maximum factor on the requested spacing if near samples are merged. Larger: gaps between the samples along edges, and few points for
- * the patches. */
+/* Maximum factor on the requested spacing if near samples are merged. Larger: gaps between the samples along
+ * edges, and few points for the patches. */
 static const double MAX_STRETCH = 1.5;
 /* Maximum number of corrections of the spacing. */
 enum { MAX_CORRECTIONS = 12 };
-/* Offset from a curve at which the two normals of a patch that meets itself are taken, in spacings: near enough to be the
- * normals at the curve, large compared with rounding errors. */
+/* Offset from a curve at which the two normals of a patch that meets itself are taken, in spacings: near
+ * enough to be the normals at the curve, large compared with rounding errors. */
 static const double NORMAL_OFFSET = 0.05;
-/* Newton steps that project a sample onto both surfaces of a curve. The start is close; convergence is quadratic. */
+/* Newton steps that project a sample onto both surfaces of a curve. The start is close; convergence is
+ * quadratic. */
 enum { NEWTON_STEPS = 6 };
 
 /* The object that messages about memory name. */
@@ -43,8 +47,8 @@ typedef struct layout {
     size_t end_count;
     size_t corner_count;
     bool *merged; /* per corner: it has no sample of its own */
-    /* Per corner: the corner whose sample represents it. A corner with a sample: itself. Otherwise: the far end of its
-     * shortest curve among those that lead to a corner with a sample. */
+    /* Per corner: the corner whose sample represents it. A corner with a sample: itself. Otherwise: the far
+     * end of its shortest curve among those that lead to a corner with a sample. */
     uint32_t *merge_target;
     uint32_t *corner[2]; /* per curve: the corners at its start and at its end */
     vec3 *point;         /* the current curve, subdivided */
@@ -101,8 +105,8 @@ static bool add_point(layout *l, vec3 x, double at, error *e)
     return true;
 }
 
-/* Sets point, at and point_count to the points of a curve and the arc length up to each, in spacings. With a sizing field,
- * segments are subdivided. */
+/* Sets point, at and point_count to the points of a curve and the arc length up to each, in spacings. With a
+ * sizing field, segments are subdivided. */
 static bool trace_curve(layout *l, const field_curve *c, error *e)
 {
     const vec3 *vertex = l->patches->vertex + c->first;
@@ -122,8 +126,8 @@ static bool trace_curve(layout *l, const field_curve *c, error *e)
     return true;
 }
 
-/* Number of steps along curve c. A closed curve never has two: a patch would then have two edges between the same two
- * samples. */
+/* Number of steps along curve c. A closed curve never has two: a patch would then have two edges between the
+ * same two samples. */
 static double step_count(const layout *l, size_t c)
 {
     double steps = round(l->length[c]);
@@ -153,8 +157,8 @@ static void merge_corners(layout *l)
     }
 }
 
-/* Computes the lengths of the curves and which corners are merged, and sorts the ends by corner. *places: the resulting number of
- * samples. */
+/* Computes the lengths of the curves and which corners are merged, and sorts the ends by corner. *places: the
+ * resulting number of samples. */
 static bool measure_curves(layout *l, double *places, error *e)
 {
     const field_patches *p = l->patches;
@@ -204,7 +208,8 @@ static bool find_merge_targets(layout *l, error *e)
     return true;
 }
 
-/* Projects x onto both zero sets of a curve by Newton steps of least norm. Returns the last iterate; without surfaces: x. */
+/* Projects x onto both zero sets of a curve by Newton steps of least norm. Returns the last iterate;
+ * without surfaces: x. */
 static vec3 project_on_both(const field_curve *c, vec3 x)
 {
     if (!c->on[0] || !c->on[1]) return x;
@@ -233,7 +238,8 @@ static vec3 normal_at(const field *patch, vec3 x)
     return vec3_unit(s.gradient);
 }
 
-/* Mean of a patch's normals on both sides of a curve along which it meets itself. `beside`: offset from the curve. */
+/* Mean of a patch's normals on both sides of a curve along which it meets itself. `beside`: offset from
+ * the curve. */
 static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
 {
     vec3 n = normal_at(patch, x), across = vec3_cross(along, n);
@@ -243,7 +249,8 @@ static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
     return vec3_norm2(sum) > 0 ? vec3_unit(sum) : n;
 }
 
-/* Adds a copy of the last sample for a patch. If the sample has a copy for it already, only the contribution `half` is added. */
+/* Adds a copy of the last sample for a patch. If the sample has a copy for it already, only the
+ * contribution `half` is added. */
 static bool add_copy(layout *l, uint32_t patch, vec3 n, double half, curve_samples *out, error *e)
 {
     uint32_t place = (uint32_t)(out->count - 1);
@@ -284,8 +291,8 @@ static bool add_sample(layout *l, vec3 x, uint32_t curve, curve_samples *out, er
     return true;
 }
 
-/* Adds copies of the last sample for all patches of a curve with direction `along`. `share`: the part of half a Voronoi cell
- * that the sample covers on each patch. */
+/* Adds copies of the last sample for all patches of a curve with direction `along`. `share`: the part of half
+ * a Voronoi cell that the sample covers on each patch. */
 static bool add_copies(layout *l, const field *f, const field_curve *c, vec3 along, double share,
                        curve_samples *out, error *e)
 {
@@ -387,9 +394,9 @@ static void count_samples(const layout *l, uint32_t *parent, uint32_t *last, dou
     }
 }
 
-/* Subtracts the Euler characteristic of each patch from its border: 2 less the number of its boundary loops. Handles are
- * ignored. A loop without samples does not exist for the particles and counts 0; a loop of one sample counts 1/2. A patch with
- * a boundary has at least one loop. */
+/* Subtracts the Euler characteristic of each patch from its border: 2 less the number of its boundary loops.
+ * Handles are ignored. A loop without samples does not exist for the particles and counts 0; a loop of one
+ * sample counts 1/2. A patch with a boundary has at least one loop. */
 static bool subtract_euler(const layout *l, curve_samples *out, error *e)
 {
     const field_patches *p = l->patches;
@@ -476,8 +483,8 @@ static bool sample_at_most(layout *l, const field *f, size_t most, curve_samples
     return sample_all(l, f, out, e);
 }
 
-/* sample_all, and merges near samples: only remaining samples are counted. If they need a spacing above MAX_STRETCH, the curves have no
- * samples. */
+/* sample_all, and merges near samples: only remaining samples are counted. If they need a spacing above
+ * MAX_STRETCH, the curves have no samples. */
 static bool sample_and_merge(layout *l, const field *f, size_t most, curve_samples *out, error *e)
 {
     const double longest = MAX_STRETCH * l->request.spacing;

@@ -13,8 +13,8 @@
 static const char what[] = "the samples along curves";
 
 static const uint32_t NONE = UINT32_MAX;
-/* Within this multiple of the merge distance a remaining sample gets copies for removed samples of a parallel curve. Larger:
- * copies for samples that it does not face. */
+/* Within this multiple of the merge distance a remaining sample gets copies for removed samples of a parallel
+ * curve. Larger: copies for samples that it does not face. */
 static const double FACING_DISTANCE = 1.3;
 
 /* A segment of a sampled curve, from one sample to the next. */
@@ -29,7 +29,8 @@ typedef struct new_copy {
     bool own;                      /* the original copy is one of the sample itself */
 } new_copy;
 
-/* Merge distance of a curve end that is not a corner of the surface, in spacings. Within it another sample covers the end. */
+/* Merge distance of a curve end that is not a corner of the surface, in spacings. Within it another sample
+ * covers the end. */
 static const double LOOSE_END_DISTANCE = 0.65;
 
 typedef struct merging {
@@ -169,7 +170,8 @@ static bool is_one_side(const merging *m, size_t a, size_t b)
            vec3_dot(r->normal[a], r->normal[b]) > RESOLUTION_OPPOSITE;
 }
 
-/* Whether two samples with their original copies belong to connected patches and are not on opposite walls. */
+/* Whether two samples with their original copies belong to connected patches and are not on opposite
+ * walls. */
 static bool were_on_one_side(const merging *m, uint32_t i, uint32_t j)
 {
     for (size_t a = m->first_copy[i]; a < m->first_copy[i + 1]; a++)
@@ -178,7 +180,8 @@ static bool were_on_one_side(const merging *m, uint32_t i, uint32_t j)
     return false;
 }
 
-/* Whether present copies of two samples are on one side. Samples on opposite walls have such copies once a curve between them was merged. */
+/* Whether present copies of two samples are on one side. Samples on opposite walls have such copies once a
+ * curve between them was merged. */
 static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
 {
     for (size_t a = m->first_new[i]; a < m->first_new[i + 1]; a++)
@@ -187,9 +190,9 @@ static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
     return false;
 }
 
-/* Whether a sample of a curve may be merged into an end of a segment: of an earlier curve, or of the same curve between
- * earlier samples. A segment that ends at the sample counts by its other end: where the curve folds back between the
- * two, they are near. */
+/* Whether a sample of a curve may be merged into an end of a segment: of an earlier curve, or of the same
+ * curve between earlier samples. A segment that ends at the sample counts by its other end: where the curve
+ * folds back between the two, they are near. */
 static bool is_earlier(const segment *s, uint32_t place, uint32_t curve)
 {
     return s->curve < curve || (s->curve == curve && s->from <= place && s->to <= place);
@@ -200,8 +203,8 @@ static double merge_distance(const merging *m)
     return m->in->of_scan ? NEAR_CURVES_OF_SCANS : NEAR_CURVES;
 }
 
-/* The nearest sample of an earlier curve that a sample is merged into; the sample itself if there is none. Segments connect the
- * samples that their ends are merged into. */
+/* The nearest sample of an earlier curve that a sample is merged into; the sample itself if there is none.
+ * Segments connect the samples that their ends are merged into. */
 static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
 {
     const double reach = merge_distance(m) * m->in->spacing[place],
@@ -236,8 +239,8 @@ static bool is_free_to_merge(const merging *m, uint32_t corner, uint32_t place)
            are_mergeable(m, corner, place);
 }
 
-/* Merges a corner into a near earlier corner, also into one that a curve joins it to. The nearest sample of another curve that
- * passes within the merge distance is merged into the corner. */
+/* Merges a corner into a near earlier corner, also into one that a curve joins it to. The nearest sample of
+ * another curve that passes within the merge distance is merged into the corner. */
 static void merge_corner(merging *m, uint32_t corner)
 {
     const double reach = merge_distance(m) * m->in->spacing[corner];
@@ -260,7 +263,8 @@ static void merge_corner(merging *m, uint32_t corner)
     }
 }
 
-/* Merges a curve end that is not a corner of the surface into the nearest sample within LOOSE_END_DISTANCE spacings. */
+/* Merges a curve end that is not a corner of the surface into the nearest sample within LOOSE_END_DISTANCE
+ * spacings. */
 static void merge_loose_end(merging *m, uint32_t corner)
 {
     double least = LOOSE_END_DISTANCE * m->in->spacing[corner];

@@ -10,17 +10,22 @@
 #include "geometry/space/packing.h"
 #include "sampling/solver/particles/population.h"
 
-/* Fixed-point iterations for the spacing: curve samples cover area, so that h grows and the samples become fewer. */
+/* Fixed-point iterations for the spacing: curve samples cover area, so that h grows and the samples become
+ * fewer. */
 enum { PASSES = 4 };
-/* Maximum number of passes that remove patches without free cells from the distribution; each pass removes at least one. */
+/* Maximum number of passes that remove patches without free cells from the distribution; each pass removes
+ * at least one. */
 enum { MAX_REMOVAL_PASSES = 20 };
 /* Maximum fraction of the points that are curve samples. The other points are left for the patches. */
 static const double MAX_SAMPLES = 0.9;
-/* A patch of fewer cells than this gets no more free cells than its area, even if its border term is negative. */
+/* A patch of fewer cells than this gets no more free cells than its area, even if its border term is
+ * negative. */
 static const double MIN_CELLS = 0.5;
-/* Maximum fraction of the points that small patches get. Beyond it, all patches are served in proportion to their area. */
+/* Maximum fraction of the points that small patches get. Beyond it, all patches are served in proportion
+ * to their area. */
 static const double MAX_SMALL_PATCHES = 0.25;
-/* A small patch within this distance of a point gets no point of its own, in spacings. Smaller: over-dense points. */
+/* A small patch within this distance of a point gets no point of its own, in spacings. Smaller: over-dense
+ * points. */
 static const double COVERED_DISTANCE = 0.6;
 
 /* The object that messages about memory name. */
@@ -39,8 +44,8 @@ static bool make_samples(const quota_input *in, double spacing, size_t most, cur
     return curve_samples_make(in->field, &request, out, e);
 }
 
-/* Voronoi cells of a patch that its curve samples do not cover, if the surface has `cells` cells. Negative: the samples cover
- * more than the patch. */
+/* Voronoi cells of a patch that its curve samples do not cover, if the surface has `cells` cells. Negative:
+ * the samples cover more than the patch. */
 static double free_cells(const quota_input *in, const curve_samples *samples, size_t patch, double cells)
 {
     const double all = share_of(in, patch) * cells, border = samples->border[patch];
@@ -58,8 +63,8 @@ static double sum_of_free_cells(const quota_input *in, const curve_samples *samp
 /* How the free particles of a patch are determined: in proportion to its free cells, or as a small patch. */
 enum { PROPORTIONAL, ONE_POINT, NO_POINT };
 
-/* Number of cells of the surface for which the free cells of the proportional patches sum to `count`. The excess of a patch
- * whose samples cover more than its area is not transferred to other patches. */
+/* Number of cells of the surface for which the free cells of the proportional patches sum to `count`. The
+ * excess of a patch whose samples cover more than its area is not transferred to other patches. */
 static double cells_for(const quota_input *in, const curve_samples *samples, const unsigned char *rule,
                         double count)
 {
@@ -144,8 +149,9 @@ static void visit_point(void *context, uint32_t point)
         point < search->first || search->rule[search->list[point - search->first].patch] == ONE_POINT;
 }
 
-/* Sets `rule` of each patch. A small patch gets one point, unless a curve sample or a larger small patch is near. If these
- * points exceed MAX_SMALL_PATCHES of `count`, all patches are proportional. *served: the number of patches with one point. */
+/* Sets `rule` of each patch. A small patch gets one point, unless a curve sample or a larger small patch is
+ * near. If these points exceed MAX_SMALL_PATCHES of `count`, all patches are proportional. *served: the
+ * number of patches with one point. */
 static bool assign_small_patches(const quota_input *in, const curve_samples *samples, double spacing,
                                  double cells, size_t count, unsigned char *rule, size_t *served, error *e)
 {
@@ -180,8 +186,8 @@ static bool assign_small_patches(const quota_input *in, const curve_samples *sam
     return ok;
 }
 
-/* Distributes `count` free particles: one for each patch with ONE_POINT. The proportional patches get the others in proportion to
- * their free cells, rounded to within one. */
+/* Distributes `count` free particles: one for each patch with ONE_POINT. The proportional patches get the
+ * others in proportion to their free cells, rounded to within one. */
 static bool distribute(const quota_input *in, double cells, const unsigned char *rule, size_t count,
                        quota *out, error *e)
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* quota: the number of particles of each patch on one level. Samples along the curves are held fixed. The other (free)
- * particles of a patch never move to another patch. World space. */
+/* quota: the number of particles of each patch on one level. Samples along the curves are held fixed. The
+ * other (free) particles of a patch never move to another patch. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_QUOTA_H
 #define HEXAD_SAMPLING_SOLVER_CURVES_QUOTA_H
 
@@ -28,10 +28,12 @@ typedef struct quota {
     size_t free_count; /* sum of `free` */
 } quota;
 
-/* Quota for `count` points. A point on a curve counts once. Free *out also after failure. Error: limit_memory. */
+/* Quota for `count` points. A point on a curve counts once. Free *out also after failure. Error:
+ * limit_memory. */
 bool quota_for_count(const quota_input *in, size_t count, quota *out, error *e);
 
-/* Quota for a spacing. `most`: maximum number of curve samples. Free *out also after failure. Error: limit_memory. */
+/* Quota for a spacing. `most`: maximum number of curve samples. Free *out also after failure. Error:
+ * limit_memory. */
 bool quota_for_spacing(const quota_input *in, double spacing, size_t most, quota *out, error *e);
 void quota_free(quota *q);
 
@@ -49,7 +51,8 @@ static inline size_t quota_particles(const quota *q)
 /* Appends the particles of the curve samples; `p` has the capacity. */
 void quota_add_samples(const quota *q, particles *p);
 
-/* Removes all fixed particles and appends those of the curve samples; `p` has the capacity. Error: limit_memory. */
+/* Removes all fixed particles and appends those of the curve samples; `p` has the capacity. Error:
+ * limit_memory. */
 bool quota_replace_samples(const quota *q, particles *p, error *e);
 
 #endif

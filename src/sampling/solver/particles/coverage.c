@@ -31,15 +31,16 @@ static double least_of(const double *spacing, size_t count)
     return least;
 }
 
-/* Returns a distance d: if a point is within d of x, every place within `radius` of x is within `farthest` spacings of its
- * nearest point. d <= 0: no such distance exists. */
+/* Returns a distance d: if a point is within d of x, every place within `radius` of x is within `farthest`
+ * spacings of its nearest point. d <= 0: no such distance exists. */
 static double covering_distance(const coverage_job *job, double radius, double farthest)
 {
     return farthest * job->least_spacing - radius;
 }
 
-/* Projects a place onto the surface. A triangle of a cell larger than the spacing may be far from the surface. If the projection
- * fails, the place is bisected in its cell (not with patches). False: the result lies beyond the boundary of an open surface. */
+/* Projects a place onto the surface. A triangle of a cell larger than the spacing may be far from the
+ * surface. If the projection fails, the place is bisected in its cell (not with patches). False: the
+ * result lies beyond the boundary of an open surface. */
 static bool project_place(const surface *scan, size_t k, double cell_size, vec3 *x)
 {
     const field *f = scan->field;
@@ -52,8 +53,8 @@ static bool project_place(const surface *scan, size_t k, double cell_size, vec3 
     return !f->open || bbox_contains(f->domain, *x);
 }
 
-/* Whether a point lies within `within` > 0 of x. Tests the last found point first, since consecutive cells are near the same
- * points. */
+/* Whether a point lies within `within` > 0 of x. Tests the last found point first, since consecutive cells
+ * are near the same points. */
 static bool has_point(const coverage_job *job, vec3 x, double within, uint32_t *last)
 {
     if (!(within > 0)) return false;
@@ -71,7 +72,8 @@ typedef struct cell_test {
     bool is_done; /* the test of the cell's middle shows that all its places are covered */
 } cell_test;
 
-/* Tests the middle of cell k. A cell of one triangle has one place, so that the test of the middle saves nothing. */
+/* Tests the middle of cell k. A cell of one triangle has one place, so that the test of the middle saves
+ * nothing. */
 static void test_cell(const coverage_job *job, size_t k, double farthest, uint32_t *last, cell_test *out)
 {
     const field *f = job->scan->field;
@@ -109,7 +111,8 @@ static double farthest_place(const coverage_job *job, const cell_test *test, dou
     return farthest;
 }
 
-/* A group of consecutive cells that ends before cell `end`. is_done: the test of its middle shows that all places are covered. */
+/* A group of consecutive cells that ends before cell `end`. is_done: the test of its middle shows that all
+ * places are covered. */
 typedef struct group_test {
     size_t end;
     bool is_done;

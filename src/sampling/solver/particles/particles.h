@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* particles: the state of the particle system as a structure of arrays. Index i is the same particle in all arrays. World space. */
+/* particles: the state of the particle system as a structure of arrays. Index i is the same particle in
+ * all arrays. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_PARTICLES_PARTICLES_H
 #define HEXAD_SAMPLING_SOLVER_PARTICLES_PARTICLES_H
 
@@ -20,12 +21,14 @@ typedef struct particles {
     float *lambda; /* log10 of the damping of (11) */
     /* E_i / size^2, summed over all neighbours, at the last evaluation; comparable with the ideal energy */
     float *energy;
-    /* At the last list build: within 2 h of a boundary of an open surface, on a curve, or with a particle of a curve in its
-     * support. */
+    /* At the last list build: within 2 h of a boundary of an open surface, on a curve, or with a particle of
+     * a curve in its support. */
     bool *near_boundary;
-    /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED; NULL: all are free */
+    /* the curve sample that fixes it (curve_samples), PARTICLES_FREE or PARTICLES_PINNED; NULL: all are
+     * free */
     uint32_t *place;
-    /* The following are NULL for a surface without patches. A point on a curve is one particle for each incident patch. */
+    /* The following are NULL for a surface without patches. A point on a curve is one particle for each
+     * incident patch. */
     const field_patches *patches;
     /* the patch it belongs to; relocation may change it, a step of the relaxation never does */
     uint32_t *patch;
@@ -72,8 +75,8 @@ static inline bool particles_is_one_sided(const particles *p, size_t i)
     return p->patch && p->patches->patch[p->patch[i]].one_sided;
 }
 
-/* Cosine between the normals of two particles of one patch. On a one-sided patch the sign of normals is meaningless: the
- * absolute value. */
+/* Cosine between the normals of two particles of one patch. On a one-sided patch the sign of normals is
+ * meaningless: the absolute value. */
 static inline double particles_facing(const particles *p, size_t i, size_t j)
 {
     double cosine = vec3_dot(p->normal[i], p->normal[j]);
@@ -93,8 +96,8 @@ bool particles_add_sizes(particles *p, error *e);
 /* Allocates place, filled with PARTICLES_FREE, unless it exists. Error: limit_memory. */
 bool particles_add_places(particles *p, error *e);
 
-/* Allocates the arrays for patches: every particle becomes a free particle of the first patch. `patches` NULL: does nothing.
- * `capacity`: that of `p`. Error: limit_memory. */
+/* Allocates the arrays for patches: every particle becomes a free particle of the first patch. `patches`
+ * NULL: does nothing. `capacity`: that of `p`. Error: limit_memory. */
 bool particles_set_patches(particles *p, const field_patches *patches, size_t capacity, error *e);
 void particles_free(particles *p);
 
@@ -113,12 +116,13 @@ void particles_copy(particles *p, size_t to, size_t from);
 /* Resets the damping of all particles. */
 void particles_reset_damping(particles *p);
 
-/* Permutes the particles: index k gets what order[k] had, except near_boundary. Damping and energy are permuted only with
- * patches; otherwise the caller resets them. `pool` may be NULL. Error: limit_memory. */
+/* Permutes the particles: index k gets what order[k] had, except near_boundary. Damping and energy are
+ * permuted only with patches; otherwise the caller resets them. `pool` may be NULL. Error: limit_memory. */
 bool particles_arrange(particles *p, const uint32_t *order, threads *pool, error *e);
 
-/* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a particle is `h` times
- * its size. Clears it on a closed surface if particles may be fixed; the next list build marks those near fixed particles. */
+/* Sets p->near_boundary of every particle of an open surface (packing_is_near_boundary). The spacing of a
+ * particle is `h` times its size. Clears it on a closed surface if particles may be fixed; the next list
+ * build marks those near fixed particles. */
 void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

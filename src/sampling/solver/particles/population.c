@@ -8,14 +8,15 @@
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 
-/* Logarithm of the weight of a particle per standard deviation of its energy from the mean. A choice by rank would take whole
- * clusters and leave gaps. */
+/* Logarithm of the weight of a particle per standard deviation of its energy from the mean. A choice by rank
+ * would take whole clusters and leave gaps. */
 static const double BIAS = 1;
 /* Energies are clamped to this many standard deviations. */
 static const double MAX_DEVIATIONS = 3;
 /* Maximum number of random directions that a split tries. */
 static const int SPLIT_DIRECTIONS = 8;
-/* Maximum distance of a projected twin over the offset. Farther: the twin is on another part of the surface. */
+/* Maximum distance of a projected twin over the offset. Farther: the twin is on another part of the
+ * surface. */
 static const double SPLIT_MAX_DISTANCE = 2;
 
 typedef struct draw {
@@ -42,7 +43,8 @@ static double density(const particles *p, size_t i)
     return (double)p->energy[i] / particles_amplitude(p, i);
 }
 
-/* Weighted sampling without replacement: the smallest keys -log(u) / weight are chosen (Efraimidis and Spirakis 2006). */
+/* Weighted sampling without replacement: the smallest keys -log(u) / weight are chosen (Efraimidis and
+ * Spirakis 2006). */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen, error *e)
 {
     size_t n = p->count;

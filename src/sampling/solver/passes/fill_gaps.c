@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* fill_gaps: relocates particles to uncovered places (passes.h). On an under-resolved surface, such as smoke sampled with few points,
- * the particles are distributed evenly in space, not on each part of the surface. On a surface with patches, patches without a
- * point get one. */
+/* fill_gaps: relocates particles to uncovered places (passes.h). On an under-resolved surface, such as smoke
+ * sampled with few points, the particles are distributed evenly in space, not on each part of the surface. On
+ * a surface with patches, patches without a point get one. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,9 +13,11 @@
 #include "sampling/solver/particles/relocation.h"
 #include "sampling/solver/passes/passes.h"
 
-/* A surface is under-resolved if the resolved points are fewer than this fraction and condition ORDERED_SHARE holds. */
+/* A surface is under-resolved if the resolved points are fewer than this fraction and condition
+ * ORDERED_SHARE holds. */
 static const double RESOLVED_SHARE = 0.5;
-/* The points with six neighbours are fewer than this fraction. On a thin plate no point is resolved, but both walls are ordered. */
+/* The points with six neighbours are fewer than this fraction. On a thin plate no point is resolved, but
+ * both walls are ordered. */
 static const double ORDERED_SHARE = 0.5;
 /* Number of points that the resolution test samples. The fractions are mostly accurate to 0.01. */
 enum { TEST_POINTS = 8000 };
@@ -29,12 +31,14 @@ enum { MIN_PATCH_PLACES = 4 };
 static const double PATCH_GAP = 1;
 /* The same for places of the exhaustive search: just below the distance beside a vacancy (1). */
 static const double EXHAUSTIVE_GAP = 0.97;
-/* Without patches: beyond this distance a connected part may have no point, in spacings. Smaller gaps close during relaxation. */
+/* Without patches: beyond this distance a connected part may have no point, in spacings. Smaller gaps
+ * close during relaxation. */
 static const double PART_GAP = 1.2;
-/* A relocated particle must be projected to within this distance of its target, in spacings. Farther away may be a point. Targets
- * on patches lie up to one grid cell off the surface. */
+/* A relocated particle must be projected to within this distance of its target, in spacings. Farther away may
+ * be a point. Targets on patches lie up to one grid cell off the surface. */
 static const double MAX_TARGET_DISTANCE = 0.25;
-/* Over-dense distance of a second try that moves particles of patches with more points than they need, in spacings. */
+/* Over-dense distance of a second try that moves particles of patches with more points than they need, in
+ * spacings. */
 static const double SECOND_DENSE_DISTANCE = 0.95;
 /* The object that messages about memory name. */
 static const char *const WHAT = "the gaps in coverage";
@@ -150,8 +154,8 @@ static void draw_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Draws candidates with the density of the sizing field. Candidates whose projection succeeded are moved to the front. Returns
- * their number. `projected`: scratch. */
+/* Draws candidates with the density of the sizing field. Candidates whose projection succeeded are moved to
+ * the front. Returns their number. `projected`: scratch. */
 static size_t draw_candidates(const solver *s, vec3 *out, bool *projected)
 {
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_RELOCATION);
@@ -222,8 +226,8 @@ static void patch_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Draws candidates on all patches into d, which has the capacity. Candidates whose projection succeeded are moved to the front
- * and counted in d->count. */
+/* Draws candidates on all patches into d, which has the capacity. Candidates whose projection succeeded are
+ * moved to the front and counted in d->count. */
 static void draw_patch_candidates(const solver *s, const size_t *first, candidates *d, bool *projected)
 {
     const size_t patches = s->setup.field->patches->count;
@@ -238,7 +242,8 @@ static void draw_patch_candidates(const solver *s, const size_t *first, candidat
     }
 }
 
-/* Sets immovable[i] of particles that must not move: fixed, on boundaries, on curves, or the only one of their patch. Sets of_patch. */
+/* Sets immovable[i] of particles that must not move: fixed, on boundaries, on curves, or the only one of
+ * their patch. Sets of_patch. */
 static void find_immovable(const solver *s, uint32_t *of_patch, bool *immovable)
 {
     const particles *p = s->state.p;

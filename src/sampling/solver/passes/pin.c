@@ -89,8 +89,8 @@ static bool is_beside_fixed(pinning *f, const pin *to)
     return false;
 }
 
-/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. Particles that can be
- * pinned have not moved. */
+/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. Particles
+ * that can be pinned have not moved. */
 static bool pin_at(pinning *f, vec3 place)
 {
     particles *p = f->s->state.p;

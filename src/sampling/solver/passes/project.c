@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* project: projects every particle onto the surface to rounding and relocates those for which that fails (solver_project). */
+/* project: projects every particle onto the surface to rounding and relocates those for which that fails
+ * (solver_project). */
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,7 +16,8 @@ static const double MAX_RESIDUAL = 1e-6;
 static const int REPLACEMENT_DRAWS = 30;
 /* Places that a lost particle gets in turn until one can be projected to rounding. */
 static const int REPLACEMENT_TRIES = 5;
-/* A free particle within this distance of a curve of its patch is among the samples of the curve, in spacings. */
+/* A free particle within this distance of a curve of its patch is among the samples of the curve, in
+ * spacings. */
 static const double ON_CURVE_DISTANCE = 0.3;
 /* Such a particle is relocated to a place with at least this distance from all particles, in spacings. */
 static const double MIN_PLACE_DISTANCE = 0.6;
@@ -23,11 +25,12 @@ static const double MIN_PLACE_DISTANCE = 0.6;
 static const double OFF_CURVE_RADIUS = 1.5;
 /* Maximum number of projection steps. */
 static const int MAX_STEPS = 20;
-/* Maximum displacement by the final projection over h. A relaxed particle is within 0.01 h of the surface; a larger displacement
- * is a failure of Newton's method. */
+/* Maximum displacement by the final projection over h. A relaxed particle is within 0.01 h of the surface; a
+ * larger displacement is a failure of Newton's method. */
 static const double MAX_DISPLACEMENT = 0.05;
 
-/* Projection to rounding: a Newton step from a residual of 1e-7 h leaves less than the resolution of doubles. */
+/* Projection to rounding: a Newton step from a residual of 1e-7 h leaves less than the resolution of
+ * doubles. */
 projection_limits solver_rounding(double h)
 {
     return (projection_limits){MAX_STEPS, 1e-9 * h, 1e-7 * h, MAX_RESIDUAL * h};
@@ -45,7 +48,8 @@ bool solver_project_point(const field *f, double h, double farthest, vec3 *x, ve
     return projection_bisect(f, *normal, farthest, x, normal);
 }
 
-/* The same within MAX_DISPLACEMENT, with the field sample at the result. `along`: direction of the bisection. */
+/* The same within MAX_DISPLACEMENT, with the field sample at the result. `along`: direction of the
+ * bisection. */
 static bool project_with_sample(const field *f, double h, vec3 along, uint32_t *hint, vec3 *x,
                                 field_sample *sample)
 {
@@ -60,7 +64,8 @@ static bool project_with_sample(const field *f, double h, vec3 along, uint32_t *
            field_sample_near(f, *x, FIELD_GRADIENT, hint, sample);
 }
 
-/* Residual over min(h, grid cell size) from which a Newton step on a smooth F needs no verification: it leaves at most 1e-10. */
+/* Residual over min(h, grid cell size) from which a Newton step on a smooth F needs no verification: it
+ * leaves at most 1e-10. */
 static const double SMOOTH_SHORTCUT = 1e-5;
 
 /* The same for a smooth F. *normal is the normal at the last but one iterate. */
@@ -76,8 +81,8 @@ static bool project_smoothly(const field *f, double h, uint32_t *hint, vec3 *x, 
     return true;
 }
 
-/* Projects particle i to rounding and sets scratch.lost[i] if that fails. Returns its residual |F| / |grad F| over h. 0: it is
- * lost, fixed, or of a smooth F. */
+/* Projects particle i to rounding and sets scratch.lost[i] if that fails. Returns its residual |F| / |grad F|
+ * over h. 0: it is lost, fixed, or of a smooth F. */
 static double project_particle(solver *s, size_t i, uint32_t *last)
 {
     uint32_t *hint = s->state.p->patch ? &s->state.p->hint[i] : last;
@@ -116,8 +121,8 @@ static void project_chunk(void *context, int worker, size_t begin, size_t end)
     s->scratch.worst[begin / THREADS_GRAIN] = worst;
 }
 
-/* Whether a free particle has converged among the samples of a curve: the particles of its patch push it outwards, and it cannot
- * leave the patch. */
+/* Whether a free particle has converged among the samples of a curve: the particles of its patch push it
+ * outwards, and it cannot leave the patch. */
 static bool is_among_curve_samples(const solver *s, size_t i)
 {
     const particles *p = s->state.p;
@@ -152,8 +157,9 @@ static double worst_residual(const solver *s, size_t begin, size_t end)
     return worst;
 }
 
-/* Relocates particle i to a random place of the surface, or of its patch. It tries several places and takes the one farthest
- * from its nearest particle. False: none is farther than `least` (world units; < 0: no minimum). */
+/* Relocates particle i to a random place of the surface, or of its patch. It tries several places and takes
+ * the one farthest from its nearest particle. False: none is farther than `least` (world units; < 0: no
+ * minimum). */
 static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double least, rng *r)
 {
     const double *weight = sizing_field_weight(s->setup.params.sizing, s->setup.scan);
@@ -175,7 +181,8 @@ static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double l
         normal = n;
     }
     if (!found) return false;
-    /* the forces of its patch did not keep it on the surface: fix it, and relax the particles around it in the last rounds */
+    /* the forces of its patch did not keep it on the surface: fix it, and relax the particles around it in
+     * the last rounds */
     if (s->state.p->patch && s->scratch.lost[i] && s->state.continuations >= SOLVER_CONTINUATIONS_MOST - 1)
         s->state.p->place[i] = PARTICLES_PINNED;
     solver_mark_displaced(s, i);
@@ -210,8 +217,8 @@ static void move_off_curve(solver *s, size_t i)
     project_again(s, i);
 }
 
-/* Relocates the particles that are lost or lie among curve samples. If near curves are merged and no continuation is left, a
- * particle may remain among curve samples. */
+/* Relocates the particles that are lost or lie among curve samples. If near curves are merged and no
+ * continuation is left, a particle may remain among curve samples. */
 static bool replace_lost(solver *s, error *e)
 {
     const particles *p = s->state.p;

@@ -14,13 +14,13 @@
 #include "sampling/solver/particles/random_streams.h"
 #include "sampling/solver/start.h"
 
-/* Maximum displacement of a midpoint by its projection over h. A regular midpoint is a few hundredths of h off the surface; beyond
- * the limit its edge connects opposite walls. */
+/* Maximum displacement of a midpoint by its projection over h. A regular midpoint is a few hundredths of h
+ * off the surface; beyond the limit its edge connects opposite walls. */
 static const double MAX_PROJECTION = 0.5;
 /* Projection tolerance over h. */
 static const double TOLERANCE = 1e-3;
-/* Distance from the surface over h from which a Newton step needs no verification. The error after it is half the square of this
- * times h over the radius of curvature: within TOLERANCE if h resolves the surface. */
+/* Distance from the surface over h from which a Newton step needs no verification. The error after it is half
+ * the square of this times h over the radius of curvature: within TOLERANCE if h resolves the surface. */
 static const double SHORTCUT = 0.02;
 
 size_t refine_coarser(size_t count)
@@ -170,9 +170,9 @@ static bool mesh_edges(mesh *m, threads *pool, error *e)
     return true;
 }
 
-/* A connected component of the mesh, or a patch. If it has too many edges, the shortest get no particle; if too few, the longest get
- * two. The shortest and longest edges are at the cores of dislocations: an extra or missing particle there only moves a dislocation.
- * Elsewhere it would be an additional defect. */
+/* A connected component of the mesh, or a patch. If it has too many edges, the shortest get no particle; if
+ * too few, the longest get two. The shortest and longest edges are at the cores of dislocations: an extra or
+ * missing particle there only moves a dislocation. Elsewhere it would be an additional defect. */
 typedef struct mesh_part {
     size_t members, edges;
     bool longest;   /* its longest edges are picked, otherwise its shortest */
@@ -242,8 +242,9 @@ static size_t number_parts(const mesh *m, uint32_t *part_of, threads *pool)
     return parts;
 }
 
-/* Sets `longest` and `picks` so that every part keeps its fraction of the particles. Returns the sum of picks. In proportion to
- * edges, small parts would lose particles: a closed part of n points has 3 n - 6 edges. */
+/* Sets `longest` and `picks` so that every part keeps its fraction of the particles. Returns the sum of
+ * picks. In proportion to edges, small parts would lose particles: a closed part of n points has 3 n - 6
+ * edges. */
 static size_t assign_picks(mesh_part *parts, size_t count, double share)
 {
     double assigned = 0;
@@ -285,7 +286,8 @@ static bool assign_patch_picks(mesh_part *parts, const particles *p, const quota
     return count != NULL;
 }
 
-/* Whether x is nearer to the curves of its patch than new particles may be. `spacing`: of the coarser level, twice the finer one. */
+/* Whether x is nearer to the curves of its patch than new particles may be. `spacing`: of the coarser
+ * level, twice the finer one. */
 static bool is_too_near_curve(const refine_patches *patches, uint32_t patch, vec3 x, double spacing)
 {
     return curve_distance_at(patches->curves, patch, x) < 0.5 * START_CLEARANCE * spacing;
@@ -376,8 +378,9 @@ static vec3 place_on_arc(const particles *p, const edge *e, vec3 place)
     return length > 0 ? vec3_axpy(depth / length, up, place) : place;
 }
 
-/* Projects one midpoint. If that fails, projects from the arc over the edge. (Edges of a coarse level may leave the region where F is
- * known, such as the narrow band of a level set.) *hint: a location nearby on the field. */
+/* Projects one midpoint. If that fails, projects from the arc over the edge. (Edges of a coarse level may
+ * leave the region where F is known, such as the narrow band of a level set.) *hint: a location nearby on
+ * the field. */
 static bool project_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, uint32_t *hint)
 {
     const double h = m->unit[l];
@@ -395,8 +398,8 @@ static bool project_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, 
     return true;
 }
 
-/* Projects midpoints of patches, with the hints of the edges' first ends. A result with an opposite normal is on the opposite wall,
- * because the hint is outdated: it is projected again without a hint. */
+/* Projects midpoints of patches, with the hints of the edges' first ends. A result with an opposite normal is
+ * on the opposite wall, because the hint is outdated: it is projected again without a hint. */
 static void project_patch_midpoints(const midpoint_job *job, midpoint_lanes *m)
 {
     const particles *p = job->p;
@@ -434,8 +437,8 @@ static void project_midpoints(const midpoint_job *job, midpoint_lanes *m, uint32
     }
 }
 
-/* Stores a midpoint as particle `place`. False: the edge connects opposite walls, or the midpoint is not on its patch or too near a
- * curve. */
+/* Stores a midpoint as particle `place`. False: the edge connects opposite walls, or the midpoint is not on
+ * its patch or too near a curve. */
 static bool store_midpoint(const midpoint_job *job, midpoint_lanes *m, int l, size_t place)
 {
     const double spacing = m->spacing[l];
@@ -535,7 +538,8 @@ static bool draw_missing(const field *f, const surface *scan, const sizing_field
     return true;
 }
 
-/* Draws a random point of a patch, at first with the minimum distance from its curves. False: START_MAX_DRAWS failed. */
+/* Draws a random point of a patch, at first with the minimum distance from its curves. False:
+ * START_MAX_DRAWS failed. */
 static bool draw_on_patch(const field *f, const surface *scan, const sizing_field *sizing,
                           const refine_patches *patches, uint32_t patch, double spacing, rng *r, vec3 *x,
                           vec3 *normal)
@@ -569,8 +573,8 @@ static int compare_located(const void *left, const void *right)
     return order ? order : (a->index > b->index) - (a->index < b->index);
 }
 
-/* Marks all but the first of free particles with the same position. On patches smaller than the spacing, midpoints of several edges
- * project to one vertex of a triangle; no force separates them. */
+/* Marks all but the first of free particles with the same position. On patches smaller than the spacing,
+ * midpoints of several edges project to one vertex of a triangle; no force separates them. */
 static bool mark_duplicates(const particles *p, bool *removed, error *e)
 {
     located *list = mem_array(p->count, sizeof *list, "refinement", e);

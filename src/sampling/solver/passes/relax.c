@@ -11,8 +11,8 @@
 
 /* A particle whose last step was below this is skipped, over h size. */
 static const double SKIP_STEP = 0.01;
-/* Sum of the neighbours' path lengths that reactivates it, over SKIP_STEP. Doubled: a third instead of a quarter is skipped, and
- * hex_fraction falls by 0.001. Four times: the relaxation stops. */
+/* Sum of the neighbours' path lengths that reactivates it, over SKIP_STEP. Doubled: a third instead of a
+ * quarter is skipped, and hex_fraction falls by 0.001. Four times: the relaxation stops. */
 static const double SKIP_AROUND = 6;
 
 /* Moves an independent set: fast steps first, then guarded steps in lanes, then damped steps. */

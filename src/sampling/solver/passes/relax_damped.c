@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-/* relax_damped: guarded steps of single particles in double precision, by Levenberg-Marquardt or steepest descent (relax_internal.h). */
+/* relax_damped: guarded steps of single particles in double precision, by Levenberg-Marquardt or steepest
+ * descent (relax_internal.h). */
 #include "sampling/solver/passes/relax_internal.h"
 
 #include <math.h>
 
 #include "surface/field/projection.h"
 
-/* log10 of the damping of a step from which a particle with a smooth energy is projected more exactly: the error of its position
- * misleads the step. At edges and boundaries such damping is normal. */
+/* log10 of the damping of a step from which a particle with a smooth energy is projected more exactly: the
+ * error of its position misleads the step. At edges and boundaries such damping is normal. */
 static const double MISLED_LAMBDA = 2;
-/* Minimum distance over sigma at which the potential is evaluated for the turning of normals; it is singular at 0. */
+/* Minimum distance over sigma at which the potential is evaluated for the turning of normals; it is
+ * singular at 0. */
 static const double MIN_TURNING_DISTANCE = 0.05;
 /* Maximum distance of a trial from the surface over h. */
 static const double TRIAL_REJECT = 0.01;
@@ -29,8 +31,8 @@ typedef struct step_input {
     const energy_function *potential;
     pair_list *near;
     bool flat; /* all weights are 1 */
-    /* The surface may have facets with interpolated normals. A step in the tangent plane ends off the facet. The forces, which are
-     * computed in the plane, do not give the change of energy on the facet. */
+    /* The surface may have facets with interpolated normals. A step in the tangent plane ends off the facet.
+     * The forces, which are computed in the plane, do not give the change of energy on the facet. */
     bool faceted;
     /* fast steps exist: of particles with weights of 1 only those whose fast step failed come here */
     bool has_fast;
@@ -42,8 +44,8 @@ typedef struct step_input {
     unsigned boundary_axes; /* normal axes of the domain faces that the particle lies in and never leaves */
 } step_input;
 
-/* Adds the forces by the turning of the particle's own normal, through the weights. Along axis e of the frame the normal turns by S e,
- * where S is the shape operator. */
+/* Adds the forces by the turning of the particle's own normal, through the weights. Along axis e of the frame
+ * the normal turns by S e, where S is the shape operator. */
 static void add_turning(const step_input *a, pair_forces *f)
 {
     field_sample s;
@@ -82,8 +84,8 @@ double relax_damped_step(const pair_forces *f, double lambda, double *s1, double
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* A step in the tangent plane (8), to *beside, and the projection onto the surface (9), to *x. False: the projection failed, left the
- * patch or exceeded the limit. */
+/* A step in the tangent plane (8), to *beside, and the projection onto the surface (9), to *x. False: the
+ * projection failed, left the patch or exceeded the limit. */
 static bool step_and_project(const step_input *a, double s1, double s2, vec3 *beside, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);
@@ -96,16 +98,17 @@ static bool step_and_project(const step_input *a, double s1, double s2, vec3 *be
     *beside = q;
     if (!projection_find_near(a->field, &limits, a->hint, &q, &n)) return false;
     if (a->bounded && !field_is_within_near(a->field, q, a->hint)) return false;
-    /* projection included, the particle must neither pass its nearest neighbour nor leave the validity of the lists */
+    /* projection included, the particle must neither pass its nearest neighbour nor leave the validity of
+     * the lists */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
     *normal = n;
     return true;
 }
 
-/* One trial: whether the energy decreases. On facets it must decrease in the tangent plane. After the early sweeps of a level it must
- * also decrease on the facet; otherwise particles would cycle across edges of facets. Without fast steps this second test applies to
- * divergent neighbour normals only. */
+/* One trial: whether the energy decreases. On facets it must decrease in the tangent plane. After the early
+ * sweeps of a level it must also decrease on the facet; otherwise particles would cycle across edges of
+ * facets. Without fast steps this second test applies to divergent neighbour normals only. */
 static bool try_step(const step_input *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
     vec3 beside, q, n;
@@ -120,8 +123,8 @@ static bool try_step(const step_input *a, double s1, double s2, vec3 *x, vec3 *n
     return true;
 }
 
-/* Projects a particle to EXACT_ACCEPT. If a step does not reach its expected decrease of energy, the error of the last projection
- * misleads it; the particle would never converge. */
+/* Projects a particle to EXACT_ACCEPT. If a step does not reach its expected decrease of energy, the error of
+ * the last projection misleads it; the particle would never converge. */
 static void project_exactly(const step_input *a, vec3 *x, vec3 *normal)
 {
     double h = projection_scale(a->field, a->spacing);

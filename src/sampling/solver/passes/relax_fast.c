@@ -4,10 +4,11 @@
 
 #include <math.h>
 
-/* Maximum distance from the surface before the Newton step that ends a fast step, over h. The error of a Newton step is about the square
- * of this distance times the curvature. */
+/* Maximum distance from the surface before the Newton step that ends a fast step, over h. The error of a
+ * Newton step is about the square of this distance times the curvature. */
 static const double FAST_STEP_DISTANCE = 0.05;
-/* The same over grid cells, divided by FAST_STEP_DISTANCE: 1.5 cells. A level set has distances for three voxels on either side. */
+/* The same over grid cells, divided by FAST_STEP_DISTANCE: 1.5 cells. A level set has distances for three
+ * voxels on either side. */
 static const double FAST_STEP_CELLS = 30;
 
 /* Parameters of the fast kernel for a sweep. */
@@ -21,8 +22,8 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
         .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
 }
 
-/* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal, the hint is outdated and has
- * led to the opposite wall: samples again without a hint. */
+/* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal,
+ * the hint is outdated and has led to the opposite wall: samples again without a hint. */
 static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size_t count,
                                fast_kernel_way *way)
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* relax_guarded: guarded steps in sixteen SIMD lanes in single precision (relax_internal.h). The operations are those of
- * fast_kernel.h. */
+/* relax_guarded: guarded steps in sixteen SIMD lanes in single precision (relax_internal.h). The operations
+ * are those of fast_kernel.h. */
 #include <math.h>
 #include <string.h>
 
@@ -11,7 +11,8 @@
 enum { TRIALS = 2 };
 /* Maximum number of Newton steps that project a trial. */
 enum { PROJECTION_STEPS = 3 };
-/* Minimum relative decrease of the energy in single precision. It corresponds to a remaining step of about 3e-4 spacings. */
+/* Minimum relative decrease of the energy in single precision. It corresponds to a remaining step of about
+ * 3e-4 spacings. */
 static const double MIN_GAIN = 1e-6;
 
 /* Particles in the lanes and their trials. */
@@ -42,8 +43,8 @@ static fast_kernel_params kernel_params(const sweep_job *job)
                                 .normal = job->r->ignores_normals ? NULL : job->r->normal};
 }
 
-/* One Newton step towards the surface for the lanes in `left`. Lanes that are on the surface get ends_well; `left` receives the lanes
- * that need another step. False: no lane does. */
+/* One Newton step towards the surface for the lanes in `left`. Lanes that are on the surface get ends_well;
+ * `left` receives the lanes that need another step. False: no lane does. */
 static bool newton_step(const sweep_job *job, const trial *t, bool left[FAST_KERNEL_LANES],
                         fast_kernel_way *way)
 {
@@ -112,8 +113,8 @@ static void evaluate_energies(const sweep_job *job, const trial *t, float energy
     for (size_t k = 0; k < count; k++) energy[lane[k]] = found[k];
 }
 
-/* Computes the steps of the pending lanes. A lane without sufficient gain has converged; a lane limited by the lists waits. Neither is
- * pending any longer. */
+/* Computes the steps of the pending lanes. A lane without sufficient gain has converged; a lane limited by
+ * the lists waits. Neither is pending any longer. */
 static void begin_trial(const sweep_job *job, const uint32_t *items, double gain, trial *t, block_sums *sums)
 {
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
@@ -134,7 +135,8 @@ static void begin_trial(const sweep_job *job, const uint32_t *items, double gain
     }
 }
 
-/* Projects and evaluates the pending lanes. Accepts steps that decrease the energy; increases the damping of the other lanes. */
+/* Projects and evaluates the pending lanes. Accepts steps that decrease the energy; increases the damping
+ * of the other lanes. */
 static void end_trial(const sweep_job *job, const uint32_t *items, double gain, bool first, trial *t,
                       block_sums *sums)
 {
@@ -157,8 +159,8 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
     }
 }
 
-/* Adds the forces by the turning of the particles' own normals, through the weights. Along an axis of the frame the normal turns by the
- * shape operator times the axis. */
+/* Adds the forces by the turning of the particles' own normals, through the weights. Along an axis of the
+ * frame the normal turns by the shape operator times the axis. */
 static void add_turning(const sweep_job *job, trial *t)
 {
     fast_kernel_forces *f = &t->forces;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* relax_internal: shared declarations of the relaxation. Files: relax.c the sweep, relax_lists.c neighbour lists, relax_damped.c damped
- * steps in double precision, relax_fast.c fast steps, relax_guarded.c guarded steps in SIMD lanes, relax_measures.c measures of
- * particles that do not move. A guarded step is taken only if the energy decreases; a fast step is taken without an energy test. */
+/* relax_internal: shared declarations of the relaxation. Files: relax.c the sweep, relax_lists.c neighbour
+ * lists, relax_damped.c damped steps in double precision, relax_fast.c fast steps, relax_guarded.c guarded
+ * steps in SIMD lanes, relax_measures.c measures of particles that do not move. A guarded step is taken
+ * only if the energy decreases; a fast step is taken without an energy test. */
 #ifndef HEXAD_SAMPLING_SOLVER_PASSES_RELAX_INTERNAL_H
 #define HEXAD_SAMPLING_SOLVER_PASSES_RELAX_INTERNAL_H
 
@@ -10,11 +11,12 @@
 #include "sampling/packing/pair.h"
 #include "sampling/solver/passes/relax.h"
 
-/* Cosine of divergent normals (60 degrees). If the normals of a pair diverge by less when the lists are built, its weight stays 1 while
- * they are valid: weights fall from 120 degrees on (sampling/packing/pair.h), so that both normals would have to turn by 30 degrees within
- * skin / 2. */
+/* Cosine of divergent normals (60 degrees). If the normals of a pair diverge by less when the lists are
+ * built, its weight stays 1 while they are valid: weights fall from 120 degrees on (sampling/packing/pair.h),
+ * so that both normals would have to turn by 30 degrees within skin / 2. */
 #define RELAX_FLAT_COSINE 0.5
-/* Cosine of normals without an edge between them (37 degrees). Normals at an edge diverge by at least 45 degrees. */
+/* Cosine of normals without an edge between them (37 degrees). Normals at an edge diverge by at least 45
+ * degrees. */
 #define RELAX_SMOOTH_COSINE 0.8
 
 /* Whether two particles are nearer to each other than `reach` times the mean of their sizes. */
@@ -30,8 +32,8 @@ typedef struct gather {
     pair_list list;
 } gather;
 
-/* Sums over the particles of a group of blocks, stored at the first block of the group; other entries are 0. They are added in the
- * order of the blocks, so that the result does not depend on the number of threads. */
+/* Sums over the particles of a group of blocks, stored at the first block of the group; other entries are 0.
+ * They are added in the order of the blocks, so that the result does not depend on the number of threads. */
 typedef struct block_sums {
     double energy, lambda, squares, max_step, displaced_squares;
     size_t rejected, limited, displaced_limited;
@@ -47,8 +49,8 @@ typedef struct cached_steps {
 
 /* Flags of a particle. */
 enum {
-    /* It takes guarded steps only, because its Newton step was long. Facets and features below the spacing have kinks; the Newton step of
-     * a particle converged on a kink remains long. */
+    /* It takes guarded steps only, because its Newton step was long. Facets and features below the spacing
+     * have kinks; the Newton step of a particle converged on a kink remains long. */
     RELAX_GUARDED = 1,
     RELAX_DISPLACED = 2, /* relax_mark_displaced; never set for fixed particles */
     RELAX_RELOCATED = 4  /* it was relocated: the next list build marks its neighbours as displaced */
@@ -67,7 +69,8 @@ struct relax {
     const energy_function *energy;
     const fast_kernel *fast; /* NULL: every particle takes damped steps */
     neighbours *near;
-    /* 0: divergent neighbour normals (RELAX_FLAT_COSINE); 2: no edge near (RELAX_SMOOTH_COSINE); 1: between */
+    /* 0: divergent neighbour normals (RELAX_FLAT_COSINE); 2: no edge near (RELAX_SMOOTH_COSINE); 1:
+     * between */
     uint8_t *flat;
     uint8_t *flags;
     size_t flag_count; /* number of particles with flags */
@@ -103,11 +106,12 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
 /* Moves particle i by a damped step in double precision, if one decreases its energy. */
 void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sums *sums);
 
-/* Moves a set of independent particles without divergent neighbour normals by the fast kernel. Particles whose step fails do not move:
- * `items` receives them. Returns their number. */
+/* Moves a set of independent particles without divergent neighbour normals by the fast kernel. Particles
+ * whose step fails do not move: `items` receives them. Returns their number. */
 size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums);
 
-/* (11)(12) in the tangent frame: the step along the two axes. Returns the decrease of energy by the quadratic model. */
+/* (11)(12) in the tangent frame: the step along the two axes. Returns the decrease of energy by the
+ * quadratic model. */
 double relax_damped_step(const pair_forces *f, double lambda, double *s1, double *s2);
 
 /* Fills the lanes of the kernel with particles. Unused lanes repeat the first particle with an empty list. */
@@ -141,7 +145,8 @@ static inline void relax_count_limited(const sweep_job *job, size_t i, block_sum
     sums->displaced_limited += (job->r->flags[i] & RELAX_DISPLACED) != 0;
 }
 
-/* A step of at least this fraction of the allowed distance counts as limited: too little remains for the next step. */
+/* A step of at least this fraction of the allowed distance counts as limited: too little remains for the
+ * next step. */
 #define RELAX_LIMITED_STEP 0.8
 
 /* Moves particle i to x; `length`, at most allowed_step, is the distance. */
@@ -162,21 +167,23 @@ ISA_INLINE void relax_take_step(const sweep_job *job, size_t i, vec3 x, vec3 nor
     neighbours_move(job->r->near, i, x);
 }
 
-/* If a trial is nearer to the surface than this, over h, its projection takes one more Newton step without a check. */
+/* If a trial is nearer to the surface than this, over h, its projection takes one more Newton step without
+ * a check. */
 #define RELAX_TRIAL_SHORTCUT 0.02
 /* A particle whose lists allow a step of less than this over h waits for the next list build. */
 #define RELAX_STEP_FLOOR 1e-3
 /* Minimum log10 of the damping; smaller damping has no effect. */
 #define RELAX_LAMBDA_FLOOR (-3.0)
 
-/* Fast steps of the lanes `first` .. `count` - 1 with given forces. stays[l]: the step of lane l failed; it has not moved. */
+/* Fast steps of the lanes `first` .. `count` - 1 with given forces. stays[l]: the step of lane l failed;
+ * it has not moved. */
 void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
                       const fast_kernel_particles *own, const fast_kernel_forces *forces,
                       bool stays[FAST_KERNEL_LANES], block_sums *sums);
 
-/* Steps of a set of independent particles away from boundaries, on a surface without patches, in SIMD lanes in single precision. The
- * first `divergent` particles have divergent neighbour normals and take guarded steps (section 5). The others take fast steps; if a fast
- * step fails, a guarded step. */
+/* Steps of a set of independent particles away from boundaries, on a surface without patches, in SIMD lanes
+ * in single precision. The first `divergent` particles have divergent neighbour normals and take guarded
+ * steps (section 5). The others take fast steps; if a fast step fails, a guarded step. */
 void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t divergent, size_t count,
                          block_sums *sums);
 

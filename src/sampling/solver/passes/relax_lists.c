@@ -12,8 +12,8 @@
 
 /* Minimum number of particles for guarded steps in SIMD lanes (single precision). */
 static const size_t MIN_LANES_COUNT = 4000;
-/* Minimum fraction of particles with divergent neighbour normals for guarded steps in lanes. Below it double precision gives more order:
- * hex_fraction 0.988 instead of 0.985 on a cube with 100 000 points. */
+/* Minimum fraction of particles with divergent neighbour normals for guarded steps in lanes. Below it double
+ * precision gives more order: hex_fraction 0.988 instead of 0.985 on a cube with 100 000 points. */
 static const double LANES_SHARE = 0.25;
 /* Displacements below this over the support change neither energies nor steps in single precision. */
 static const double NEGLIGIBLE_MOVE = 5e-5;
@@ -78,7 +78,8 @@ static bool grow(relax *r, error *e)
     return true;
 }
 
-/* Whether a particle is fixed or has a fixed particle within its support. (The lists reach beyond the support.) */
+/* Whether a particle is fixed or has a fixed particle within its support. (The lists reach beyond the
+ * support.) */
 static bool is_near_curve(const relax *r, const particles *p, size_t i)
 {
     const uint32_t *list = neighbours_list(r->near, i);

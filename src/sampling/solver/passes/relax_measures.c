@@ -8,9 +8,11 @@
 #include "geometry/space/packing.h"
 #include "sampling/solver/passes/relax_internal.h"
 
-/* Minimum number of neighbours within the support for a meaningful Newton step. With fewer the Hessian is nearly singular. */
+/* Minimum number of neighbours within the support for a meaningful Newton step. With fewer the Hessian is
+ * nearly singular. */
 enum { MIN_NEIGHBOURS = 3 };
-/* Length of a list from which a smooth particle is assumed to have MIN_NEIGHBOURS neighbours within its support. */
+/* Length of a list from which a smooth particle is assumed to have MIN_NEIGHBOURS neighbours within its
+ * support. */
 enum { MIN_LISTED = 9 };
 
 /* Sets p->energy by the kernel. `normal`: weights by these normals; NULL: all weights are 1. */
@@ -87,7 +89,8 @@ double relax_packing_energy(relax *r, particles *p, double sigma)
     return mean_energy(r, p, sigma, COINCIDENT_ENERGY * r->energy->ideal);
 }
 
-/* Newton step in spacings from which a particle takes guarded steps only. Convergence requires an rms of a few thousandths. */
+/* Newton step in spacings from which a particle takes guarded steps only. Convergence requires an rms of a
+ * few thousandths. */
 static const double GUARDED_STEP = 3e-3;
 
 typedef struct steps_job {
@@ -113,8 +116,9 @@ static bool has_kernel_energy(const relax *r, size_t i)
     return r->fast && (r->flat[i] || r->ignores_normals);
 }
 
-/* Sum of the squared Newton steps over size of particles without divergent neighbour normals. A step is limited to the distance of the
- * nearest neighbour, as in a sweep: if the Hessian is nearly singular the step is meaningless. */
+/* Sum of the squared Newton steps over size of particles without divergent neighbour normals. A step is
+ * limited to the distance of the nearest neighbour, as in a sweep: if the Hessian is nearly singular the
+ * step is meaningless. */
 static relax_steps squared_steps(const steps_job *steps, int worker, const uint32_t *items, size_t count,
                                  double *pairs)
 {
@@ -162,7 +166,8 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
     return squares;
 }
 
-/* Whether the Newton step of particle i is meaningful: no boundary and no edge within its support, and at least MIN_NEIGHBOURS neighbours. */
+/* Whether the Newton step of particle i is meaningful: no boundary and no edge within its support, and at
+ * least MIN_NEIGHBOURS neighbours. */
 static bool has_meaningful_step(const sweep_job *job, size_t i)
 {
     const particles *p = job->p;
@@ -200,8 +205,8 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     job->whole[part] = whole;
 }
 
-/* With patches: minimum fraction of measured particles. On a model of many small faces nearly all particles are near feature curves; the
- * rms of the few others is not representative. */
+/* With patches: minimum fraction of measured particles. On a model of many small faces nearly all particles
+ * are near feature curves; the rms of the few others is not representative. */
 static const double MIN_MEASURED_SHARE = 0.2;
 
 static relax_steps rms_steps(steps_job *job)

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /* repair_defects: removes defects from a converged packing (solver_repair_defects).
  *
- * The descent neither inserts nor deletes particles. Therefore a dislocation cannot climb: a lattice row ends there. Defect repair
- * tries changes in a small region around each defect: one particle less, one more, or one moved. Each trial is relaxed while the
- * surrounding particles and those of opposite walls are fixed. The trial of least cost replaces the region. Its cost counts
- * defects, uneven cell areas and strain. Simulated annealing: at first, a trial may cost slightly more than the region it replaces.
+ * The descent neither inserts nor deletes particles. Therefore a dislocation cannot climb: a lattice row ends
+ * there. Defect repair tries changes in a small region around each defect: one particle less, one more, or
+ * one moved. Each trial is relaxed while the surrounding particles and those of opposite walls are fixed. The
+ * trial of least cost replaces the region. Its cost counts defects, uneven cell areas and strain. Simulated
+ * annealing: at first, a trial may cost slightly more than the region it replaces.
  *
- * Regions do not touch each other, so that they are tried in parallel. A particle that one region loses another one gains: the
- * count is constant. */
+ * Regions do not touch each other, so that they are tried in parallel. A particle that one region loses
+ * another one gains: the count is constant. */
 #include <assert.h>
 #include <math.h>
 #include <stdlib.h>
@@ -19,10 +20,11 @@
 #include "sampling/voronoi/voronoi.h"
 #include "sampling/solver/passes/repair_region.h"
 
-/* Radii of a region in spacings of its centre: particles that may move, particles that count for the cost, and all members.
- * Smaller regions reach an order that does not persist once all particles move. */
+/* Radii of a region in spacings of its centre: particles that may move, particles that count for the cost,
+ * and all members. Smaller regions reach an order that does not persist once all particles move. */
 static const double FREE_RADIUS = 3.8, EVALUATED_RADIUS = 4.4, MEMBER_RADIUS = 6.0;
-/* Minimum number of free members. A smaller region, as on a small patch, has no lattice to repair and would lose its points. */
+/* Minimum number of free members. A smaller region, as on a small patch, has no lattice to repair and
+ * would lose its points. */
 enum { MIN_FREE = 8 };
 /* Regions that are tried in one batch; bounds the memory. */
 enum { MAX_REGIONS = 256 };
@@ -34,24 +36,26 @@ enum { CHAIN_LENGTH = 8 };
 enum { MAX_QUEUE = 1024 };
 /* Maximum increase of the cost (in defects) from which a chain continues. */
 static const double CHAIN_TEMPERATURE = 1;
-/* Maximum increase of the cost (in defects) of a region in the first pass. Decreases linearly. It lets dislocations move until they
- * meet and annihilate. */
+/* Maximum increase of the cost (in defects) of a region in the first pass. Decreases linearly. It lets
+ * dislocations move until they meet and annihilate. */
 static const double START_TEMPERATURE = 1;
 /* Fraction of the passes after which the cost may not increase. */
 static const double COOLING_SHARE = 0.7;
-/* Number of passes of a solve with up to PASSES_COUNT particles and a defect fraction up to PASSES_SHARE. Beyond these it is
- * inversely proportional to the count and proportional to the square of the defect fraction. */
+/* Number of passes of a solve with up to PASSES_COUNT particles and a defect fraction up to PASSES_SHARE.
+ * Beyond these it is inversely proportional to the count and proportional to the square of the defect
+ * fraction. */
 static const double PASSES = 72, PASSES_COUNT = 1e4, PASSES_SHARE = 0.14;
 /* Maximum number of passes for a defect fraction above PASSES_SHARE. */
 static const double MAX_PASSES = 240;
-/* PASSES of a surface with patches. Fewer, since a pass is expensive compared with the solve and the first passes gain most. */
+/* PASSES of a surface with patches. Fewer, since a pass is expensive compared with the solve and the first
+ * passes gain most. */
 static const double PASSES_ON_PATCHES = 12;
 /* Passes between two relaxations of all particles. */
 enum { PASSES_PER_CALL = 2 };
 /* No repair if the defect fraction is below this. */
 static const double ORDERED_SHARE = 0.05;
-/* Exponent of the amplitude over the relative spacing of a cell, negated. The spacing scales as alpha^0.18 if all amplitudes
- * change, and half of a pair's force follows from each. Larger: more defects. */
+/* Exponent of the amplitude over the relative spacing of a cell, negated. The spacing scales as alpha^0.18 if
+ * all amplitudes change, and half of a pair's force follows from each. Larger: more defects. */
 static const double AREA_EXPONENT = 3;
 /* Relative deviation of the spacing beyond which a cell is ignored: it spans opposite walls. */
 static const double MAX_DEVIATION = 0.15;
@@ -127,8 +131,8 @@ static bool may_move(const repair *m, uint32_t i, uint32_t middle)
     return is_within(m, i, middle, FREE_RADIUS) && !particles_is_fixed(m->s->state.p, i);
 }
 
-/* Breadth-first search from the centre within MEMBER_RADIUS, without steps between opposite normals. Returns the number of
- * particles in `queue`. */
+/* Breadth-first search from the centre within MEMBER_RADIUS, without steps between opposite normals. Returns
+ * the number of particles in `queue`. */
 static uint32_t gather_connected(repair *m, uint32_t middle, uint32_t queue[MAX_QUEUE])
 {
     const vec3 *normal = m->s->state.p->normal;
@@ -149,8 +153,8 @@ static uint32_t gather_connected(repair *m, uint32_t middle, uint32_t queue[MAX_
     return count;
 }
 
-/* Appends the neighbours of the evaluated members on opposite walls: fixed members that contribute to the forces. False: too
- * many. */
+/* Appends the neighbours of the evaluated members on opposite walls: fixed members that contribute to the
+ * forces. False: too many. */
 static bool gather_opposite(repair *m, region *out)
 {
     for (uint32_t q = 0; q < out->own; q++) {
@@ -182,7 +186,8 @@ static bool gather_region(repair *m, region *out)
     return out->free >= MIN_FREE && out->free < REPAIR_MAX_FREE && gather_opposite(m, out);
 }
 
-/* Whether a particle is near the boundary of an open surface. (Curve samples are fixed and hold the particles beside them.) */
+/* Whether a particle is near the boundary of an open surface. (Curve samples are fixed and hold the
+ * particles beside them.) */
 static bool is_near_boundary(const particles *p, uint32_t i)
 {
     return !p->patch && p->near_boundary[i];
@@ -267,7 +272,8 @@ static double gain_by_count(const region *t)
     return t->outcome[t->chosen].gain - (same->found ? same->gain : 0);
 }
 
-/* Chooses the best outcome of each region. To keep the count, regions with the least loss of gain keep their number of particles. */
+/* Chooses the best outcome of each region. To keep the count, regions with the least loss of gain keep
+ * their number of particles. */
 static void choose_outcomes(repair *m)
 {
     int balance = 0;
@@ -475,7 +481,8 @@ static double measure_cells(repair *m)
     return found > 0 ? sqrt(squares / found) : 0;
 }
 
-/* Decreases the amplitude of particles with large cells, so that their neighbours come nearer, and vice versa. */
+/* Decreases the amplitude of particles with large cells, so that their neighbours come nearer, and vice
+ * versa. */
 static void scale_amplitudes(const repair *m)
 {
     particles *p = m->s->state.p;

@@ -18,10 +18,11 @@ enum { LIST_SWEEPS = 8 };
 static const double DELETION_SHARE = 0.4;
 /* Probability that a trial inserts a particle. The remaining trials move one. */
 static const double INSERTION_SHARE = 0.4;
-/* Cost of an excess energy of one ideal energy, in defects. Small: strain decides only between regions of equally many defects. */
+/* Cost of an excess energy of one ideal energy, in defects. Small: strain decides only between regions of
+ * equally many defects. */
 static const double ENERGY_COST = 0.1;
-/* Cost of the squared relative deviation of a cell's spacing from the mean, in defects. Cells of five or seven neighbours deviate
- * by 0.035. */
+/* Cost of the squared relative deviation of a cell's spacing from the mean, in defects. Cells of five or
+ * seven neighbours deviate by 0.035. */
 static const double AREA_COST = 50;
 /* Maximum of that square; also its value for a point without a cell. */
 static const double MAX_AREA_SQUARE = 0.1;
@@ -131,8 +132,8 @@ static double area_cost(double area, double h, double mean)
     return AREA_COST * fmin(off * off, MAX_AREA_SQUARE);
 }
 
-/* Orders the evaluated members: first those without six members in the first shell, mostly the defects. The cost then exceeds the
- * limit early. */
+/* Orders the evaluated members: first those without six members in the first shell, mostly the defects. The
+ * cost then exceeds the limit early. */
 static uint32_t order_evaluated(const repair_region *p, uint32_t order[REPAIR_MAX_MEMBERS])
 {
     uint32_t count = 0, regular_list[REPAIR_MAX_MEMBERS], regular = 0;

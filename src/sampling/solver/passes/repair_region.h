@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* repair_region: a copy of a small region of a packing for trial changes of defect repair (solver_repair_defects). Particles are
- * deleted, inserted and relaxed, while the surrounding particles are fixed. The pair forces are those of the solve. Particles of
- * opposite walls contribute to the forces and are fixed. No state is shared between worker threads. World space. */
+/* repair_region: a copy of a small region of a packing for trial changes of defect repair
+ * (solver_repair_defects). Particles are deleted, inserted and relaxed, while the surrounding particles are
+ * fixed. The pair forces are those of the solve. Particles of opposite walls contribute to the forces and
+ * are fixed. No state is shared between worker threads. World space. */
 #ifndef HEXAD_SAMPLING_SOLVER_PASSES_REPAIR_REGION_H
 #define HEXAD_SAMPLING_SOLVER_PASSES_REPAIR_REGION_H
 
@@ -47,18 +48,19 @@ void repair_scratch_init(repair_scratch *b, const solver *s);
 /* Builds the neighbour lists of all members. */
 void repair_region_list(repair_region *p);
 
-/* Estimates the number of defects: evaluated members without six members between the first two shells. Faster than
- * repair_region_evaluate and mostly correct. */
+/* Estimates the number of defects: evaluated members without six members between the first two shells. Faster
+ * than repair_region_evaluate and mostly correct. */
 int repair_region_estimate_defects(const repair_region *p);
 
 /* Sets degree, defects and cost. False: the cost exceeds `limit`; the values are incomplete. */
 bool repair_region_evaluate(repair_scratch *b, repair_region *p, double limit);
 
-/* Deletes, inserts or moves one random member near a defect. False: there is no defect, or the insertion failed. */
+/* Deletes, inserts or moves one random member near a defect. False: there is no defect, or the insertion
+ * failed. */
 bool repair_region_modify(repair_region *p, rng *r);
 
-/* Relaxes the active members and the members that they displace, then rebuilds the lists. False: a member left its patch; the
- * lists are stale. */
+/* Relaxes the active members and the members that they displace, then rebuilds the lists. False: a member
+ * left its patch; the lists are stale. */
 bool repair_region_relax(repair_scratch *b, repair_region *p);
 
 #endif

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/* separate_patches: moves particles of one patch away from those of another patch that passes through it, and particles away from others of
- * their patch at the same place (passes.h). Particles of different patches do not repel each other, and patches that intersect without a common
- * curve have no samples along the intersection. On parts thinner than the spacing several particles may be projected to one place, where no
- * force separates them. */
+/* separate_patches: moves particles of one patch away from those of another patch that passes through it, and
+ * particles away from others of their patch at the same place (passes.h). Particles of different patches do
+ * not repel each other, and patches that intersect without a common curve have no samples along the
+ * intersection. On parts thinner than the spacing several particles may be projected to one place, where
+ * no force separates them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,12 +14,14 @@
 #include "sampling/solver/passes/passes.h"
 #include "sampling/voronoi/resolution.h"
 
-/* Particles of different patches within this distance are too close, in spacings. A little above the distance of close pairs in the
- * measures (0.25), because the particles around relax afterwards. */
+/* Particles of different patches within this distance are too close, in spacings. A little above the distance
+ * of close pairs in the measures (0.25), because the particles around relax afterwards. */
 static const double CLOSE_DISTANCE = 0.27;
-/* Particles of one patch within this distance are at the same place, in spacings: that of coincident points in the measures. */
+/* Particles of one patch within this distance are at the same place, in spacings: that of coincident
+ * points in the measures. */
 static const double COINCIDENT_DISTANCE = 1e-3;
-/* Length of the displacement along the surface, in spacings. Larger: nearer to the particles of its own patch. */
+/* Length of the displacement along the surface, in spacings. Larger: nearer to the particles of its own
+ * patch. */
 static const double DISPLACEMENT = 0.3;
 /* Number of directions that are tried. */
 enum { DIRECTIONS = 12 };
@@ -60,8 +63,9 @@ static double own_spacing(const separation *job, size_t i)
     return job->s->state.spacing * particles_size(job->s->state.p, i);
 }
 
-/* Distance of the nearest other particle from x, in spacings of particle i; INFINITY if none is within DISPLACEMENT and CLOSE_DISTANCE.
- * Particles of its patch count within own_patch spacings. Particles that this pass has moved are found at their new positions. */
+/* Distance of the nearest other particle from x, in spacings of particle i; INFINITY if none is within
+ * DISPLACEMENT and CLOSE_DISTANCE. Particles of its patch count within own_patch spacings. Particles that
+ * this pass has moved are found at their new positions. */
 static double distance_of_nearest(const separation *job, size_t i, vec3 x, double own_patch)
 {
     const double h = own_spacing(job, i);
@@ -83,8 +87,8 @@ static void close_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) job->is_close[i] = is_too_close(job, i);
 }
 
-/* Moves a particle to the place around it that is farthest from all others, and fixes it there: its patch would push it back. False if no
- * place is better. */
+/* Moves a particle to the place around it that is farthest from all others, and fixes it there: its patch
+ * would push it back. False if no place is better. */
 static bool move_away(const separation *job, size_t i)
 {
     particles *p = job->s->state.p;
