@@ -11,12 +11,11 @@
 
 #include "base/core/clock.h"
 #include "base/core/log.h"
+#include "service/results/inventory.h"
 
 /* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may
  * be on a network file system. */
 #define PROBE_MS 1000
-/* The file that a probe writes. The first probe after a kill removes it. */
-#define PROBE_NAME ".probe"
 
 static const char *const names[STORAGE_PARTS] = {"attempts", "results", "inputs"};
 
@@ -82,7 +81,8 @@ static void probe_part(storage *s, int part, bool flush)
 {
     char path[4096];
     int before = atomic_load(&s->fault[part]);
-    bool fits = snprintf(path, sizeof path, "%s/%s/" PROBE_NAME, s->work_dir, names[part]) < (int)sizeof path;
+    bool fits = snprintf(path, sizeof path, "%s/%s/" INVENTORY_PROBE_NAME, s->work_dir, names[part]) <
+                (int)sizeof path;
     int why = fits ? probe(path, flush || before) : ENAMETOOLONG;
     atomic_store(&s->fault[part], why);
     if (why && why != before)

@@ -118,6 +118,11 @@ static void append(listing *l, const char *name, int part, size_t *capacity)
     l->count++;
 }
 
+static bool is_skipped(const char *name)
+{
+    return strcmp(name, ".") == 0 || strcmp(name, "..") == 0 || strcmp(name, INVENTORY_PROBE_NAME) == 0;
+}
+
 static bool list(const char *work_dir, int part, listing *l, error *e)
 {
     char *path = mem_printf("%s/%s", work_dir, parts[part]);
@@ -126,7 +131,7 @@ static bool list(const char *work_dir, int part, listing *l, error *e)
     l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
     DIR *stream = opendir(path);
     for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
-        if (entry->d_name[0] != '.') append(l, entry->d_name, part, &capacity);
+        if (!is_skipped(entry->d_name)) append(l, entry->d_name, part, &capacity);
     bool ok = (stream && !errno) || error_set(e, ERROR_INTERNAL, "cannot list %s: %s", path, strerror(errno));
     if (stream) closedir(stream);
     free(path);

@@ -14,7 +14,10 @@
 #include "base/core/error.h"
 #include "service/queue/queue.h"
 
-/* Compares all entries but those whose names begin with '.'. With `adopt`, jobs that are not in the queue are
+/* The file by which the executor checks whether a directory can be written. A disk that fails may keep one. */
+#define INVENTORY_PROBE_NAME ".probe"
+
+/* Compares all entries but INVENTORY_PROBE_NAME. With `adopt`, jobs that are not in the queue are
  * first added from the reports of their results, as succeeded jobs. Logs warnings with the number of adopted
  * jobs, of tasks that ended, of moved entries and of entries that could not be moved. Errors: internal, if a
  * directory cannot be listed, a result of a waiting task cannot be read, or an entry whose name a task
