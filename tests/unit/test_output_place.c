@@ -2,7 +2,9 @@
 /* Copies to directories of users run one after another, and fail if another user has a result there. */
 #include "queue_place.h"
 
+#include <fcntl.h>
 #include <pthread.h>
+#include <stdarg.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <time.h>
@@ -14,7 +16,8 @@
 
 enum { THREADS = 4, FILES = 3 };
 
-/* A file system that does not complete a removal until the test permits it. */
+/* A file system that does not complete the creation of an unnamed file, by which a directory is checked, until
+ * the test permits it. */
 static struct {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
@@ -22,8 +25,7 @@ static struct {
     int waiting;
 } disk = {.mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
 
-/* Replace functions of the C library. While the file system hangs, 2 s seem to have passed. */
-int unlinkat(int directory, const char *name, int flags)
+static void wait_for_disk(void)
 {
     pthread_mutex_lock(&disk.mutex);
     disk.waiting++;
@@ -31,7 +33,17 @@ int unlinkat(int directory, const char *name, int flags)
     disk.waiting--;
     pthread_cond_broadcast(&disk.changed);
     pthread_mutex_unlock(&disk.mutex);
-    return (int)syscall(SYS_unlinkat, directory, name, flags);
+}
+
+/* Replace functions of the C library. While the file system hangs, 2 s seem to have passed. */
+int openat(int directory, const char *name, int flags, ...)
+{
+    va_list arguments;
+    va_start(arguments, flags);
+    const mode_t mode = flags & O_CREAT || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(arguments, mode_t) : 0;
+    va_end(arguments);
+    if ((flags & O_TMPFILE) == O_TMPFILE) wait_for_disk();
+    return (int)syscall(SYS_openat, directory, name, flags, mode);
 }
 
 int clock_gettime(clockid_t clock, struct timespec *now)
