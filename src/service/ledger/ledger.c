@@ -279,15 +279,15 @@ ledger_refusal ledger_explain(ledger *l, ledger_resource what, ledger_decision w
     const rule *broken = all ? &of->all : &of->holder;
     const ledger_limits most = ledger_get_limits(l, what);
     const int64_t limit = all ? most.all : most.holder;
-    char who[LEDGER_HOLDER_SIZE + 8], number[32] = "", later[40];
+    char subject[LEDGER_HOLDER_SIZE + 8], number[32] = "", later[40];
     assert(broken->code);
     if (limit) snprintf(number, sizeof number, "%" PRId64 ", ", limit);
     ledger_refusal refusal = {.code = broken->code, .retry_s = broken->retry_s};
     if (of->an_hour) refusal.retry_s = find_wait_s(l, what, holder);
-    snprintf(who, sizeof who, "%s has", holder);
+    snprintf(subject, sizeof subject, "%s has", holder);
     snprintf(later, sizeof later, "try again in %" PRId64 " s", refusal.retry_s);
     snprintf(refusal.message, sizeof refusal.message, "%s reached the limit of %s (%ssetting %s): %s",
-             all ? "all users together have" : who, of->what, number, broken->setting,
+             all ? "all users together have" : subject, of->what, number, broken->setting,
              of->an_hour ? later : broken->remedy);
     return refusal;
 }
