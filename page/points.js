@@ -31,7 +31,7 @@ function coloursAt(element) {
 
 /**
  * Draws into a canvas whenever something has changed. Holds what is not the view's state. The data attributes of the canvas
- * have what bench/web_page.py measures: draw calls and milliseconds of script of a frame, and bytes on the graphics card.
+ * have what measurements/service/web_page.py measures: draw calls and milliseconds of script of a frame, and bytes on the graphics card.
  */
 class Scene {
   constructor(canvas) {

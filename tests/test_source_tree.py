@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of the source tree that a program can check: formatting, lists of files, names of files that do not exist, and
-phrases that comments, messages and pages must not contain (plain_language.py).
+"""Rules of the source tree that a program can check: formatting, lists of files, and names of files that
+do not exist.
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
 with one fault, where the list must name it. test_layers.py checks which module of src may include which.
@@ -12,18 +12,17 @@ import shutil
 import subprocess
 import sys
 
-import plain_language
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tools"))
 import file_index  # noqa: E402
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "bench"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "measurements" / "isolation"))
 import isolation_routes  # noqa: E402
 
-CODE = ("src", "tests", "fuzz", "bench")
+CODE = ("src", "tests", "fuzz", "measurements")
 CLANG_FORMAT = "clang-format-14"
 
-PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"(bench|tests)/README\.md", r"doc/.*")  # where pages may be
+PAGES = (r"(ARCHITECTURE|README|CONTRIBUTING|NEWS)\.md", r"tests/README\.md", r"(doc|measurements)/.*")  # where pages may be
 
 
 def files_of(root, folders, endings):
@@ -46,7 +45,7 @@ def code_of(root, folders=CODE):
 
 
 def pages_of(root):
-    return files_of(root, ("doc", "bench/README.md", "tests/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
+    return files_of(root, ("doc", "measurements", "tests/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
 
 
 # ---- the checks
@@ -63,9 +62,14 @@ def misplaced_pages(root):
             if not any(re.fullmatch(pattern, name) for pattern in PAGES)]
 
 
+def parts_of(root):
+    """The files that Makefile.am includes: one of each folder of sources, and one of each subject of measurements."""
+    return sorted([*root.glob("src/**/Makefile.inc"), *root.glob("measurements/*/Makefile.inc")])
+
+
 def makefile(root):
     """The text of Makefile.am and of the files that it includes, with whole paths."""
-    parts = sorted(root.glob("src/**/Makefile.inc"))
+    parts = parts_of(root)
     return (root / "Makefile.am").read_text() + "".join(
         part.read_text().replace("%D%", str(part.parent.relative_to(root))) for part in parts)
 
@@ -74,13 +78,13 @@ def parts_left_out(root):
     """Lists of folders that Makefile.am does not include."""
     text = (root / "Makefile.am").read_text()
     return [f"Makefile.am does not include {part}" for part in sorted(
-        p.relative_to(root).as_posix() for p in root.glob("src/**/Makefile.inc")) if f"include $(srcdir)/{part}\n" not in text]
+        p.relative_to(root).as_posix() for p in parts_of(root)) if f"include $(srcdir)/{part}\n" not in text]
 
 
 def listed_sources(root):
     """The names in Makefile.am's lists of files, without those of built files."""
     text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", makefile(root), flags=re.M)
-    return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|bench|tools|doc|etc|examples|systemd)/[\w./+-]+\."
+    return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|measurements|tools|doc|etc|examples|systemd)/[\w./+-]+\."
                           r"(?:c|h|cc|py|md|json|conf|in|yml|png|sh|dict))(?=[\s\\\\]|$)", text))
 
 
@@ -98,7 +102,7 @@ def left_out(root):
     """Pages and Python programs that the tarball would not have: Makefile.am names neither them nor a folder above."""
     words = set(re.sub(r"^\s*#.*", "", (root / "Makefile.am").read_text(), flags=re.M).split())
     return [f"Makefile.am does not name {name}" for name in files_of(root, ("doc", *CODE, "tools", "clients"), (".md", ".py"))
-            if not words & {name, *(str(p) for p in pathlib.PurePath(name).parents if "/" in str(p))}]
+            if not words & {name, *map(str, pathlib.PurePath(name).parents)}]
 
 
 def other_versions(root):
@@ -139,11 +143,6 @@ def index_differences(root):
     return [f"{file_index.PAGE}: {row} (tools/file_index.py writes it)" for row in file_index.differences(root)]
 
 
-def private_phrases(root):
-    """Phrases of comments, messages and pages that plain_language.py lists, each with what to write instead."""
-    return [f"{name}:{line}: \"{phrase}\": {instead}" for name, line, phrase, instead in plain_language.faults(root)]
-
-
 PRINTERS = ("src/client/", "src/job/inspect/inspection_text.c", "src/job/report/summary.c", "src/service/results/audit.c")  # print to streams that their callers choose
 PLAIN_PRINTERS = ("src/client/list_query.c",)  # writes URLs
 
@@ -176,8 +175,8 @@ ROUTES = "src/service/api/routes.c"
 
 def untimed_calls(root):
     """Rows of the table of routes that do not say where their handler runs, and rows whose calls in the serving thread are not
-    those of the table of times in doc/measured/isolation.md."""
-    table, page = root / ROUTES, root / "doc/measured/isolation.md"
+    those of the table of times in measurements/isolation/isolation.md."""
+    table, page = root / ROUTES, root / "measurements/isolation/isolation.md"
     if not table.exists():
         return []
     try:
@@ -185,7 +184,7 @@ def untimed_calls(root):
     except ValueError as fault:
         return [str(fault)]
     text = page.read_text() if page.exists() else ""
-    return [f"doc/measured/isolation.md has no times of {name} ({', '.join(found) or '-'}): bench/isolation.py --serving-thread prints them"
+    return [f"measurements/isolation/isolation.md has no times of {name} ({', '.join(found) or '-'}): measurements/isolation/isolation.py --serving-thread prints them"
             for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
 
 
@@ -209,7 +208,7 @@ def lost_recipes(root):
     """Files and targets of make in the recipes of CONTRIBUTING.md that are nowhere. A name with a word in capitals is a placeholder."""
     recipes = (root / "CONTRIBUTING.md").read_text().partition("\n## Recipes\n")[2]
     files = {pathlib.PurePath(name).name for name in files_of(root, (".",), "")}
-    targets = {"distcheck", *re.findall(r"^([\w-]+)(?=[\w -]*:(?!=))", (root / "Makefile.am").read_text(), re.M)}
+    targets = {"distcheck", *re.findall(r"^([\w-]+)(?=[\w -]*:(?!=))", makefile(root), re.M)}
     faults = []
     for words in re.findall(r"`([^`]+)`", recipes):
         command, *rest = re.split(r"[\s<>]+", words)
@@ -233,7 +232,7 @@ def unlicensed(root):
 
 
 CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
-          private_phrases, unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
+          unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
           lost_recipes, unlicensed]
 
 
@@ -294,11 +293,7 @@ FAULTS = [
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
     (untimed_calls, ROUTES, '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
-    (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "doc/measured/isolation.md has no times of getTime (-)"),
-    (private_phrases, "doc/guide.md", "The header\ntells the type.\n", "doc/guide.md:2: \"tells\": returns"),
-    (private_phrases, "src/json/json.c", "// the cell\n// is asked\nint one(void);\n", "src/json/json.c:2: \"asked\""),
-    (private_phrases, "page/main.js", "const note = `it ` +\n    'has so ' + many\nmessage('so many')\n", "page/main.js:3: \"so many\""),
-    (private_phrases, "clients/spec.py", "asked = 1\ntext = (\"the file \"\n        \"knows it\")\n", "clients/spec.py:3: \"knows\""),
+    (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "measurements/isolation/isolation.md has no times of getTime (-)"),
     (unescaped_prints, "src/json/json.c", 'void f(void)\n{\n    fprintf(stderr, "a %d\\n", 1);\n    printf("a "\n           "%-3s", x);\n}\n',
      "src/json/json.c:4: printf with %s"),
     (unescaped_prints, "src/client/wait.c", 'void f(FILE *out)\n{\n    fprintf(out, "%s", x);\n}\n', "src/client/wait.c:3: printf with %s"),
@@ -308,7 +303,7 @@ FAULTS = [
      "src/base/clock.c:4: iterate with"),
     (imported_tests, "tests/service/test_new.py", "import pytest\n\nfrom test_rest import exchange\n",
      "tests/service/test_new.py:3: imports test_rest"),
-    (imported_tests, "bench/new.py", "def run():\n    import test_rest\n", "bench/new.py:2: imports test_rest"),
+    (imported_tests, "measurements/new.py", "def run():\n    import test_rest\n", "measurements/new.py:2: imports test_rest"),
     (unlicensed, "src/base/new.h", "/* new: a new file. */\n", "src/base/new.h: its first line"),
     (unlicensed, "tools/new.py", "#!/usr/bin/env python3\n\"\"\"New.\"\"\"\n# SPDX-License-Identifier: Apache-2.0\n", "tools/new.py: its first line"),
     (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
@@ -316,7 +311,6 @@ FAULTS = [
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`src/base/gone.c`\n", "CONTRIBUTING.md: a recipe names src/base/gone.c"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`gone.h`\n", "CONTRIBUTING.md: a recipe names gone.h"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`make time gone`\n", "CONTRIBUTING.md: there is no target gone"),
-    (private_phrases, "src/json/json.c", "// see `star_sieve`\nint one(void);\n", "src/json/json.c:1: \"star_sieve\": triangle_filter"),
 ]
 
 
@@ -331,28 +325,6 @@ def test_a_fault_is_found(small, check, name, text, told):
     (small / name).write_text(text)
     found = check(small)
     assert len(found) == 1 and found[0].startswith(told), found
-
-
-# ---- the table of phrases
-
-@pytest.mark.parametrize("row", plain_language.PHRASES, ids=lambda row: row[2])
-def test_a_phrase_matches_its_example_only(row):
-    pattern, instead, wrong, right, *_ = row
-    assert instead in [found[2] for found in plain_language.matches("page.md", wrong)], pattern
-    assert not plain_language.matches("page.md", right)
-
-
-def test_an_old_name_is_found_and_a_new_one_is_not():
-    for old, new in plain_language.OLD_NAMES.items():
-        assert [(1, old, new)] == plain_language.matches("page.md", f"See `{old}`.")
-        assert not plain_language.matches("page.md", f"See `{new}`.")
-
-
-def test_exceptions_are_few_and_needed(source):
-    assert len(plain_language.EXCEPTIONS) <= 30
-    for name, pattern, reason in plain_language.EXCEPTIONS:
-        phrases = [phrase for _, phrase, _ in plain_language.matches(name, (source / name).read_text())]
-        assert reason and any(re.fullmatch(pattern, phrase, re.I) for phrase in phrases), name
 
 
 # ---- which test is in which tier

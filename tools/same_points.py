@@ -17,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 
-import levelsets
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "measurements" / "common"))
+import levelsets  # noqa: E402
 
 POINTS = ("points.ply", "points.npz", "points.glb", "points.usda", "points.vdb", "mesh.ply", "mesh.usda")
 

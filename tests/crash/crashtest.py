@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/measured/reliability.md."""
+"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes measurements/reliability/reliability.md."""
 import argparse
 import datetime
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""doc/measured/reliability.md out of the figures of the last runs."""
+"""measurements/reliability/reliability.md out of the figures of the last runs."""
 
 HEAD = """# Reliability: kills, faults and power losses
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debian's Chromium without a screen, as tests and bench/web_page.py use it. Without chromium-driver or python3-selenium there is
+"""Debian's Chromium without a screen, as tests and measurements/service/web_page.py use it. Without chromium-driver or python3-selenium there is
 none."""
 import contextlib
 import functools

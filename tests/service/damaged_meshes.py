@@ -20,8 +20,8 @@ import time
 import numpy
 from scipy.spatial import cKDTree
 
-import meshes
-from meshes import _distances
+import mesh_reader
+from mesh_reader import _distances
 from readers import Points
 
 FLOAT_STEP, DOUBLE_STEP = 2.0 ** -23, 2.0 ** -52
@@ -104,7 +104,7 @@ SURFACES = {"sphere": icosphere, "box": box, "angle": angle, "comb": comb, "toru
 
 def closed_mesh(path):
     """The vertices, within the unit sphere, and faces of a file with one closed piece; None of others."""
-    mesh = meshes.Mesh(path)
+    mesh = mesh_reader.Mesh(path)
     faces = mesh.faces if mesh.volume > 0 else mesh.faces[:, ::-1]
     sides = [(a, b) for f in faces.tolist() for a, b in zip(f, f[1:] + f[:1])]
     if mesh.component_count > 1 or len(faces) > MOST_FACES or sorted(sides) != sorted((b, a) for a, b in sides) or \

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from readers import read_columns
 from service import sphere
 
-sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+sys.path += [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "blue_noise")]
 import blue_noise  # noqa: E402
 import measure  # noqa: E402
 

@@ -7,7 +7,7 @@ import numpy
 import pytest
 from scipy.spatial import cKDTree
 
-from meshes import Mesh
+from mesh_reader import Mesh
 from readers import Points
 from volumes import write_nrrd
 

@@ -200,8 +200,8 @@ def test_the_service_looks_into_what_jobs_may_read(new_service, build, tmp_path)
 
 
 def test_some_of_the_collection(build, shared_data):
-    """tools/inspections.py goes through all of it."""
-    table = pathlib.Path(__file__).resolve().parents[2] / "tools" / "inspections.py"
+    """measurements/inputs/inspections.py goes through all of it."""
+    table = pathlib.Path(__file__).resolve().parents[2] / "measurements/inputs/inspections.py"
     for word in ("meshes/bob.obj", "vdb/nebula", "volumes/fmob", "exr/comp_rle", "malformed/git_lfs"):
         done = subprocess.run(["/usr/bin/python3", "-B", table, "--worker", build / "hexad-worker", "--data", shared_data,
                                "--only", word], capture_output=True, text=True, timeout=PATIENCE_S)

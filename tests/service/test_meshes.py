@@ -10,7 +10,7 @@ import pytest
 import scipy.spatial
 
 from damaged_meshes import icosphere
-from meshes import Mesh
+from mesh_reader import Mesh
 from readers import Points, read_columns, read_mesh
 from service import sphere
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positions of outputs far from the origin, read by readers that are not ours (tools/precision.py), and meshes that lie there."""
+"""Positions of outputs far from the origin, read by readers that are not ours (measurements/outputs/precision.py), and meshes that lie there."""
 import json
 import pathlib
 import re
@@ -13,7 +13,7 @@ import damaged_meshes
 from readers import read_columns
 from service import sphere
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "outputs"))
 import precision  # noqa: E402
 
 

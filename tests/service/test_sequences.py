@@ -9,7 +9,7 @@ import sys
 import numpy
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "sequences")]
 
 import measure  # noqa: E402
 import sequence  # noqa: E402

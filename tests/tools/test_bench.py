@@ -10,14 +10,14 @@ import types
 import numpy
 import pytest
 
-BENCH = pathlib.Path(__file__).resolve().parents[2] / "bench"
-sys.path.insert(0, str(BENCH))
+BENCH = pathlib.Path(__file__).resolve().parents[2] / "measurements" / "speed"
+sys.path[:0] = [str(BENCH), str(BENCH.parent / "common")]
 
 import bench  # noqa: E402
 import claims  # noqa: E402
-import inputs  # noqa: E402
 import packing  # noqa: E402
 import page  # noqa: E402
+import prepared_inputs  # noqa: E402
 import samplers  # noqa: E402
 import surfaces  # noqa: E402
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.extended  # measuring programs, not the service
 @pytest.fixture(scope="module")
 def smoke(source, build, tmp_path_factory):
     where = tmp_path_factory.mktemp("bench")
-    subprocess.run([sys.executable, source / "bench" / "bench.py", "--built", build, "--page", where / "page.md",
+    subprocess.run([sys.executable, source / "measurements/speed/bench.py", "--built", build, "--page", where / "page.md",
                     "--results", where / "results.json", "--tools", "hexad", "--surfaces", "torus,quartic-formula",
                     "--counts", "1e3", "--runs", "1"], check=True)
     return where
@@ -53,7 +53,7 @@ def test_page_of_a_short_run(smoke):
 def test_continued_run_keeps_its_rows(smoke, source, build, tmp_path):
     results = tmp_path / "results.json"
     results.write_text((smoke / "results.json").read_text())
-    command = [sys.executable, source / "bench" / "bench.py", "--built", build, "--page", tmp_path / "page.md",
+    command = [sys.executable, source / "measurements/speed/bench.py", "--built", build, "--page", tmp_path / "page.md",
                "--results", results, "--surfaces", "quartic-formula", "--counts", "1e4", "--continue"]
     subprocess.run(command, check=True)
     assert len(json.loads(results.read_text())["rows"]) == 2
@@ -95,21 +95,21 @@ def test_area_of_an_ellipsoid():
 
 def test_files_of_an_input(tmp_path, monkeypatch):
     """Triangles and spacings: closed, on the surface, and as many ideal cells as were asked for."""
-    monkeypatch.setitem(inputs.SURFACES["ellipsoid"], "voxels", 48)
-    given = inputs.Input("ellipsoid", None, tmp_path)
+    monkeypatch.setitem(prepared_inputs.SURFACES["ellipsoid"], "voxels", 48)
+    given = prepared_inputs.Input("ellipsoid", None, tmp_path)
     vertices = given.triangles.vertices
     assert numpy.abs(given.truth.value(vertices)).max() < 1e-9
     assert given.triangles.area == pytest.approx(given.area, rel=1e-2)
     middle = vertices[given.triangles.triangles].mean(axis=1)
     asked = given.requested(middle, 10000)
     assert (given.triangles.areas / asked ** 2).sum() * 2 / math.sqrt(3) == pytest.approx(10000, rel=1e-6)
-    assert asked.max() / asked.min() == pytest.approx(inputs.RATIO, rel=0.05)
+    assert asked.max() / asked.min() == pytest.approx(prepared_inputs.RATIO, rel=0.05)
     size = [int(n) for n in given.path("nhdr").read_text().split("sizes: ")[1].splitlines()[0].split()]
     assert given.path("raw").stat().st_size == given.path("spacing").stat().st_size == 4 * math.prod(size)
 
 
 def test_windows_tell_what_the_whole_tells(build, tmp_path, monkeypatch):
-    given = inputs.Input("torus-formula", None, tmp_path)
+    given = prepared_inputs.Input("torus-formula", None, tmp_path)
     places, _ = samplers.Hexad().run(given, 5000, 1, 600, build, tmp_path)
     whole = packing.of(given, places)
     monkeypatch.setattr(packing, "MOST", 4000)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/features.py: its measures on meshes of known shape, and the worker's resolve on a thin shell with a handle whose
+"""measurements/meshes/features.py: its measures on meshes of known shape, and the worker's resolve on a thin shell with a handle whose
 sheets are close."""
 import pathlib
 import sys
@@ -7,7 +7,7 @@ import sys
 import numpy
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "meshes")]
 import features  # noqa: E402
 import meshes  # noqa: E402
 

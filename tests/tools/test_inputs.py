@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/inputs.py on a collection of a few files: one that is good and one that is not, of each kind."""
+"""measurements/inputs/inputs.py on a collection of a few files: one that is good and one that is not, of each kind."""
 import subprocess
 import sys
 
@@ -37,7 +37,7 @@ def collection(tmp_path, build):
 
 
 def test_every_file_has_its_row(collection, source, build, tmp_path):
-    done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", build / "hexad-worker",
+    done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", build / "hexad-worker",
                            "--data", collection, "--output", tmp_path / "page.md", "--counts", "500", "1000"], capture_output=True, text=True)
     text = (tmp_path / "page.md").read_text()
     assert done.returncode == 0, text
@@ -62,7 +62,7 @@ def test_every_file_has_its_row(collection, source, build, tmp_path):
 def test_a_table_is_made_in_pieces(collection, source, build, tmp_path):
     """Rows of the same worker stay, those of another are made again; a piece that has no time ends with 3."""
     def make(*options):
-        done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", worker, "--data", collection,
+        done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", worker, "--data", collection,
                                "--output", page, "--counts", "500", "--only", "malformed", "--resume", *options],
                               capture_output=True, text=True)
         return done.returncode, done.stderr.count("| error |")
@@ -85,7 +85,8 @@ FACE = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 @pytest.fixture
 def tools(source, monkeypatch):
-    monkeypatch.syspath_prepend(str(source / "tools"))
+    for folder in ("common", "inputs"):
+        monkeypatch.syspath_prepend(str(source / "measurements" / folder))
     import mesh_measures
     import meshes
     return meshes, mesh_measures
@@ -167,7 +168,7 @@ def test_a_part_without_points_is_found(tools):
 
 def test_triangles_behind_many_others_are_not_missed(source):
     """Points on a large triangle, and many small ones beside them whose places are all nearer than its own."""
-    sys.path.insert(0, str(source / "tools"))
+    sys.path[:0] = [str(source / "measurements" / folder) for folder in ("common", "inputs")]
     import meshes
     random = numpy.random.default_rng(1)
     large = numpy.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
@@ -189,39 +190,10 @@ def test_concave_polygons_of_an_obj_keep_their_area(tools, tmp_path):
     assert len(mesh.triangles) == len(comb) - 2 and abs(mesh.area - 8) < 1e-12
 
 
-def test_two_builds_are_compared_by_the_same_measures(collection, source, build, tmp_path):
-    def compare(*options):
-        return subprocess.run([sys.executable, "-B", source / "tools" / "compare_builds.py", "--worker", build / "hexad-worker",
-                               "--reference", build / "hexad-worker", "--work", tmp_path / "work", "--data", collection,
-                               "--output", tmp_path / "page.md", "--count", "200", *options], capture_output=True, text=True)
-    assert compare("--seconds", "0").returncode == 3
-    done = compare()
-    text = (tmp_path / "page.md").read_text()
-    assert done.returncode == 0, done.stderr
-    (row,) = [line for line in text.splitlines() if line.startswith("| good.off")]
-    assert "| converged / converged |" in row and row.endswith("|  |") and str(tmp_path) not in text
-    assert compare("--seconds", "0").returncode == 0  # all results are kept
-
-
-def test_a_result_is_worse_beyond_the_bounds_on_average(source, monkeypatch):
-    monkeypatch.syspath_prepend(str(source / "tools"))
-    import compare_builds
-    good = {"outcome": "converged", "hex_fraction": 0.9, "min_spacing_ratio": 0.8, "coverage": 0.7, "max_residual": 1e-6}
-    assert compare_builds.worse([good], [good]) == []
-    assert compare_builds.worse([good], [{**good, "outcome": "unresolved"}]) == ["outcome"]
-    assert compare_builds.worse([good], [{**good, "hex_fraction": 0.89, "coverage": 0.73}]) == ["hex_fraction", "coverage"]
-    assert compare_builds.worse([good, good], [{**good, "coverage": 0.73}, {**good, "coverage": 0.69}]) == []
-    assert compare_builds.worse([good] * 3, [{**good, "coverage": c} for c in (0.72, 0.73, 0.74)]) == ["coverage"]
-    assert compare_builds.worse([good] * 3, [{**good, "coverage": c} for c in (0.64, 0.73, 0.82)]) == []
-    assert compare_builds.worse([{**good, "max_residual": 0.1}], [{**good, "coverage": 0.9}]) == []
-    assert compare_builds.worse([good], [{"outcome": "error"}]) == ["outcome"]
-    assert compare_builds.worse([{"outcome": "error"}], [good]) == []
-
-
 def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nkill -SEGV $$\n")
     worker.chmod(0o755)
-    done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", worker, "--data", collection,
+    done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", worker, "--data", collection,
                            "--only", "good.off", "--output", tmp_path / "page.md"], capture_output=True, text=True)
     assert done.returncode == 1 and "**an error that is not" in (tmp_path / "page.md").read_text()

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 def run(source, build, *options):
-    done = subprocess.run([sys.executable, "-B", source / "bench" / "isolation.py", "--built", build, *map(str, options)],
+    done = subprocess.run([sys.executable, "-B", source / "measurements/isolation/isolation.py", "--built", build, *map(str, options)],
                           capture_output=True, text=True)
     assert done.returncode in (0, 1), done.stdout + done.stderr  # 1: a goal was missed, since other work runs beside
     return done.stdout
@@ -26,7 +26,7 @@ def test_each_row_is_loaded_by_each_caller(source, build):
 
 def test_each_row_has_a_time_in_the_serving_thread(source, build):
     text = run(source, build, "--serving-thread")
-    page = (source / "doc/measured/isolation.md").read_text()
+    page = (source / "measurements/isolation/isolation.md").read_text()
     table = r"^(\| (?!row)\w+ \| [^|]+ \| )\d+ \| \d+ \| [\d.]+ \| [\d.]+ \|$"
     assert re.findall(table, text, re.MULTILINE) == re.findall(table, page, re.MULTILINE)
     assert len(re.findall(r"^\| (?:putInput|getResult|followJobs): [^|]+ \| [\d.]+ \|$", text, re.MULTILINE)) == 4

@@ -9,8 +9,8 @@ import sys
 import numpy
 import pytest
 
-TOOLS = pathlib.Path(__file__).resolve().parents[2] / "tools"
-sys.path.insert(0, str(TOOLS))
+PACKING = pathlib.Path(__file__).resolve().parents[2] / "measurements" / "packing"
+sys.path[:0] = [str(PACKING), str(PACKING.parent / "common")]
 
 import measure  # noqa: E402
 import meshes  # noqa: E402
@@ -324,7 +324,7 @@ def run_quality(build, tmp_path, *names):
     cases = tmp_path / "cases.json"
     cases.write_text(json.dumps(CASES))
     more = [word for name in names for word in ("--case", name)]
-    done = subprocess.run([sys.executable, TOOLS / "quality.py", "--worker", build / "hexad-worker", "--cases", cases,
+    done = subprocess.run([sys.executable, PACKING / "quality.py", "--worker", build / "hexad-worker", "--cases", cases,
                            "--output", tmp_path / "quality.md", "--threads", "1", *more], capture_output=True, text=True)
     return done, (tmp_path / "quality.md").read_text()
 
@@ -345,7 +345,7 @@ def test_a_missed_bound_is_told(build, tmp_path):
 
 def test_the_table_of_cases(source):
     """Every case names bounds that exist and, where it is like another, one that stands before it."""
-    table = json.loads((source / "tools" / "quality.json").read_text())
+    table = json.loads((source / "measurements/packing/quality.json").read_text())
     before = set()
     for case in table["cases"]:
         assert case["bounds"] in table["bounds"] and case.get("like", case["name"]) in before | {case["name"]}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/mistakes.py: messages of typical mistakes name their object and what to do, and the page lists every mistake."""
+"""measurements/messages/mistakes.py: messages of typical mistakes name their object and what to do, and the page lists every mistake."""
 import pathlib
 import sys
 
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "messages"))
 import mistakes  # noqa: E402
 
 QUICK = {
@@ -35,7 +35,7 @@ def test_a_message_without_its_parts_is_a_fault(result, message, fault):
 
 
 def test_the_page_lists_every_mistake(source):
-    page = (source / "doc" / "measured" / "messages.md").read_text()
+    page = (source / "measurements/messages/messages.md").read_text()
     rows = [line.split(" | ")[0].removeprefix("| ") for line in page.splitlines() if line.startswith("| ")]
     assert len(mistakes.all_rows()) >= 80
     assert {mistakes.cell(row[1]) for row in mistakes.all_rows()} <= set(rows)

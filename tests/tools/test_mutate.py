@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/mutate.py: which tests it leaves out."""
+"""measurements/mutations/mutate.py: which tests it leaves out."""
 import sys
 
 import pytest
@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def mutate(source, monkeypatch):
-    monkeypatch.syspath_prepend(source / "tools")
+    monkeypatch.syspath_prepend(source / "measurements/mutations")
     import mutate
     yield mutate
     sys.modules.pop("mutate")

@@ -62,7 +62,7 @@ def files_of_pages(source):
 
 def links_of_pages(files):
     """(page, what it links to) of all links to files. Pages on measurements also link to programs of the source."""
-    pages = {name: path for name, path in files.items() if name.endswith(".md") and not name.startswith("doc/measured/")}
+    pages = {name: path for name, path in files.items() if name.endswith(".md") and not name.startswith("measurements/")}
     assert "README.md" in pages and "doc/operations.md" in pages
     return [(name, os.path.normpath(os.path.join(os.path.dirname(name), link))) for name, path in pages.items()
             for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text()) if "://" not in link]

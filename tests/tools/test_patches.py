@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/patches.py: its measures on shapes whose edges are known, and a row of the table from the worker."""
+"""measurements/meshes/patches.py: its measures on shapes whose edges are known, and a row of the table from the worker."""
 import pathlib
 import subprocess
 import sys
@@ -7,7 +7,7 @@ import sys
 import numpy
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "meshes")]
 import meshes  # noqa: E402
 import patches  # noqa: E402
 
@@ -39,7 +39,7 @@ def test_distances_are_of_the_nearest_triangle():
 
 
 def test_a_row_of_the_table(source, build, tmp_path):
-    done = subprocess.run([sys.executable, "-B", source / "tools" / "patches.py", "--worker", build / "hexad-worker", "--data", tmp_path,
+    done = subprocess.run([sys.executable, "-B", source / "measurements/meshes/patches.py", "--worker", build / "hexad-worker", "--data", tmp_path,
                            "--output", tmp_path / "page.md", "--seeds", "1", "--count", "2000", "--only", "cube, mesh"],
                           capture_output=True, text=True)
     assert done.returncode in (0, 1) and (tmp_path / "page.md").exists(), done.stderr

@@ -7,8 +7,8 @@ import sys
 import numpy
 import pytest
 
-TOOLS = pathlib.Path(__file__).resolve().parents[2] / "tools"
-sys.path.insert(0, str(TOOLS))
+MEASURES = pathlib.Path(__file__).resolve().parents[2] / "measurements" / "measures"
+sys.path[:0] = [str(MEASURES), str(MEASURES.parent / "common")]
 
 import measure  # noqa: E402
 import referee  # noqa: E402
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
 def test_reported_and_recomputed_values_agree(build):
-    done = subprocess.run([sys.executable, TOOLS / "referee.py", "--worker", build / "hexad-worker", "--seeds", "1",
+    done = subprocess.run([sys.executable, MEASURES / "referee.py", "--worker", build / "hexad-worker", "--seeds", "1",
                            "--only", "quartic"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
     assert "agree within 20%" in done.stdout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/reproduce in its short form: the page, its links and its pictures."""
+"""measurements/paper/reproduce in its short form: the page, its links and its pictures."""
 import json
 import re
 import subprocess
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.extended  # measuring programs, not the service
 @pytest.fixture(scope="module")
 def page(source, build, tmp_path_factory):
     where = tmp_path_factory.mktemp("doc")
-    subprocess.run([sys.executable, source / "tools" / "reproduce", "--quick", "--worker", build / "hexad-worker",
+    subprocess.run([sys.executable, source / "measurements/paper/reproduce", "--quick", "--worker", build / "hexad-worker",
                     "--output", where], check=True)
     return where / "reproduction.md"
 
@@ -40,7 +40,7 @@ def test_every_picture_is_there_and_small(page):
 
 def test_every_job_is_a_job(source, build, tmp_path):
     """The worker knows every member of the specs that the page is made of, or says that it is not built."""
-    specs = sorted((source / "tools" / "reproduce.d").glob("*.json"))
+    specs = sorted((source / "measurements/paper/reproduce.d").glob("*.json"))
     assert len(specs) == 7
     for path in specs:
         spec = json.loads(path.read_text())

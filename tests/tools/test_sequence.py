@@ -6,7 +6,7 @@ import sys
 import numpy
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "sequences"))
 
 import sequence  # noqa: E402
 

@@ -25,7 +25,7 @@ def service(build, tmp_path):
 
 def test_a_short_run_has_all_its_parts(source, build, tmp_path):
     page = tmp_path / "page.md"
-    done = subprocess.run([sys.executable, "-B", source / "bench" / "serving.py", "--built", build, "--page", page,
+    done = subprocess.run([sys.executable, "-B", source / "measurements/service/serving.py", "--built", build, "--page", page,
                            *SHORT], capture_output=True, text=True)
     assert done.returncode in (0, 1), done.stderr  # 1: a ratio of so short a run is none
     text = page.read_text()
@@ -39,7 +39,7 @@ def test_a_short_run_has_all_its_parts(source, build, tmp_path):
 def test_the_client_counts_answers_that_are_failures(service, build, tmp_path):
     paths, body = tmp_path / "paths", tmp_path / "body"
     paths.write_text("/v1/nothing\n/v1/jobs\n")
-    load = build / "bench" / "load"
+    load = build / "measurements" / "service" / "load"
     told = subprocess.run([load, "get", tmp_path / "socket", paths, "2", "10"], check=True, capture_output=True,
                           text=True)
     assert '"count": 10, "failed": 5,' in told.stdout

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The soak test: a short run without timing, an interrupted run, and the verdicts on figures with a known fault.
 
-`bench/soak.py` runs for an hour by default."""
+`measurements/reliability/soak.py` runs for an hour by default."""
 import json
 import pathlib
 import re
@@ -11,17 +11,17 @@ import sys
 
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bench"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "reliability"))
 
 import verdicts  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
 
-MINUTES = 0.2  # 50 jobs, so that each kind of bench/soak.py is submitted at least twice
+MINUTES = 0.2  # 50 jobs, so that each kind of measurements/reliability/soak.py is submitted at least twice
 
 
 def words(source, build, where, *more):
-    return [sys.executable, "-B", source / "bench" / "soak.py", "--built", build, "--page", where / "soak.md", "--figures",
+    return [sys.executable, "-B", source / "measurements/reliability/soak.py", "--built", build, "--page", where / "soak.md", "--figures",
             where / "soak.json", "--minutes", str(MINUTES), *more]
 
 

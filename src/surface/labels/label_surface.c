@@ -110,7 +110,7 @@ static void find_thin(label_surface *s)
 }
 
 /* Bytes that a job takes for each triangle, points aside: 195 for 1 500 Voronoi cells
- * (tools/many_labels.py). */
+ * (measurements/labels/many_labels.py). */
 enum { TRIANGLE_BYTES = 200 };
 
 static bool make_surface(const label_surface_request *r, label_surface *s, error *e)

@@ -1,0 +1,237 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Samples segmentations of known shapes, holds points, areas and lines against the truth, and writes a table
+(measurements/labels/labels.md).
+
+    measurements/labels/labels.py --worker build/hexad-worker --output measurements/labels/labels.md [--seeds 5] [--count 10000] [--size 96]
+        [--data FOLDER --real 100000 --files tooth.nrrd,frogtissue.mhd]
+
+With --data a table of real segmentations, of volumes in this folder, is added. Each figure is the median over the seeds; the shapes are those of tests/service/label_shapes.py. A second table compares other
+ways to take the stairs out of voxels, computed here. Shares no code with the sampler.
+"""
+import argparse
+import json
+import pathlib
+import resource
+import subprocess
+import sys
+import tempfile
+
+import numpy
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "service"))
+from label_shapes import PLAIN, TURNED, Balls, Sectors, places  # noqa: E402
+from readers import read_columns  # noqa: E402
+from volumes import read_nrrd, write_nrrd  # noqa: E402
+
+# Width of the filters that are compared, and what is near a line, in voxels.
+WIDTH, NEAR = 0.8, 3
+
+
+def ball(size):
+    """The labels, and the distances that the level set of the same ball has."""
+    off = numpy.linalg.norm(places(size), axis=-1) - 0.3 * size
+    return (off < 0).astype("u1"), off.astype("f4")
+
+
+def tooth(values):
+    """A tooth in air: dentine and enamel, by thresholds. Of each only what is five voxels thick counts, lest the soft edge of enamel is
+    a sheet of dentine; the other voxels are of the nearest one that does."""
+    parts = numpy.digitize(ndimage.median_filter(values, 3), [600, 980])
+    cores = [ndimage.binary_opening(parts == k, iterations=2) for k in range(3)]
+    nearest = ndimage.distance_transform_edt(~numpy.any(cores, axis=0), return_distances=False, return_indices=True)
+    return numpy.argmax(cores, axis=0)[tuple(nearest)].astype("u1")
+
+
+def run(worker, folder, surface, count, seed):
+    spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "solver": {"seed": seed, "threads": 1},
+            "output": {"preview": False, "mesh": True, "ply": {"precision": "double"},
+                       **({"label_meshes": True} if "labels" in surface else {})}}
+    (folder / "spec.json").write_text(json.dumps(spec))
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([worker, "run", folder / "spec.json", "--output", folder / "out", "--input-root", folder],
+                          capture_output=True, text=True)
+    if done.returncode not in (0, 10, 11):
+        raise SystemExit(done.stderr)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    points = read_columns((folder / "out" / "points.ply").read_bytes())
+    points["at"] = numpy.stack([points[a] for a in "xyz"], axis=1)
+    return report, points, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def figures(shape, report, points, cpu):
+    """Of one run."""
+    at, on = points["at"], points["feature"] > 0
+    pairs = [tuple(i["labels"]) for i in report["surface"]["labels"]["interfaces"]]
+    of = {p: ~on & (points["label_a"] == p[0]) & (points["label_b"] == p[1]) for p in pairs}
+    off = numpy.concatenate([shape.off_interface(at[of[p]], p) for p in pairs])
+    middle = (abs(at - (shape.size - 1) / 2) < shape.size / 2 - 1).all(axis=1)
+    line = shape.off_lines(at[on & middle])
+    trees = {p: cKDTree(at[of[p]]) for p in pairs}
+    between = min(trees[a].query(trees[b].data)[0].min() for a in pairs for b in pairs if a < b)
+    areas = shape.areas() if hasattr(shape, "areas") else {}
+    errors = {p: i["area"] / areas[p] - 1 for p, i in zip(pairs, report["surface"]["labels"]["interfaces"]) if p in areas}
+    return {"outcome": report["outcome"],
+            "largest areas": max((abs(e) for p, e in errors.items() if p[0] == 0), default=numpy.nan),
+            "other areas": max((abs(e) for p, e in errors.items() if p[0] != 0), default=numpy.nan),
+            "interfaces, rms": numpy.sqrt((off ** 2).mean()), "lines, rms": numpy.sqrt((line ** 2).mean()),
+            "lines, most": line.max(), "between interfaces": between / report["spacing"],
+            "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"],
+            "open edges": report["mesh"]["boundary_edges"] - report["mesh"]["rim_edges"],
+            "closed labels": " of ".join(map(str, closed_labels(report))), "CPU s": cpu}
+
+
+def closed_labels(report):
+    """How many labels have a mesh that is closed and manifold, and how many one."""
+    told = report["mesh"]["labels"]
+    return sum(m["open_edges"] == 0 == m["nonmanifold_edges"] for m in told), len(told)
+
+
+def real(worker, folder, data, count, files):
+    """Rows of segmentations whose truth nobody knows."""
+    write_nrrd(folder / "tooth.nrrd", tooth(read_nrrd(data / "tooth.nhdr")[0]))
+    for name in ("frogtissue.mhd", "frogtissue.zraw"):
+        (folder / name).write_bytes((data / name).read_bytes())
+    for name in files:
+        closed = {"closed": True} if name == "tooth.nrrd" else {}  # the frog's parts end with the data
+        report, _, cpu = run(worker, folder, {"labels": {"path": name, **closed}}, count, 0)
+        mesh = report["mesh"]
+        yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
+               "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
+               "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"] or numpy.nan,
+               "on thin walls": 1 - report["quality"]["resolved_share"], "open edges": mesh["boundary_edges"] - mesh["rim_edges"],
+               "closed labels": " of ".join(map(str, closed_labels(report))),
+               "memory, MB": report["peak_memory_bytes"] / 2 ** 20, "CPU s": cpu}
+
+
+def text(value):
+    return value if isinstance(value, str) else "" if value != value else f"{value:.4g}"
+
+
+def table(rows):
+    names = list(rows[0])
+    return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)] + [
+        "| " + " | ".join(text(row[n]) for n in names) + " |" for row in rows]
+
+
+def median(runs):
+    return {n: runs[0][n] if isinstance(runs[0][n], str) else float(numpy.median([r[n] for r in runs])) for n in runs[0]}
+
+
+# ---- other ways
+
+def crossings(functions, labels):
+    """Places between neighbouring voxels of different largest function, where the two are equal, and their labels."""
+    largest = functions.argmax(0)
+    found = []
+    for axis in range(3):
+        a, b = (numpy.take(largest, range(k, largest.shape[axis] - 1 + k), axis) for k in (0, 1))
+        at = numpy.argwhere(a != b)
+        one, two = at.copy(), at.copy()
+        two[:, axis] += 1
+        p, q = a[tuple(at.T)], b[tuple(at.T)]
+        low, high = (functions[(p, *where.T)] - functions[(q, *where.T)] for where in (one, two))
+        place = at.astype(float)
+        place[:, axis] += low / (low - high)
+        found.append((place, labels[numpy.minimum(p, q)], labels[numpy.maximum(p, q)]))
+    return [numpy.concatenate(parts) for parts in zip(*found)]
+
+
+def indicators(volume, labels):
+    return numpy.stack([ndimage.gaussian_filter((volume == k).astype(float), WIDTH, mode="nearest") for k in labels])
+
+
+def distances(volume, labels):
+    def inside(mask):
+        return ndimage.distance_transform_edt(mask) - 0.5
+    return numpy.stack([ndimage.gaussian_filter(numpy.where(volume == k, inside(volume == k), -inside(volume != k)), WIDTH,
+                                                mode="nearest") for k in labels])
+
+
+def compare(way, shape):
+    labels = numpy.unique(shape.labels)
+    at, a, b = crossings(way(shape.labels, labels), labels)
+    middle = (abs(at - (shape.size - 1) / 2) < shape.size / 2 - 2).all(axis=1)
+    off, near = numpy.zeros(len(at)), shape.off_lines(at) < NEAR
+    for pair in set(zip(a, b)):
+        of = (a == pair[0]) & (b == pair[1])
+        off[of] = shape.off_interface(at[of], (int(pair[0]), int(pair[1])))
+    return [numpy.sqrt((off[middle & part] ** 2).mean()) for part in (~near, near)]
+
+
+def lost(way):
+    """The share of the voxels of a slanted sheet, one voxel thick, whose own function is not the largest."""
+    x = places(40)
+    sheet = (abs(x @ numpy.array([3, 2, 6]) / 7) < 0.5).astype("u1")
+    return (way(sheet, [0, 1]).argmax(0) != 1)[sheet == 1].mean()
+
+
+def points_near(shape, points):
+    on = points["feature"] > 0
+    at, off = points["at"][~on], numpy.zeros((~on).sum())
+    pairs = numpy.stack([points["label_a"], points["label_b"]], axis=1)[~on].astype(int)
+    for pair in set(map(tuple, pairs)):
+        of = (pairs == pair).all(axis=1)
+        off[of] = shape.off_interface(at[of], pair)
+    near = shape.off_lines(at) < NEAR
+    return [numpy.sqrt((off[part] ** 2).mean()) for part in (~near, near)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    for name, default in (("worker", None), ("output", None), ("data", ""), ("seeds", 5), ("count", 10000), ("size", 96),
+                          ("real", 100000), ("files", "tooth.nrrd,frogtissue.mhd")):
+        parser.add_argument("--" + name, default=default, type=str if default is None else type(default), required=default is None)
+    options = parser.parse_args()
+    rows, other = [], []
+    with tempfile.TemporaryDirectory() as place:
+        folder = pathlib.Path(place)
+        for kind in (Balls, Sectors):
+            for name, turn in (("", PLAIN), (", turned", TURNED)):
+                shape = kind(options.size, turn)
+                write_nrrd(folder / "v.nrrd", shape.labels)
+                runs = []
+                for seed in range(options.seeds):
+                    report, points, cpu = run(options.worker, folder, {"labels": {"path": "v.nrrd"}}, options.count, seed)
+                    runs.append(figures(shape, report, points, cpu))
+                title = {Balls: "three balls", Sectors: "three sectors"}[kind] + name
+                rows.append({"shape": title, **median(runs)})
+                for way, words in ((indicators, "largest of smoothed indicators"), (distances, "largest of smoothed distances")):
+                    far, near = compare(way, shape)
+                    other.append({"shape": title, "way": words, "off lines, rms": far, "near lines, rms": near})
+                far, near = points_near(shape, points)
+                other.append({"shape": title, "way": "hexad", "off lines, rms": far, "near lines, rms": near})
+        labels, off = ball(options.size)
+        write_nrrd(folder / "v.nrrd", labels)
+        write_nrrd(folder / "w.nrrd", -off)
+        pair = [[run(options.worker, folder, surface, options.count, seed) for seed in range(options.seeds)]
+                for surface in ({"labels": {"path": "v.nrrd"}}, {"volume": {"path": "w.nrrd", "isovalue": 0}})]
+        two = [cKDTree(runs[0][1]["at"]) for runs in pair]
+        radius = [numpy.linalg.norm(t.data - (options.size - 1) / 2, axis=1) for t in two]
+        times = [float(numpy.median([r[2] for r in runs])) for runs in pair]
+        others = []
+        if options.data:
+            others = list(real(options.worker, folder, pathlib.Path(options.data), options.real, options.files.split(",")))
+    lines = ["# Interfaces of labels", "",
+             f"Printed by `measurements/labels/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
+             f"writes the page with five seeds. Cubes of {options.size} voxels.",
+             "Distances are in voxels, except `between interfaces`, the least distance of points on two interfaces, and `farthest place`,",
+             "the coverage, which are in spacings. Areas are the largest errors of the share that an interface has of the whole area.", "",
+             *table(rows), "",
+             *([f"Segmentations, {options.real} points, one run each. `tooth`, `closed`, is a volume with labels by thresholds.", "", *table(others),
+                ""] if others else []),
+             f"Other methods with a filter of {WIDTH} voxels, measured where the interface crosses the lines between voxels; hexad at its points. "
+             f"`near lines` is within {NEAR} voxels of a line.",
+             "", *table(other), "",
+             "Voxels of a slanted wall of one voxel that are lost, of those whose own label is not the largest: indicators "
+             f"{lost(indicators):.0%}, distances {lost(distances):.0%}, hexad none, since each voxel keeps its label at its centre.", "",
+             f"A ball of two labels: radius {radius[0].mean() - 0.3 * options.size:+.3f} voxel, rms {radius[0].std():.3f}; its level set "
+             f"{radius[1].mean() - 0.3 * options.size:+.4f}. {times[0]:.1f} s of CPU against {times[1]:.1f} s.", ""]
+    pathlib.Path(options.output).write_text("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()

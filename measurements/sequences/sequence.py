@@ -1,0 +1,304 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs coherent sequences frame by frame and writes how well their points stay put (measurements/sequences/sequences.md).
+
+    measurements/sequences/sequence.py --worker build/hexad-worker --output measurements/sequences/sequences.md [--case NAME ...] [--short] [--keep DIR]
+
+Cases: a torus that moves, turns about a tilted axis and grows, as level sets; and, where HEXAD_SHARED has them, what
+lies between frames 2 and 3 of blender_smoke, which themselves have little to do with each other, and these alone. What
+the report says of drift is not used. hex_fraction comes from measure.py. Ends with 1 when a measure misses its bound.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import levelsets  # noqa: E402
+import measure  # noqa: E402
+
+DRIFT_MOST, HEX_LEAST = 0.1, 0.93  # median over h per frame; share of points with six neighbours
+
+
+# ---- the torus
+
+def rotation(vector):
+    """The matrix that turns about the vector by its length."""
+    angle = numpy.linalg.norm(vector)
+    if angle == 0:
+        return numpy.eye(3)
+    x, y, z = numpy.asarray(vector) / angle
+    cross = numpy.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return numpy.eye(3) + numpy.sin(angle) * cross + (1 - numpy.cos(angle)) * cross @ cross
+
+
+class Torus:
+    """Where it is in a frame: its centre, its frame of axes (z is its own), and its radii."""
+
+    def __init__(self, frame, shape):
+        t = frame - 1
+        self.centre = numpy.array(shape["velocity"]) * t
+        self.axes = rotation(numpy.array(shape["turn"]) * t)
+        self.major, self.minor = (r * g ** t for r, g in zip(shape["radii"], shape["growth"]))
+
+    def distance(self, x):
+        local = (x - self.centre) @ self.axes
+        return numpy.hypot(numpy.hypot(local[..., 0], local[..., 1]) - self.major, local[..., 2]) - self.minor
+
+    def area(self):
+        return 4 * numpy.pi ** 2 * self.major * self.minor
+
+    def carry(self, x, other):
+        """Where points of this torus are on the other when the surface moves and nothing slides along it: angles
+        around the tube and around the axis stay, the latter from where the shortest turn brings the axis."""
+        old, new = self.axes[:, 2], other.axes[:, 2]
+        axis = numpy.cross(old, new)
+        sine = numpy.linalg.norm(axis)
+        turn = rotation(axis / sine * numpy.arctan2(sine, old @ new)) if sine > 0 else numpy.eye(3)
+        arm = (x - self.centre) @ turn.T
+        height = arm @ new
+        flat = arm - height[:, None] * new
+        out = numpy.linalg.norm(flat, axis=1)
+        tube = numpy.stack([out - self.major, height], axis=1) * (other.minor / self.minor)
+        return other.centre + flat / out[:, None] * (other.major + tube[:, 0])[:, None] + tube[:, 1:] * new
+
+
+def write_torus(torus, voxel, path):
+    reach = torus.major + torus.minor + (levelsets.BAND + 2) * voxel
+    low = numpy.floor((torus.centre - reach) / voxel).astype(int)
+    high = numpy.ceil((torus.centre + reach) / voxel).astype(int)
+    axes = [numpy.arange(a, b + 1) * voxel for a, b in zip(low, high)]
+    levelsets.write_array(torus.distance(numpy.stack(numpy.meshgrid(*axes, indexing="ij"), axis=-1)), low, voxel, path)
+
+
+TORUS = {"radii": [1.0, 0.4], "velocity": [0.05, 0.03, 0.02], "turn": [0.02, 0.06, 0.04], "growth": [1.01, 1.01]}
+SMOKE = "vdb/blender_smoke_{:06d}.vdb"
+
+
+def at_density(isovalue):
+    return {"grid": "density", "isovalue": isovalue, "reconstruction": "smoothing"}
+
+
+CASES = {
+    "torus": {"what": "4000 points on a torus that moves, turns about a tilted axis and grows by 1 % a frame",
+              "torus": TORUS, "frames": range(1, 21), "sampling": {"count": 4000}, "voxel": 0.04},
+    "torus, thicker": {"what": "the same torus, except that only the tube grows, which stretches the outer half of the surface",
+                       "torus": {**TORUS, "growth": [1.0, 1.01]}, "frames": range(1, 21),
+                       "sampling": {"count": 4000}, "voxel": 0.04},
+    "torus, spacing": {"what": "the torus of the first case at a spacing of 0.067: 2 % more points in each frame",
+                       "torus": TORUS, "frames": range(1, 21), "sampling": {"spacing": 0.067}, "voxel": 0.04},
+    "torus, wide spacing": {"what": "the same at a spacing of 0.084, a fifth of the tube's radius",
+                            "torus": TORUS, "frames": range(1, 21), "sampling": {"spacing": 0.084}, "voxel": 0.04},
+    "torus, shrinking": {"what": "the torus of the first case at a spacing of 0.067, 1 % smaller in each frame",
+                         "torus": {**TORUS, "growth": [0.99, 0.99]}, "frames": range(1, 21),
+                         "sampling": {"spacing": 0.067}, "voxel": 0.04},
+    "smoke": {"what": "40 000 points on blender_smoke at density 0.8, from frame 2 towards 3 by 1/400 a frame",
+              "blend": SMOKE, "steps": 400, "frames": range(1, 6), "sampling": {"count": 40000},
+              "vdb": at_density(0.8)},
+    "smoke, cut": {"what": "the same with the unchanged frames 2 and 3: less than half of the points find a surface"
+                           " with a similar normal, so frame 3 is sampled anew",
+                   "blend": SMOKE, "steps": 1, "frames": range(1, 3), "sampling": {"count": 40000},
+                   "vdb": at_density(0.8)},
+    "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: the spacing of 1.2 voxels is larger"
+                              " than the folds, and a frame alone has no higher hex",
+                      "blend": SMOKE, "steps": 40, "frames": range(1, 6), "sampling": {"count": 15000},
+                      "vdb": at_density(0.3), "hex_least": 0.85},
+}
+# Frames of the smoke alone, which is what a sequence can at most be held to: density, counts.
+ALONE = {0.3: (5000, 15000, 40000, 160000), 0.8: (5000, 15000, 40000)}
+
+
+# ---- smoke
+
+VOXEL = 0.1325  # of the files
+# The voxels that hold all of frames 2 and 3.
+LOW, SIZE = (-2, -2, -2), (56, 54, 104)
+
+
+def write_blend(case, shared, frame, path):
+    """Between frames 2 (at 1) and 3, of whose densities it has the weighted mean."""
+    import pyopenvdb
+    grids = [pyopenvdb.read(str(shared / case["blend"].format(k)), case["vdb"]["grid"]) for k in (2, 3)]
+    share, mixed = (frame - 1) / case["steps"], 0
+    for grid, weight in zip(grids, (1 - share, share)):
+        density = numpy.zeros(SIZE, numpy.float32)
+        grid.copyToArray(density, ijk=LOW)
+        mixed = mixed + numpy.float32(weight) * density
+    made = pyopenvdb.FloatGrid()
+    made.copyFromArray(mixed, ijk=LOW)
+    made.transform, made.name, made.gridClass = grids[0].transform, "density", pyopenvdb.GridClass.FOG_VOLUME
+    pyopenvdb.write(str(path), grids=[made])
+
+
+# ---- running
+
+def surface_of(name, case, shared, where):
+    """The files of a case, and its surface with the frames' places."""
+    for frame in case["frames"]:
+        path = where / f"{name}.{frame:04d}.vdb"
+        if "torus" in case:
+            write_torus(Torus(frame, case["torus"]), case["voxel"], path)
+        else:
+            write_blend(case, shared, frame, path)
+    return {"vdb": {"path": str(where / f"{name}.####.vdb"), **case.get("vdb", {})}}
+
+
+def run_frame(worker, spec, frame, where, previous):
+    words = [worker, "run", "-", "--output", where]
+    if "queue" in spec:
+        words += ["--frame", str(frame)]
+    if previous:
+        words += ["--previous", previous]
+    done = subprocess.run(words, input=json.dumps(spec), text=True, capture_output=True)
+    if done.returncode not in (0, 10, 11):
+        raise RuntimeError(f"frame {frame}: {done.stderr.strip().splitlines()[-1]}")
+    with open(where / "report.json", encoding="utf-8") as file:
+        return measure.read_ply(where / "points.ply"), json.load(file)
+
+
+def ways(case, frame, before, after):
+    """How far the points that are in both frames went beside the surface's own motion, world units."""
+    _, i, j = numpy.intersect1d(before.columns["id"], after.columns["id"], return_indices=True)
+    start, end = before.position[i], after.position[j]
+    if "torus" in case:
+        expected = Torus(frame - 1, case["torus"]).carry(start, Torus(frame, case["torus"]))
+        return numpy.linalg.norm(end - expected, axis=1)
+    way, normal = end - start, after.normal[j]
+    return numpy.linalg.norm(way - (way * normal).sum(1)[:, None] * normal, axis=1)
+
+
+def hex_alone(worker, spec, frame, where):
+    """hex_fraction of a frame that is sampled as if there were no others."""
+    points, report = run_frame(worker, {**spec, "queue": {"frames": spec["queue"]["frames"]}}, frame, where, None)
+    return measure.measure(points, report["surface"]["area"])["hex_fraction"]
+
+
+def measure_frame(case, frame, points, report, before):
+    area = Torus(frame, case["torus"]).area() if "torus" in case else report["surface"]["area"]
+    quality, told = measure.measure(points, area), report["sequence"]
+    way = ways(case, frame, before, points) / quality["h"] if before else numpy.zeros(0)
+    kept = len(way) > 0
+    return {"frame": frame, "count": points.count, "hex": quality["hex_fraction"], "area_cv": quality["area_cv"],
+            "born": told["born"], "died": told["died"], "sweeps": report["sweeps_total"],
+            "median": float(numpy.median(way)) if kept else None,
+            "p95": float(numpy.quantile(way, 0.95)) if kept else None}
+
+
+def run_case(worker, name, case, shared, where, frames):
+    surface = surface_of(name, {**case, "frames": frames}, shared, where)
+    spec = {"version": 1, "surface": surface, "sampling": case["sampling"], "output": {"preview": False},
+            "queue": {"frames": f"{frames[0]}-{frames[-1]}", "coherent": True}}
+    rows, before, previous = [], None, None
+    for frame in frames:
+        place = where / f"{name}.{frame}"
+        points, report = run_frame(worker, spec, frame, place, previous)
+        rows.append(measure_frame(case, frame, points, report, before))
+        if "blend" in case:
+            rows[-1]["alone"] = hex_alone(worker, spec, frame, where / f"{name}.{frame}.alone")
+        before, previous = points, place
+        print(name, rows[-1], flush=True)
+    return rows
+
+
+def run_alone(worker, shared, where):
+    """Rows of (file's number, density, points, spacing in voxels, share of points on walls thinner than 1.2 spacings, hex_fraction)."""
+    rows = []
+    for number in (2, 3):
+        for density, counts in ALONE.items():
+            for count in counts:
+                surface = {"vdb": {"path": str(shared / SMOKE.format(number)), **at_density(density)}}
+                spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False}}
+                points, report = run_frame(worker, spec, number, where / "alone", None)
+                hexes = measure.measure(points, report["surface"]["area"])["hex_fraction"]
+                rows.append((number, density, count, report["spacing"] / VOXEL,
+                             report["quality"]["unresolved_count"] / count, hexes))
+                print("alone", rows[-1], flush=True)
+    return rows
+
+
+# ---- the page
+
+HEAD = """# Sequences
+
+`make sequences` (measurements/sequences/sequence.py) writes this page. It has the points of coherent sequences (`queue.coherent`), frame by frame.
+
+- way: distance that the points in both frames moved relative to the motion of the surface, over h, median and 95 %.
+  The motion of the torus is a formula; for smoke, the way is along the normal. The bound is a median of {drift}.
+- hex: share of points with the ideal number of neighbours (measurements/common/measure.py). The bound is {hex} unless the section has another bound.
+- alone: hex of the same frame, sampled without the frame before.
+- born, died: points that were added and removed with the frame.
+"""
+HEAD_ALONE = """## smoke, frames alone
+
+The frames of the files, sampled by themselves. The surface has features of one voxel everywhere. At a spacing of one voxel and more, a third of the
+points and more lie on walls thinner than 1.2 spacings, and hex does not reach the bound. At 0.4 voxels the bound can be met, by frames alone
+and by coherent frames. Droplets of a few points are an exception: each part needs 30 points on the coarsest level, so there is only one
+level, and hex is that of random initial points (file 3 at density 0.3, and the frames above with 0.90 alone).
+
+| file | density | points | spacing, voxels | on thin walls | hex |
+|---|---|---|---|---|---|"""
+
+
+def is_good(case, row):
+    return row["hex"] >= case.get("hex_least", HEX_LEAST) and (row["median"] is None or row["median"] < DRIFT_MOST)
+
+
+def write_page(path, results, alone=()):
+    lines = [HEAD.format(drift=DRIFT_MOST, hex=HEX_LEAST)]
+    for name, rows in results.items():
+        case = CASES[name]
+        bound = f" Bound of hex: {case['hex_least']}." if "hex_least" in case else ""
+        lines.append(f"## {name}\n\n{case['what'][0].upper()}{case['what'][1:]}.{bound}\n")
+        if isinstance(rows, str):
+            lines.append(rows + "\n")
+            continue
+        lines += ["| frame | points | way, median | 95 % | hex | alone | area_cv | born | died | sweeps |",
+                  "|" + "---|" * 10]
+        for r in rows:
+            way = "| | " if r["median"] is None else f"| {r['median']:.4f} | {r['p95']:.3f} "
+            own = f"{r['alone']:.3f} " if "alone" in r else ""
+            lines.append(f"| {r['frame']} | {r['count']} {way}| {r['hex']:.3f} | {own}| {r['area_cv']:.3f} "
+                         f"| {r['born']} | {r['died']} | {r['sweeps']} |{'' if is_good(case, r) else ' missed'}")
+        lines.append("")
+    if alone:
+        lines.append(HEAD_ALONE)
+        lines += [f"| {n} | {d} | {c} | {h:.2f} | {u:.2f} | {x:.3f} |" for n, d, c, h, u, x in alone]
+        lines.append("")
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worker", required=True, type=pathlib.Path)
+    parser.add_argument("--output", type=pathlib.Path)
+    parser.add_argument("--case", nargs="*", default=list(CASES), choices=list(CASES))
+    parser.add_argument("--short", action="store_true", help="three frames of each")
+    parser.add_argument("--keep", type=pathlib.Path, help="a directory for all files; else a temporary one")
+    given = parser.parse_args()
+    shared = pathlib.Path(os.environ["HEXAD_SHARED"]) if os.environ.get("HEXAD_SHARED") else None
+    results, alone = {}, []
+    with tempfile.TemporaryDirectory() as scratch:
+        where = given.keep or pathlib.Path(scratch)
+        where.mkdir(exist_ok=True)
+        for name in given.case:
+            case = CASES[name]
+            if "blend" in case and not (shared and (shared / case["blend"].format(2)).exists()):
+                results[name] = "Skipped: the data are not there (HEXAD_SHARED)."
+                continue
+            frames = list(case["frames"])[:3 if given.short else None]
+            results[name] = run_case(given.worker, name, case, shared, where, frames)
+        if shared and (shared / SMOKE.format(2)).exists() and set(given.case) == set(CASES) and not given.short:
+            alone = run_alone(given.worker, shared, where)
+    if given.output:
+        write_page(given.output, results, alone)
+    return any(not is_good(CASES[name], row) for name, rows in results.items() if not isinstance(rows, str)
+               for row in rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
