@@ -199,11 +199,35 @@ static void bound_item(const facets *f, uint32_t item, vec3 normal, float angle,
     out->area = 0.5 * vec3_norm(cross);
 }
 
-facets_item facets_item_at(const facets *f, size_t k)
+static double area_of_item(const facets *f, uint32_t item)
 {
     item_bounds b;
-    bound_item(f, f->item[k], (vec3){0, 0, 0}, 0, &b);
-    return (facets_item){b.centre, b.radius, b.area, patch_of_item(f, f->item[k])};
+    if (f->in.triangle_count == 0) return surface_cell_area(f->in.scan, item);
+    bound_item(f, item, (vec3){0, 0, 0}, 0, &b);
+    return b.area;
+}
+
+static facets_item describe_item(const facets *f, uint32_t item)
+{
+    item_bounds b;
+    bound_item(f, item, (vec3){0, 0, 0}, 0, &b);
+    return (facets_item){b.centre, b.radius, b.area, patch_of_item(f, item)};
+}
+
+facets_item facets_item_at(const facets *f, size_t k)
+{
+    return describe_item(f, f->item[k]);
+}
+
+size_t facets_total(const facets *f)
+{
+    return f->in.triangle_count > 0 ? f->in.triangle_count : f->in.scan->cells;
+}
+
+facets_item facets_any_item(const facets *f, size_t k, uint32_t *piece)
+{
+    *piece = piece_of_item(f, (uint32_t)k);
+    return describe_item(f, (uint32_t)k);
 }
 
 /* ---- the hierarchy */
@@ -268,7 +292,6 @@ static void bound_leaf(facets *f, const float *cell_angle, facets_node *n)
         const uint32_t piece = piece_of_item(f, item), patch = patch_of_item(f, item);
         n->piece = k == 0 || n->piece == piece ? piece : FACETS_MIXED;
         n->patch = k == 0 || n->patch == patch ? patch : FACETS_MIXED;
-        f->piece_area[piece] += b[k].area;
     }
     n->radius *= ROUNDING;
     set_axis(n, sum);
@@ -316,26 +339,62 @@ static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, 
     return at;
 }
 
-/* The items that have area, in Morton order of their middles. */
-static bool order_items(facets *f, threads *pool, error *e)
+/* The items that a hierarchy contains. */
+typedef struct choice {
+    facets_need need;
+    const void *context;
+    uint32_t *kept;
+    vec3 *middle;
+    size_t count;
+} choice;
+
+/* The end of a group of cells that are not needed; `item` if it has none. */
+static size_t group_end(const facets *f, const choice *c, size_t item)
 {
-    const bool mesh = f->in.triangle_count > 0;
-    const size_t all = mesh ? f->in.triangle_count : f->in.scan->cells;
-    uint32_t *order = mem_array(all, sizeof *order, what, e), *kept = mem_array(all, sizeof *kept, what, e);
-    vec3 *middle = mem_array(all, sizeof *middle, what, e);
-    bool ok = order && kept && middle;
-    for (uint32_t k = 0; ok && k < all; k++) {
-        item_bounds b;
-        bound_item(f, k, (vec3){0, 0, 0}, 0, &b);
-        if (!(b.area > 0)) continue;
-        kept[f->item_count] = k;
-        middle[f->item_count++] = b.centre;
+    vec3 middle;
+    double radius;
+    size_t end;
+    const bool group =
+        c->need && f->in.triangle_count == 0 && surface_cell_group(f->in.scan, item, &end, &middle, &radius);
+    return group && !c->need(c->context, middle, radius) ? end : item;
+}
+
+/* Chooses the items that have area, and are needed. */
+static void choose_items(const facets *f, choice *c)
+{
+    const size_t all = facets_total(f);
+    size_t group = 0; /* the end of the last group that was looked at */
+    for (size_t k = 0; k < all; k++) {
+        if (k >= group) {
+            const size_t end = group_end(f, c, k);
+            group = end;
+            if (end > k) {
+                k = end - 1;
+                continue;
+            }
+        }
+        const facets_item item = describe_item(f, (uint32_t)k);
+        if (!(item.area > 0) || (c->need && !c->need(c->context, item.centre, item.radius))) continue;
+        c->kept[c->count] = (uint32_t)k;
+        c->middle[c->count++] = item.centre;
     }
-    ok = ok && morton_order(middle, f->item_count, pool, order, e);
-    for (size_t k = 0; ok && k < f->item_count; k++) order[k] = kept[order[k]];
-    free(kept);
-    free(middle);
+}
+
+/* The chosen items in Morton order of their middles. */
+static bool order_items(facets *f, facets_need need, const void *context, threads *pool, error *e)
+{
+    const size_t all = facets_total(f);
+    choice c = {need, context, mem_array(all, sizeof *c.kept, what, e), mem_array(all, sizeof *c.middle, what, e),
+                0};
+    bool ok = c.kept && c.middle;
+    if (ok) choose_items(f, &c);
+    uint32_t *order = ok ? mem_array(c.count + 1, sizeof *order, what, e) : NULL;
+    ok = order && (c.count == 0 || morton_order(c.middle, c.count, pool, order, e));
+    for (size_t k = 0; ok && k < c.count; k++) order[k] = c.kept[order[k]];
+    free(c.kept);
+    free(c.middle);
     f->item = order;
+    f->item_count = ok ? c.count : 0;
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }
 
@@ -357,39 +416,63 @@ static void normal_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-bool facets_build(const facets_input *in, threads *pool, facets *out, error *e)
+static bool sum_areas(facets *f, error *e)
+{
+    f->piece_area = mem_array(f->piece_count, sizeof *f->piece_area, what, e);
+    const size_t all = facets_total(f);
+    for (size_t k = 0; f->piece_area && k < all; k++) {
+        const double area = area_of_item(f, (uint32_t)k);
+        f->piece_area[piece_of_item(f, (uint32_t)k)] += area;
+        f->area += area;
+    }
+    if (f->piece_area && !(f->area > 0)) return error_set(e, ERROR_NO_SURFACE, "the surface has no area");
+    return f->piece_area != NULL;
+}
+
+bool facets_open(const facets_input *in, facets *out, error *e)
 {
     *out = (facets){.in = *in};
+    return find_pieces(out, e) && sum_areas(out, e);
+}
+
+static void drop_hierarchy(facets *f)
+{
+    free(f->item);
+    free(f->node);
+    free(f->face_normal);
+    f->item = NULL;
+    f->node = NULL;
+    f->face_normal = NULL;
+    f->item_count = f->node_count = 0;
+}
+
+bool facets_build(facets *f, facets_need need, const void *context, threads *pool, error *e)
+{
+    drop_hierarchy(f);
     float *angle = NULL;
-    bool ok = find_pieces(out, e) && order_items(out, pool, e);
-    if (ok && out->item_count == 0) ok = error_set(e, ERROR_NO_SURFACE, "the surface has no area");
-    if (ok && in->triangle_count == 0) {
-        out->face_normal = mem_array(out->item_count, sizeof *out->face_normal, what, e);
-        angle = mem_array(out->item_count, sizeof *angle, what, e);
-        ok = out->face_normal && angle;
-        if (ok) threads_run(pool, out->item_count, 1024, normal_chunk, &(normal_job){out, angle});
+    bool ok = order_items(f, need, context, pool, e);
+    if (ok && f->item_count == 0) return true;
+    if (ok && f->in.triangle_count == 0) {
+        f->face_normal = mem_array(f->item_count, sizeof *f->face_normal, what, e);
+        angle = mem_array(f->item_count, sizeof *angle, what, e);
+        ok = f->face_normal && angle;
+        if (ok) threads_run(pool, f->item_count, 1024, normal_chunk, &(normal_job){f, angle});
     }
     if (ok) {
-        const size_t leaves = (out->item_count + LEAF_ITEMS - 1) / LEAF_ITEMS;
-        out->node = mem_array(2 * leaves, sizeof *out->node, what, e);
-        out->piece_area = mem_array(out->piece_count, sizeof *out->piece_area, what, e);
-        ok = out->node && out->piece_area;
+        const size_t leaves = (f->item_count + LEAF_ITEMS - 1) / LEAF_ITEMS;
+        f->node = mem_array(2 * leaves, sizeof *f->node, what, e);
+        ok = f->node != NULL;
     }
-    if (ok) {
-        build_nodes(out, angle, 0, (uint32_t)out->item_count);
-        out->area = out->node[0].area;
-    }
+    if (ok) build_nodes(f, angle, 0, (uint32_t)f->item_count);
     free(angle);
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }
 
 void facets_free(facets *f)
 {
-    free(f->item);
+    drop_hierarchy(f);
     free(f->piece);
     free(f->piece_area);
-    free(f->node);
-    free(f->face_normal);
     *f = (facets){0};
 }
 
@@ -651,7 +734,7 @@ void facets_corner_at(const facets *f, vec3 x, double tolerance, facets_corner *
     int top = 0;
     edge_fan fan = {.count = 0};
     *out = (facets_corner){0};
-    stack[top++] = 0;
+    if (f->item_count > 0) stack[top++] = 0;
     while (top > 0) {
         const facets_node *n = &f->node[stack[--top]];
         if (distance_to_sphere(n->centre, n->radius, x) > tolerance) continue;

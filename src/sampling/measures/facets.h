@@ -43,8 +43,8 @@ typedef struct facets_node {
 
 typedef struct facets {
     facets_input in;
-    size_t item_count;
-    uint32_t *item;  /* the item at each place of the order */
+    size_t item_count; /* of the hierarchy */
+    uint32_t *item;    /* the item at each place of the order */
     uint32_t *piece; /* of each item, or NULL: patch_piece, or all are of piece 0 */
     size_t piece_count;
     double *piece_area; /* of each piece */
@@ -65,9 +65,16 @@ typedef struct facet {
     size_t item; /* its place in the order */
 } facet;
 
-/* The arrays of the input are owned by the caller and must outlive *out. Free *out also after failure.
- * Errors: limit_memory, cancelled. */
-bool facets_build(const facets_input *in, threads *pool, facets *out, error *e);
+/* Finds the pieces and their areas, without a hierarchy. The arrays of the input are owned by the caller and
+ * must outlive *out. Free *out also after failure. Errors: no_surface (area 0), limit_memory. */
+bool facets_open(const facets_input *in, facets *out, error *e);
+
+/* Which items a hierarchy contains: false if no item in a sphere is needed. Called by one thread. */
+typedef bool (*facets_need)(const void *context, vec3 centre, double radius);
+
+/* Builds the hierarchy, in place of an earlier one. `need` NULL: of all items. Queries find only items of the
+ * hierarchy, which may be empty. Errors: limit_memory, cancelled. */
+bool facets_build(facets *f, facets_need need, const void *context, threads *pool, error *e);
 void facets_free(facets *f); /* accepts a zeroed object */
 
 /* An item: a sphere around it, and its area. */
@@ -79,6 +86,10 @@ typedef struct facets_item {
 
 /* The item at place k of the order. */
 facets_item facets_item_at(const facets *f, size_t k);
+
+/* The items of the surface, also those that are not in the hierarchy: their number, and the k-th of them. */
+size_t facets_total(const facets *f);
+facets_item facets_any_item(const facets *f, size_t k, uint32_t *piece);
 
 /* Computes the triangles with area of the item at place k of the order; returns their number. `exact`: the
  * corners of the triangles of a grid cell lie on the surface. Otherwise they are computed for F that is

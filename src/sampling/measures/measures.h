@@ -37,6 +37,9 @@ typedef struct measures_input {
     const uint32_t *copy_patch;        /* NULL: one patch */
     const uint8_t *copy_flags;         /* of point_flags.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
+    /* Every cell is computed from the surface's triangles; otherwise only those that do not follow from the
+     * points alone with certainty (planar_cells.h). */
+    bool exact;
     /* Receive for each point, or NULL: its piece of the surface, and the spacing by which its distances
      * are divided. */
     uint32_t *out_piece;
@@ -45,6 +48,7 @@ typedef struct measures_input {
 
 /* All are NAN if no point or pair has a value. */
 typedef struct measures {
+    double certain_share; /* of the points: their cells follow from the points alone */
     double hex_fraction, edge_cv, area_cv;
     double energy_excess, disorder;
     double min_spacing_ratio, close_share;

@@ -7,19 +7,25 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "sampling/measures/measures.h"
+#include "sampling/measures/planar_cells.h"
 #include "sampling/measures/sites.h"
 
 typedef struct pair_measures_input {
     const sites *sites;
     double h;
     bool sized;           /* see measures_input */
-    const double *ideal;  /* the ideal degree of each point before rounding */
     const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
     const bool *kept;     /* see measures_input */
+    /* of each point: not 0 if it is not plain (planar_cells.h); NULL: all points are plain */
+    const uint8_t *odd;
+    bool pieces; /* the points are of several pieces */
 } pair_measures_input;
 
-/* Sets energy_excess, min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors:
- * limit_memory, cancelled. Deterministic. */
-bool pair_measures_take(const pair_measures_input *in, threads *pool, measures *out, error *e);
+/* Sets min_spacing_ratio, close_share, coincident, thin_count and thin_factor, and `energy` (a value for each
+ * point): the energy of the point over that of a point in an ideal packing. With `out` NULL nothing of these
+ * is computed. `cells` receives the certain cells; NULL: none are computed. Both use the same neighbour
+ * lists. Errors: limit_memory, cancelled. Deterministic. */
+bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cells *cells, float *energy,
+                        measures *out, error *e);
 
 #endif

@@ -62,6 +62,8 @@ typedef struct task {
 typedef struct build_job {
     const facets *f;
     const sites *s;
+    const voronoi_wanted *wanted;
+    size_t cells; /* to be computed */
     task *task;
     double *farthest;    /* of each worker, of each patch: of the task at hand, and behind these of all of its
                           * tasks */
@@ -77,6 +79,8 @@ typedef struct corner_distances {
 typedef struct descent {
     const facets *f;
     const sites *s;
+    const bool *certain; /* see voronoi_wanted */
+    const voronoi_wanted *wanted;
     task *to;
     double *farthest; /* of each patch */
     uint32_t *list;   /* candidates, a stack */
@@ -128,14 +132,25 @@ static bool add_area(descent *d, uint32_t site, double area)
     return true;
 }
 
-static bool add_side(descent *d, uint32_t a, uint32_t b, double length)
+/* Adds a side of the cell of `site`, unless it is added for the cell behind it. */
+static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
 {
     task *t = d->to;
+    if (behind < site && !(d->certain && d->certain[behind])) return true;
+    const uint32_t a = behind < site ? behind : site, b = behind < site ? site : behind;
     voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
     t->side = grown;
-    t->side[t->side_count++] = (voronoi_side){a, b, length};
+    t->side[t->side_count++] = (voronoi_side){a, b, (float)length};
     return true;
+}
+
+/* Whether there are candidates from `base` on, and the cells of all of them are known. */
+static bool is_known(const descent *d, size_t base, size_t count)
+{
+    bool known = d->certain && count > 0;
+    for (size_t k = base; known && k < base + count; k++) known = d->certain[d->list[k]];
+    return known;
 }
 
 /* ---- candidates of a node */
@@ -403,6 +418,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
 {
     const uint32_t site = d->list[base + own];
     polygon p;
+    if (d->certain && d->certain[site]) return true;
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
@@ -410,7 +426,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
         return true; /* an edge in a bisector: the triangle beyond it has the side */
     if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
-        if (p.behind[k] == NO_SITE || p.behind[k] < site) continue;
+        if (p.behind[k] == NO_SITE) continue;
         const double length = vec3_norm(vec3_sub(p.corner[k + 1 < p.count ? k + 1 : 0], p.corner[k]));
         if (!add_side(d, site, p.behind[k], length)) return false;
     }
@@ -517,6 +533,10 @@ static bool visit_part(descent *d, const part *t, int changed, size_t from, size
     if (!reserve(d, count)) return false;
     push_undominated(d, t, changed, from, count);
     const size_t chosen = d->top - base;
+    if (is_known(d, base, chosen)) {
+        d->top = base;
+        return true;
+    }
     bool ok = true;
     double length;
     const int longest = longest_edge(t, &length);
@@ -624,6 +644,7 @@ static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
+    if (!voronoi_reaches(d->wanted, d->s->near, centroid, at.radius)) return true;
     if (at.radius > SMALL * at.spacing) {
         double length;
         const int longest = longest_edge(t, &length);
@@ -684,7 +705,7 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
     uint32_t site = 0;
     if (certain && is_in_one_cell(d, from, &item, &site) &&
         is_covered(d, item.patch, item.centre, item.radius, site))
-        return add_area(d, site, item.area);
+        return (d->certain && d->certain[site]) || add_area(d, site, item.area);
     facet t[FIELD_CELL_TRIANGLES];
     const int triangles = facets_expand(d->f, k, !from, t);
     bool ok = true;
@@ -700,6 +721,10 @@ static bool visit_small_node(descent *d, uint32_t node, const candidates *from, 
     bool certain;
     if (!choose_candidates(d, n, from, from_centre, &own, &certain)) return false;
     bool ok = true;
+    if (is_known(d, base, own.count)) {
+        d->top = base;
+        return true;
+    }
     if (certain && own.count == 1 && is_covered(d, n->patch, n->centre, n->radius, d->list[base]))
         ok = add_area(d, d->list[base], n->area);
     else if (n->right > 0)
@@ -716,6 +741,7 @@ static bool visit_node(descent *d, uint32_t node)
     const facets_node *n = &d->f->node[node];
     const surroundings at = surroundings_at(d, n->centre, n->radius);
     bool ok = true;
+    if (!voronoi_reaches(d->wanted, d->s->near, n->centre, n->radius)) return true;
     if (at.radius <= SMALL * at.spacing) {
         const size_t base = d->top;
         const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
@@ -752,7 +778,7 @@ static void probe_item(const build_job *job, size_t k, double *known)
 
 static size_t probe_count(const build_job *job)
 {
-    const size_t most = PROBES_OF_POINT * job->s->count;
+    const size_t most = PROBES_OF_POINT * job->cells;
     return job->f->item_count < most ? job->f->item_count : most;
 }
 
@@ -785,7 +811,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
     double *own = job->farthest + 2 * patches * (size_t)worker, *all = own + patches;
     for (size_t k = begin; k < end; k++) {
         task *t = &job->task[k];
-        descent d = {.f = job->f, .s = job->s, .to = t, .farthest = own};
+        descent d = {.f = job->f, .s = job->s, .certain = job->wanted->certain, .wanted = job->wanted, .to = t, .farthest = own};
         memcpy(own, job->known, patches * sizeof *own);
         visit_node(&d, t->node);
         for (size_t p = 0; p < patches; p++) all[p] = fmax(all[p], own[p]);
@@ -867,23 +893,40 @@ static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
     return count + divide(f, n->right, most, out + count);
 }
 
-bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
-                              error *e)
+static size_t count_wanted(const sites *s, const bool *certain)
+{
+    size_t wanted = 0;
+    for (size_t i = 0; i < s->count; i++) wanted += !certain || !certain[i];
+    return wanted;
+}
+
+bool voronoi_reaches(const voronoi_wanted *w, const cell_list *near, vec3 centre, double radius)
+{
+    double nearest, wanted;
+    if (!w->list) return true;
+    cell_list_nearest(near, centre, 0, &nearest);
+    const double reach = nearest + 2 * radius + w->beyond;
+    cell_list_nearest(w->list, centre, reach, &wanted);
+    return wanted <= reach;
+}
+
+bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
+                              restricted_voronoi *out, error *e)
 {
     const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
-    const size_t wanted = s->count / POINTS_OF_TASK + 1,
-                 most = f->item_count / (wanted < TASKS ? wanted : TASKS) + 1;
+    const size_t cells = count_wanted(s, wanted->certain), parts = cells / POINTS_OF_TASK + 1,
+                 most = f->item_count / (parts < TASKS ? parts : TASKS) + 1;
     side_table table = {0};
     double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);
     task *all = mem_array(4 * TASKS, sizeof *all, what, e);
     *out = (restricted_voronoi){0};
     out->area = mem_array(s->count, sizeof *out->area, what, e);
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * s->count, e);
-    const size_t tasks = ok ? divide(f, 0, most, all) : 0;
-    build_job job = {f, s, all, farthest, out->farthest};
+    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * cells, e);
+    const size_t tasks = ok && f->item_count > 0 ? divide(f, 0, most, all) : 0;
+    build_job job = {f, s, wanted, cells, all, farthest, out->farthest};
     const size_t at_once = TASKS_OF_THREAD * workers;
-    if (ok) probe(&job, workers, pool, out->farthest);
+    if (tasks > 0) probe(&job, workers, pool, out->farthest);
     for (size_t k = 0; k < tasks; k += at_once) {
         const size_t count = tasks - k < at_once ? tasks - k : at_once;
         job.task = all + k;

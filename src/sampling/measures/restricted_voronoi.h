@@ -18,7 +18,7 @@
 /* Two cells that share a side. */
 typedef struct voronoi_side {
     uint32_t a, b; /* a < b */
-    double length; /* of all sides that they share */
+    float length;  /* of all sides that they share */
 } voronoi_side;
 
 typedef struct restricted_voronoi {
@@ -30,10 +30,21 @@ typedef struct restricted_voronoi {
     double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
 } restricted_voronoi;
 
-/* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,
+/* The points whose cells are computed. */
+typedef struct voronoi_wanted {
+    const bool *certain;   /* of each point: its cell is known; NULL: none is */
+    const cell_list *list; /* of the other points; NULL: all points */
+    double beyond;         /* cells reach places farther from their point than from another one by this */
+} voronoi_wanted;
+
+/* Whether a cell that is wanted may have a place in a sphere. */
+bool voronoi_reaches(const voronoi_wanted *w, const cell_list *near, vec3 centre, double radius);
+
+/* Areas of known cells remain 0, sides between two of them and their distances are not computed. The
+ * hierarchy of `f` must contain the items that the other cells may reach. Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,
  * cancelled. */
-bool restricted_voronoi_build(const facets *f, const sites *s, threads *pool, restricted_voronoi *out,
-                              error *e);
+bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
+                              restricted_voronoi *out, error *e);
 void restricted_voronoi_free(restricted_voronoi *v); /* accepts a zeroed object */
 
 #endif
