@@ -78,10 +78,11 @@ typedef struct schedule {
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
-extern const schedule schedule_packed;     /* the same, from positions that are a packing */
+extern const schedule schedule_packed;     /* schedule_paper for positions that are already a packing */
 extern const schedule schedule_multilevel; /* the default: fast steps, sweeps by particle count */
 extern const schedule
-    schedule_continued; /* fast steps from positions near convergence, as of a frame of a sequence */
+    schedule_continued; /* fast steps from positions near convergence, such as those of a frame of a
+                         * sequence */
 
 /* Position in a solve. */
 typedef struct schedule_position {
