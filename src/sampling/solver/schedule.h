@@ -60,7 +60,7 @@ typedef struct schedule {
      * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance.
      *   It may exceed 1, because over-relaxed steps are longer than the remaining distance to convergence.
      *   With 1 the coverage of a triangle soup of 1 000 points is a tenth larger; between 1.75 and 7 no
-     *   case of measurements/packing/sensitivity.md changes. */
+     *   case of measurements/packing (sensitivity.csv) changes. */
     double rest_lambda, finest_rest;
 
     /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the
