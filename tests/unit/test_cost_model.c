@@ -102,8 +102,8 @@ static void assert_between(double x, double low, double high)
 }
 
 /* The sweeps of meshes with 10 000 points take 4.4 times as long as those with 2 500 (median of
- * measurements/inputs/estimates.md), and the jobs with 50 000 points 1.7 times as long as those with 10 000 (median
- * of measurements/meshes/meshes.md). */
+ * over the meshes of measurements/inputs/estimated_time.csv), and the jobs with 50 000 points 1.7 times as long as those with 10 000 (median
+ * of measurements/meshes/counts.csv). */
 static void work_by_levels_grows_as_times_do(void **state)
 {
     (void)state;
