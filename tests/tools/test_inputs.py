@@ -85,6 +85,18 @@ def test_results_are_made_in_pieces(collection, source, build, tmp_path):
     assert make() == (0, 2) and "no.vdb,vdb," in file.read_text()
 
 
+def test_summaries_agree_with_the_results(source, monkeypatch):
+    """Those of the repository."""
+    for folder in ("common", "inputs"):
+        monkeypatch.syspath_prepend(str(source / "measurements" / folder))
+    import inputs
+    folder = source / "measurements/inputs"
+    rows = [list(row.values()) for row in results.read(folder / "files.csv")]
+    assert len({row[0] for row in rows}) == len(rows) > 300 and all(len(row) == len(inputs.HEADER) for row in rows)
+    for file, found in (("folders.csv", inputs.summary(rows)), ("agreement.csv", inputs.agreement(rows))):
+        assert [list(row.values()) for row in results.read(folder / file)] == [list(map(str, row)) for row in found]
+
+
 CORNER = 1.0 * numpy.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
 FACE = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
