@@ -20,10 +20,10 @@ enum { CHUNK = 256 };
 enum { CHUNKS_AT_ONCE = 128 };
 /* Pairs whose energies are summed at once. */
 enum { BATCH = 8 * ENERGY_LANES };
-/* Two points are at least this fraction of the support apart in the energy, which has no bound. */
+/* Minimum distance in the energy, as a fraction of the support: the energy is not bounded at 0. */
 static const double CLOSEST = 1e-6;
 
-/* What a chunk adds. */
+/* Sums of one chunk. */
 typedef struct pair_sums {
     double nearest; /* the smallest relative distance */
     size_t close, coincident, thin;
@@ -64,8 +64,8 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
-/* How far apart the opposite walls of two points are, in spacings; INFINITY: they say nothing of it. Beside a
- * sharp edge, where its faces meet, they are not walls. */
+/* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
+ * determine it. Near a sharp edge the faces that meet there do not count as walls. */
 static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;
@@ -165,7 +165,7 @@ static double thin_factor(float *gap, size_t count, size_t thin)
     return fmin(gap[allowed] / RESOLUTION_GAP, 1);
 }
 
-/* How far lists reach, in spacings: to the support, and to opposite walls. */
+/* Reach of the neighbour lists, in spacings: the support, or the largest distance of opposite walls. */
 static double reach_of(const pair_measures_input *in)
 {
     double finest = INFINITY;

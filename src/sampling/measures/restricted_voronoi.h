@@ -22,12 +22,13 @@ typedef struct voronoi_side {
 } voronoi_side;
 
 typedef struct restricted_voronoi {
-    double *area;       /* of the cell of each point */
+    double *area;       /* per point: area of its cell */
     voronoi_side *side; /* each pair of cells once, in a fixed order */
     size_t side_count;
-    /* of each patch: the largest distance of a place from its nearest point, over that point's spacing */
+    /* per patch: the largest distance of a place from its nearest point, over the spacing of that point */
     double *farthest;
-    double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
+    double missing; /* area of the places farther than COVERAGE_MISSING spacings from all points that are not
+                     * on an opposite wall */
 } restricted_voronoi;
 
 /* The points whose cells are computed. */
