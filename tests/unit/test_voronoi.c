@@ -108,7 +108,7 @@ static size_t compare_stars(const set *s)
     for (uint32_t a = 0; a < s->count; a++) {
         compare_ends(&sites, a, stars);
         compare_corners(a, stars);
-        if (!voronoi_star_planar(&sites, a, &polygon)) continue;
+        if (!voronoi_star_planar(&sites, a, &voronoi_planar_strict, &polygon)) continue;
         compare_clear(&sites, a, &polygon, &stars[a]);
         clear++;
     }

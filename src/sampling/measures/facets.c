@@ -384,8 +384,8 @@ static void choose_items(const facets *f, choice *c)
 static bool order_items(facets *f, facets_need need, const void *context, threads *pool, error *e)
 {
     const size_t all = facets_total(f);
-    choice c = {need, context, mem_array(all, sizeof *c.kept, what, e), mem_array(all, sizeof *c.middle, what, e),
-                0};
+    choice c = {need, context, mem_array(all, sizeof *c.kept, what, e),
+                mem_array(all, sizeof *c.middle, what, e), 0};
     bool ok = c.kept && c.middle;
     if (ok) choose_items(f, &c);
     uint32_t *order = ok ? mem_array(c.count + 1, sizeof *order, what, e) : NULL;

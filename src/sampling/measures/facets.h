@@ -45,7 +45,7 @@ typedef struct facets {
     facets_input in;
     size_t item_count; /* of the hierarchy */
     uint32_t *item;    /* the item at each place of the order */
-    uint32_t *piece; /* of each item, or NULL: patch_piece, or all are of piece 0 */
+    uint32_t *piece;   /* of each item, or NULL: patch_piece, or all are of piece 0 */
     size_t piece_count;
     double *piece_area; /* per piece */
     double area;        /* area of the surface */

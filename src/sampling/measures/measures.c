@@ -3,14 +3,12 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 #include "sampling/measures/pair_measures.h"
-#include "sampling/measures/planar_cells.h"
-#include "sampling/measures/restricted_voronoi.h"
+#include "sampling/measures/voronoi_cells.h"
 #include "sampling/packing/energy.h"
 #include "sampling/packing/point_flags.h"
 #include "geometry/space/packing.h"
@@ -31,43 +29,28 @@ static const double NEAR_INTEGER = 0.2;
  * GROWTH_ENERGY g^2. Accurate to 3 % up to g = GROWTH_MOST. */
 static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
-/* A place may belong to the cell of a point that is farther than the nearest one by this, in the largest
- * spacing: the nearest one may be of an opposite wall. */
-static const double NEEDED_BEYOND = 0.7;
-/* Relative difference between the area of a piece and that of its cells which the bend of the surface between
- * the points explains. */
-static const double AREA_TOLERANCE = 1e-3;
-
-static void dbg(const char *w)
-{
-    if (!getenv("HEXAD_MEASURE_DEBUG")) return;
-    FILE *f = fopen("/proc/self/status", "r");
-    char line[200];
-    while (fgets(line, sizeof line, f))
-        if (!strncmp(line, "VmHWM", 5) || !strncmp(line, "VmRSS", 5)) fprintf(stderr, "certain %s %s", w, line);
-    fclose(f);
-}
 static const char what[] = "the measures of the points";
 
 /* Data of each point. */
 typedef struct point_table {
     size_t count;
     double *spacing; /* h at each */
-    float *ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2
-                   * faces */
-    float *share; /* angle of the surface over a full turn */
+    /* Of each point, or NULL if all points are plain (planar_cells.h): */
+    double *ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2
+                    * faces; of a plain point 6 */
+    double *share; /* angle of the surface over a full turn; of a plain point 1 */
     bool *border, *fork;
     uint32_t *degree;
     uint32_t *piece;
-    uint32_t *side; /* see sites.h */
+    uint32_t *side;     /* see sites.h */
     const vec3 *normal; /* of each copy; the input's, or `own_normal` */
     vec3 *own_normal;
     bool *one_sided;
     uint32_t *patch; /* per normal */
     bool *at_wedge;
     uint8_t *odd;   /* not 0: not plain (planar_cells.h) */
-    float *energy;  /* over that of a point in an ideal packing */
-    bool is_odd;    /* of one of the points */
+    double *energy; /* over that of a point in an ideal packing */
+    bool has_odd;   /* one of them is not 0 */
 } point_table;
 
 static void free_table(point_table *t)
@@ -93,10 +76,6 @@ static bool allocate_table(const measures_input *in, point_table *t, error *e)
     const size_t n = in->count;
     *t = (point_table){.count = n};
     t->spacing = mem_array(n, sizeof *t->spacing, what, e);
-    t->ideal = mem_array(n, sizeof *t->ideal, what, e);
-    t->share = mem_array(n, sizeof *t->share, what, e);
-    t->border = mem_array(n, sizeof *t->border, what, e);
-    t->fork = mem_array(n, sizeof *t->fork, what, e);
     t->degree = mem_array(n, sizeof *t->degree, what, e);
     t->piece = mem_array(n, sizeof *t->piece, what, e);
     t->side = mem_array(n + 1, sizeof *t->side, what, e);
@@ -108,8 +87,8 @@ static bool allocate_table(const measures_input *in, point_table *t, error *e)
     t->at_wedge = mem_array(n, sizeof *t->at_wedge, what, e);
     t->odd = mem_array(n, sizeof *t->odd, what, e);
     t->energy = mem_array(n, sizeof *t->energy, what, e);
-    return t->spacing && t->ideal && t->share && t->border && t->fork && t->degree && t->piece && t->side &&
-           t->normal && t->one_sided && t->patch && t->at_wedge && t->odd && t->energy;
+    return t->spacing && t->degree && t->piece && t->side && t->normal && t->one_sided && t->patch &&
+           t->at_wedge && t->odd && t->energy;
 }
 
 /* ---- the surface at the points */
@@ -169,10 +148,10 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
     if (!mesh && c.border && t->side[i + 1] > t->side[i] + 1) c = (facets_corner){.angle = 0};
     if (!mesh) set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
     const double angle = c.angle > 0 ? c.angle : 2 * M_PI;
-    t->share[i] = (float)(angle / (2 * M_PI));
+    t->share[i] = angle / (2 * M_PI);
     t->border[i] = c.border;
     t->fork[i] = c.fork;
-    t->ideal[i] = (float)(c.fork ? 2 * angle / M_PI + 2 : angle / (M_PI / 3) + c.border);
+    t->ideal[i] = c.fork ? 2 * angle / M_PI + 2 : angle / (M_PI / 3) + c.border;
 }
 
 /* Sets the piece of a point, and without given normals the normal of the nearest triangle. */
@@ -205,37 +184,39 @@ static void corner_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) set_corner(job->in, job->f, (uint32_t)i, job->t);
 }
 
-/* Points whose cells a border, a curve or another patch can bound. */
-static void find_odd(const measures_input *in, point_table *t)
+/* Finds the points whose cells a border, a curve or another patch can bound, and allocates what differs at
+ * them. */
+static bool find_odd(const measures_input *in, point_table *t, error *e)
 {
     const field *of = in->surface.triangle_count == 0 ? in->surface.scan->field : NULL;
     for (size_t k = 0; k < in->copy_count; k++)
         t->odd[point_of(in, k)] |= has_flag(in, k, PACKING_FIXED | PACKING_ONE_SIDED | PACKING_AT_WEDGE);
     for (size_t i = 0; i < in->count; i++)
-        t->odd[i] |= t->side[i + 1] != t->side[i] + 1 ||
-                     (of && of->open &&
-                      packing_is_near_boundary(of->boundary_box, in->position[i], in->spacing[i]));
-    for (size_t i = 0; i < in->count; i++) t->is_odd |= t->odd[i] != 0;
+        t->odd[i] |=
+            t->side[i + 1] != t->side[i] + 1 ||
+            (of && of->open && packing_is_near_boundary(of->boundary_box, in->position[i], in->spacing[i]));
+    for (size_t i = 0; i < in->count; i++) t->has_odd |= t->odd[i] != 0;
+    if (!t->has_odd) return true;
+    t->ideal = mem_array(in->count, sizeof *t->ideal, what, e);
+    t->share = mem_array(in->count, sizeof *t->share, what, e);
+    t->border = mem_array(in->count, sizeof *t->border, what, e);
+    t->fork = mem_array(in->count, sizeof *t->fork, what, e);
+    return t->ideal && t->share && t->border && t->fork;
 }
 
-/* The Voronoi diagram: the certain cells, and the others. */
-typedef struct diagram {
-    planar_cells cells;
-    restricted_voronoi others;
-    const voronoi_side *side; /* of all cells, once they are gathered */
-    size_t side_count;
-    size_t certain;    /* number of certain cells */
-    bool whole;        /* the hierarchy contains the whole surface */
-    vec3 *uncertain;   /* the points whose cells are not certain */
-    cell_list *wanted; /* of these; NULL if they are all points, or none */
-} diagram;
-
-static void free_diagram(diagram *d)
+static double ideal_of(const point_table *t, size_t i)
 {
-    restricted_voronoi_free(&d->others);
-    planar_cells_free(&d->cells);
-    cell_list_free(d->wanted);
-    free(d->uncertain);
+    return t->ideal ? t->ideal[i] : 6;
+}
+
+static double share_of(const point_table *t, size_t i)
+{
+    return t->share ? t->share[i] : 1;
+}
+
+static bool is_on_border(const point_table *t, size_t i)
+{
+    return t->border && t->border[i];
 }
 
 /* ---- sums over cells and sides */
@@ -244,19 +225,19 @@ typedef struct moments {
     double n, sum, squares;
 } moments;
 
-static void count_value(moments *m, double value)
+static void count_value(moments *m, double weight, double value)
 {
-    m->n++;
-    m->sum += value;
-    m->squares += value * value;
+    m->n += weight;
+    m->sum += weight * value;
+    m->squares += weight * value * value;
 }
 
-/* Coefficient of variation. NAN: fewer than two values. */
-static double variation(const moments *m)
+/* Coefficient of variation of values from which `shift` was subtracted. NAN: fewer than two values. */
+static double variation(const moments *m, double shift)
 {
-    if (m->n < 2 || !(m->sum > 0)) return NAN;
     const double mean = m->sum / m->n;
-    return sqrt(fmax(m->squares / m->n - mean * mean, 0)) / mean;
+    if (m->n < 2 || !(mean + shift > 0)) return NAN;
+    return sqrt(fmax(m->squares / m->n - mean * mean, 0)) / (mean + shift);
 }
 
 static bool is_side(const voronoi_side *s, const double *spacing)
@@ -264,52 +245,58 @@ static bool is_side(const voronoi_side *s, const double *spacing)
     return s->length > LEAST_SIDE * 0.5 * (spacing[s->a] + spacing[s->b]);
 }
 
-static void count_degrees(const diagram *d, point_table *t)
+/* The degree of a point whose cell is not certain: the sides that the triangles of the surface give. */
+static void count_degrees(const voronoi_cells *c, point_table *t)
 {
-    memset(t->degree, 0, t->count * sizeof *t->degree);
-    for (size_t k = 0; k < d->side_count; k++) {
-        if (!is_side(&d->side[k], t->spacing)) continue;
-        t->degree[d->side[k].a]++;
-        t->degree[d->side[k].b]++;
+    for (size_t i = 0; i < t->count; i++) t->degree[i] = c->planar[i].degree;
+    for (size_t k = 0; k < c->exact.side_count; k++) {
+        const voronoi_side *s = &c->exact.side[k];
+        if (!is_side(s, t->spacing)) continue;
+        t->degree[s->a] += !c->planar[s->a].certain;
+        t->degree[s->b] += !c->planar[s->b].certain;
     }
 }
 
-static double local_spacing(const diagram *d, const point_table *t, size_t i)
+static double local_spacing(const voronoi_cells *c, const point_table *t, size_t i)
 {
-    return d->others.area[i] > 0 ? packing_spacing(d->others.area[i] / t->share[i], 1) : t->spacing[i];
+    const double area = voronoi_cell_area(c, i);
+    return area > 0 ? packing_spacing(area / share_of(t, i), 1) : t->spacing[i];
 }
 
 /* Without a request: the mean local spacing of each point and its neighbours. */
-static bool take_achieved(const diagram *d, point_table *t, error *e)
+static bool take_achieved(const pair_measures_input *pairs, const voronoi_cells *c, threads *pool,
+                          point_table *t, error *e)
 {
-    double *sum = mem_array(t->count, sizeof *sum, what, e);
-    if (!sum) return false;
-    for (size_t i = 0; i < t->count; i++) sum[i] = local_spacing(d, t, i);
-    count_degrees(d, t);
-    double *out = mem_array(t->count, sizeof *out, what, e);
-    for (size_t i = 0; out && i < t->count; i++) out[i] = sum[i];
-    for (size_t k = 0; out && k < d->side_count; k++) {
-        if (!is_side(&d->side[k], t->spacing)) continue;
-        out[d->side[k].a] += sum[d->side[k].b];
-        out[d->side[k].b] += sum[d->side[k].a];
+    double *local = mem_array(t->count, sizeof *local, what, e),
+           *mean = mem_array(t->count, sizeof *mean, what, e);
+    bool ok = local && mean;
+    for (size_t i = 0; ok && i < t->count; i++) mean[i] = local[i] = local_spacing(c, t, i);
+    if (ok) count_degrees(c, t);
+    for (size_t k = 0; ok && k < c->exact.side_count; k++) {
+        const voronoi_side *s = &c->exact.side[k];
+        if (!is_side(s, t->spacing)) continue;
+        mean[s->a] += local[s->b];
+        mean[s->b] += local[s->a];
     }
-    for (size_t i = 0; out && i < t->count; i++) t->spacing[i] = out[i] / (1 + t->degree[i]);
-    free(sum);
-    free(out);
-    return out != NULL;
+    for (size_t i = 0; ok && i < t->count; i++) mean[i] /= 1 + t->degree[i];
+    ok = ok && pair_measures_means(pairs, c->planar, local, pool, mean, e);
+    if (ok) memcpy(t->spacing, mean, t->count * sizeof *mean);
+    free(local);
+    free(mean);
+    return ok;
 }
 
 static bool is_regular(const point_table *t, size_t i)
 {
     const double degree = t->degree[i];
-    if (t->fork[i]) return degree >= 6;
-    return degree >= floor(t->ideal[i] + NEAR_INTEGER) && degree <= ceil(t->ideal[i] - NEAR_INTEGER);
+    if (t->fork && t->fork[i]) return degree >= 6;
+    return degree >= floor(ideal_of(t, i) + NEAR_INTEGER) && degree <= ceil(ideal_of(t, i) - NEAR_INTEGER);
 }
 
 /* Ideal minus actual degree. Its sum over all points of a surface is 6 times the Euler characteristic. */
 static double missing_degree(const point_table *t, size_t i)
 {
-    return (t->border[i] ? 4 : 6) - (double)t->degree[i];
+    return (is_on_border(t, i) ? 4 : 6) - (double)t->degree[i];
 }
 
 /* Counts, for each piece, the points that do not have the ideal degree, minus the number that the topology
@@ -350,53 +337,71 @@ static void count_grading(slope *s, double requested, double local)
 
 /* Sums over the Voronoi cells. */
 typedef struct cell_sums {
-    moments edge, area, ratio;
+    moments edge; /* minus 1 */
+    moments area, ratio;
     slope grading;
     double regular, degrees, turn, unmeasured;
     double straight; /* areas of the cells with straight sides, over h^2 and the share of the angle */
 } cell_sums;
 
-static void sum_cells(const measures_input *in, const diagram *d, const point_table *t,
+/* Adds a side for each of its points whose cell is not certain: certain cells have their own sums, to which each
+ * side adds half. */
+static void add_side(const measures_input *in, const voronoi_side *s, const voronoi_cells *c,
+                     const point_table *t, cell_sums *out)
+{
+    const double distance = vec3_norm(vec3_sub(in->position[s->a], in->position[s->b])),
+                 edge = distance / (0.5 * (t->spacing[s->a] + t->spacing[s->b])) - 1;
+    const uint32_t end[2] = {s->a, s->b};
+    for (int k = 0; k < 2; k++) {
+        const uint32_t i = end[k];
+        if (c->planar[i].certain) continue;
+        count_value(&out->edge, 0.5, edge);
+        out->straight += 0.25 * distance * s->length / (t->spacing[i] * t->spacing[i] * share_of(t, i));
+    }
+}
+
+static void sum_cells(const measures_input *in, const voronoi_cells *c, const point_table *t,
                       const double *local, bool *regular, cell_sums *out)
 {
     *out = (cell_sums){.grading = {.finest = INFINITY}};
     for (size_t i = 0; i < t->count; i++) {
         const double h = t->spacing[i];
+        const planar_cell *own = &c->planar[i];
         regular[i] = is_regular(t, i);
         out->regular += regular[i];
         out->degrees += missing_degree(t, i);
-        out->turn += (t->ideal[i] - (double)t->degree[i]) / 6;
-        out->unmeasured += t->degree[i] < (t->border[i] ? 2u : 3u);
-        count_value(&out->area, d->others.area[i] / (h * h * t->share[i]));
-        count_value(&out->ratio, local[i] / in->spacing[i]);
+        out->turn += (ideal_of(t, i) - (double)t->degree[i]) / 6;
+        out->unmeasured += t->degree[i] < (is_on_border(t, i) ? 2u : 3u);
+        count_value(&out->area, 1, voronoi_cell_area(c, i) / (h * h * share_of(t, i)));
+        count_value(&out->ratio, 1, local[i] / in->spacing[i]);
         count_grading(&out->grading, in->spacing[i], local[i]);
+        out->edge.n += 0.5 * own->degree;
+        out->edge.sum += 0.5 * own->edge;
+        out->edge.squares += 0.5 * own->edge2;
+        out->straight += own->straight;
     }
-    for (size_t k = 0; k < d->side_count; k++) {
-        const voronoi_side *s = &d->side[k];
-        if (!is_side(s, t->spacing)) continue;
-        const double distance = vec3_norm(vec3_sub(in->position[s->a], in->position[s->b]));
-        count_value(&out->edge, distance / (0.5 * (t->spacing[s->a] + t->spacing[s->b])));
-        out->straight += 0.25 * distance * s->length / (t->spacing[s->a] * t->spacing[s->a] * t->share[s->a]);
-        out->straight += 0.25 * distance * s->length / (t->spacing[s->b] * t->spacing[s->b] * t->share[s->b]);
-    }
+    for (size_t k = 0; k < c->exact.side_count; k++)
+        if (is_side(&c->exact.side[k], t->spacing)) add_side(in, &c->exact.side[k], c, t, out);
 }
 
 /* The mean of the square of how much the requested spacing grows per distance: half of it along one
  * direction. */
-static bool mean_growth2(const measures_input *in, const diagram *d, const point_table *t,
-                         double *out, error *e)
+static bool mean_growth2(const measures_input *in, const voronoi_cells *c, const point_table *t, double *out,
+                         error *e)
 {
     double *sum = mem_array(t->count, sizeof *sum, what, e), total = 0;
-    for (size_t k = 0; sum && k < d->side_count; k++) {
-        const voronoi_side *s = &d->side[k];
+    for (size_t k = 0; sum && k < c->exact.side_count; k++) {
+        const voronoi_side *s = &c->exact.side[k];
         const double more = t->spacing[s->b] - t->spacing[s->a],
                      distance2 = vec3_norm2(vec3_sub(in->position[s->a], in->position[s->b]));
         if (!is_side(s, t->spacing) || !(distance2 > 0)) continue;
         sum[s->a] += more * more / distance2;
         sum[s->b] += more * more / distance2;
     }
-    for (size_t i = 0; sum && i < t->count; i++)
-        if (t->degree[i] > 0) total += fmin(2 * sum[i] / t->degree[i], GROWTH_MOST * GROWTH_MOST);
+    for (size_t i = 0; sum && i < t->count; i++) {
+        const double growth2 = c->planar[i].certain ? c->planar[i].growth2 : sum[i];
+        if (t->degree[i] > 0) total += fmin(2 * growth2 / t->degree[i], GROWTH_MOST * GROWTH_MOST);
+    }
     free(sum);
     *out = total / (double)t->count;
     return sum != NULL;
@@ -420,28 +425,28 @@ static double disorder_of(const cell_sums *c, double energy_excess, double growt
 static void conclude_grading(const cell_sums *c, measures *out)
 {
     const slope *s = &c->grading;
-    out->grading_cv = variation(&c->ratio);
+    out->grading_cv = variation(&c->ratio, 0);
     out->grading_exponent = s->coarsest > EVEN_REQUEST * s->finest
                                 ? (s->xy - s->x * s->y / s->n) / (s->xx - s->x * s->x / s->n)
                                 : 1;
 }
 
-static bool conclude_cells(const measures_input *in, const diagram *d, const point_table *t,
+static bool conclude_cells(const measures_input *in, const voronoi_cells *v, const point_table *t,
                            const double *local, size_t pieces, measures *out, error *e)
 {
     bool *regular = mem_array(t->count, sizeof *regular, what, e);
     cell_sums c;
     double growth2 = 0;
     if (!regular) return false;
-    sum_cells(in, d, t, local, regular, &c);
+    sum_cells(in, v, t, local, regular, &c);
     const double n = (double)t->count;
     const bool graded = !in->achieved && c.grading.coarsest > EVEN_REQUEST * c.grading.finest;
     const bool ok = count_defects(t, regular, pieces, &out->defect_share, e) &&
-                    (!graded || mean_growth2(in, d, t, &growth2, e));
+                    (!graded || mean_growth2(in, v, t, &growth2, e));
     free(regular);
     out->hex_fraction = c.regular / n;
-    out->edge_cv = variation(&c.edge);
-    out->area_cv = variation(&c.area);
+    out->edge_cv = variation(&c.edge, 1);
+    out->area_cv = variation(&c.area, 0);
     out->euler = c.degrees / 6;
     out->unmeasured_share = c.unmeasured / n;
     out->disorder = disorder_of(&c, out->energy_excess, growth2);
@@ -502,173 +507,67 @@ static sites sites_of(const measures_input *in, const point_table *t, const cell
     return s;
 }
 
-/* The cells that are to be computed, and the points by which they are bounded. */
-typedef struct needed {
-    voronoi_wanted wanted;
-    const cell_list *near;
-} needed;
-
-static bool is_needed(const void *context, vec3 centre, double radius)
+/* Computes the cells, and with them the measures of pairs. Without a request this is done twice: the cells give
+ * the spacing by which distances are then divided. */
+static bool build_cells(const measures_input *in, facets *f, const cell_list *near, threads *pool,
+                        point_table *t, voronoi_cells *c, measures *out, error *e)
 {
-    const needed *n = context;
-    return voronoi_reaches(&n->wanted, n->near, centre, radius);
-}
-
-/* Lists the points whose cells are not certain. */
-static bool list_uncertain(const measures_input *in, threads *pool, diagram *d, error *e)
-{
-    const planar_cells *c = &d->cells;
-    d->certain = 0;
-    for (size_t i = 0; i < c->count; i++) d->certain += c->certain[i];
-    cell_list_free(d->wanted);
-    free(d->uncertain);
-    d->wanted = NULL;
-    d->uncertain = NULL;
-    if (d->certain == 0 || d->certain == c->count) return true;
-    d->uncertain = mem_array(c->count - d->certain, sizeof *d->uncertain, what, e);
-    if (!d->uncertain) return false;
-    for (size_t i = 0, k = 0; i < c->count; i++)
-        if (!c->certain[i]) d->uncertain[k++] = in->position[i];
-    d->wanted = cell_list_new(d->uncertain, c->count - d->certain, pool, e);
-    return d->wanted != NULL;
-}
-
-static voronoi_wanted wanted_of(const diagram *d, const sites *s)
-{
-    return (voronoi_wanted){d->certain > 0 ? d->cells.certain : NULL, d->wanted, NEEDED_BEYOND * s->largest_spacing};
-}
-
-/* Computes the cells that are not certain, and adds the certain ones to the result. */
-static bool build_others(const measures_input *in, facets *f, const cell_list *near, threads *pool,
-                         const point_table *t, diagram *d, error *e)
-{
-    const sites s = sites_of(in, t, near);
-    const planar_cells *c = &d->cells;
-    const voronoi_wanted wanted = wanted_of(d, &s);
-    restricted_voronoi_free(&d->others);
-    if (!restricted_voronoi_build(f, &s, &wanted, pool, &d->others, e)) return false;
-    for (size_t i = 0; i < c->count; i++) {
-        if (!c->certain[i]) continue;
-        double *farthest = &d->others.farthest[t->patch[t->side[i]]];
-        d->others.area[i] = c->area[i];
-        *farthest = fmax(*farthest, c->farthest[i] / t->spacing[i]);
-    }
-    return true;
-}
-
-/* Withdraws the certain cells of pieces whose cells do not add up to their area: parts of these have no points,
- * or bend between the points. Returns whether there are any. */
-static double debug_ratio;
-static bool find_lost_area(const facets *f, const point_table *t, diagram *d, double *sum)
-{
-    bool lost = false;
-    for (size_t i = 0; i < t->count; i++) sum[t->piece[i]] += d->others.area[i];
-    debug_ratio = sum[0] / f->piece_area[0];
-    for (size_t i = 0; i < t->count; i++) {
-        const double area = f->piece_area[t->piece[i]];
-        if (!d->cells.certain[i] || fabs(sum[t->piece[i]] - area) <= (getenv("XTOL") ? atof(getenv("XTOL")) : AREA_TOLERANCE) * area) continue;
-        d->cells.certain[i] = false;
-        lost = true;
-    }
-    return lost;
-}
-
-/* Computes the hierarchy that the cells need which are not certain, what the surface is like at the points, and
- * these cells. */
-static bool complete_diagram(const measures_input *in, facets *f, const cell_list *near, threads *pool,
-                             point_table *t, diagram *d, error *e)
-{
-    const sites s = sites_of(in, t, near);
-    if (!list_uncertain(in, pool, d, e)) return false;
-    const needed need = {wanted_of(d, &s), near};
-    if (!d->whole && d->certain < in->count && !facets_build(f, d->wanted ? is_needed : NULL, &need, pool, e))
-        return false;
-    d->whole |= d->certain == 0;
-    threads_run(pool, in->count, 256, corner_chunk, &(corner_job){in, f, t});
-    return build_others(in, f, near, pool, t, d, e);
-}
-
-static pair_measures_input pairs_of(const measures_input *in, const facets *f, const point_table *t, const sites *s)
-{
-    return (pair_measures_input){s, in->h, in->sized || in->achieved, t->at_wedge, in->kept, t->is_odd ? t->odd : NULL,
-                                 f->piece_count > 1};
-}
-
-/* The cells, and with them the measures of pairs, from the same neighbour lists. Without a request the spacing
- * by which distances are divided follows from the cells. */
-static bool build_diagram(const measures_input *in, facets *f, const cell_list *near, threads *pool,
-                          point_table *t, diagram *d, measures *out, error *e)
-{
-    const sites s = sites_of(in, t, near);
-    double *sum = mem_array(f->piece_count, sizeof *sum, what, e);
-    find_odd(in, t);
-    const pair_measures_input pairs = pairs_of(in, f, t, &s);
-    dbg("table");
-    bool ok = sum && planar_cells_new(in->count, &d->cells, e) &&
-              pair_measures_take(&pairs, pool, in->exact || getenv("XEXACT") ? NULL : &d->cells, t->energy, in->achieved ? NULL : out, e) &&
-              complete_diagram(in, f, near, pool, t, d, e);
-    dbg("cells");
-    if (ok && find_lost_area(f, t, d, sum)) ok = complete_diagram(in, f, near, pool, t, d, e);
-    free(sum);
-    return ok;
-}
-
-/* The sides of all cells. Sides of certain cells are followed by those of others, in the same array. */
-static bool gather_voronoi_sides(diagram *d, error *e)
-{
-    planar_cells *c = &d->cells;
-    d->side = d->others.side;
-    d->side_count = d->others.side_count;
-    if (d->certain == 0) return true;
-    planar_cells_keep_certain(c);
-    if (!planar_cells_reserve(c, d->others.side_count, e)) return false;
-    memcpy(c->side + c->side_count, d->others.side, d->others.side_count * sizeof *c->side);
-    d->side = c->side;
-    d->side_count += c->side_count;
-    return true;
-}
-
-static bool take(const measures_input *in, facets *f, const cell_list *near, threads *pool, point_table *t,
-                 diagram *d, double *local, double *degree, double *farthest, measures *out, error *e)
-{
-    dbg("begin");
-    memcpy(t->spacing, in->spacing, in->count * sizeof *t->spacing);
-    gather_sides(in, t);
-    d->whole = in->exact || getenv("XEXACT") || !in->copy_normal || (f->piece_count > 1 && !f->in.patch_piece);
-    if (d->whole && !facets_build(f, NULL, NULL, pool, e)) return false;
+    const bool whole = in->exact || !in->copy_normal || (f->piece_count > 1 && !f->in.patch_piece);
+    if (whole && !facets_build(f, NULL, NULL, pool, e)) return false;
     threads_run(pool, in->count, 256, piece_chunk, &(corner_job){in, f, t});
-    if (!build_diagram(in, f, near, pool, t, d, out, e) || !gather_voronoi_sides(d, e)) return false;
-    dbg("built");
-    if (in->achieved) {
-        if (!take_achieved(d, t, e)) return false;
+    for (int round = in->achieved ? 0 : 1; round < 2; round++) {
         const sites s = sites_of(in, t, near);
-        const pair_measures_input pairs = pairs_of(in, f, t, &s);
-        if (!build_others(in, f, near, pool, t, d, e) || !gather_voronoi_sides(d, e) ||
-            !pair_measures_take(&pairs, pool, NULL, t->energy, out, e))
+        const pair_measures_input pairs = {&s,
+                                           in->h,
+                                           in->sized || in->achieved,
+                                           t->at_wedge,
+                                           in->kept,
+                                           t->has_odd ? t->odd : NULL,
+                                           f->piece_count > 1};
+        voronoi_cells_free(c);
+        if (!voronoi_cells_build(&(voronoi_cells_input){f, whole, in->exact, &pairs}, pool, t->energy,
+                                 round == 1 ? out : NULL, c, e))
             return false;
+        if (t->has_odd) threads_run(pool, in->count, 256, corner_chunk, &(corner_job){in, f, t});
+        if (round == 0 && !take_achieved(&pairs, c, pool, t, e)) return false;
     }
-    out->certain_share = (double)d->certain / (double)in->count;
-    if (getenv("HEXAD_MEASURE_DEBUG")) fprintf(stderr, "certain %.5f items %zu of %zu area sum/area %.7f\n", out->certain_share, f->item_count, facets_total(f), debug_ratio);
-    count_degrees(d, t);
-    for (size_t i = 0; i < in->count; i++) local[i] = local_spacing(d, t, i);
-    if (in->out_piece) memcpy(in->out_piece, t->piece, in->count * sizeof *t->piece);
-    if (in->out_spacing) memcpy(in->out_spacing, t->spacing, in->count * sizeof *t->spacing);
-    for (size_t i = 0; degree && i < in->count; i++) degree[i] = t->degree[i];
+    out->certain_share = (double)c->certain_count / (double)in->count;
+    return true;
+}
+
+/* The largest distance of a place of each patch, and of the lost places. */
+static void take_coverage(const measures_input *in, const voronoi_cells *c, const cell_list *near,
+                          const point_table *t, double *farthest, measures *out)
+{
     out->coverage = 0;
     for (size_t p = 0; p < in->surface.patch_count; p++) {
-        farthest[p] = d->others.farthest[p];
-        out->coverage = fmax(out->coverage, d->others.farthest[p]);
+        farthest[p] = c->exact.farthest[p];
+        out->coverage = fmax(out->coverage, farthest[p]);
     }
     for (size_t k = 0; k < in->lost_places; k++) {
         double distance;
         const uint32_t nearest = cell_list_nearest(near, in->lost_place[k], 0, &distance);
         out->coverage = fmax(out->coverage, distance / t->spacing[nearest]);
     }
-    out->missing_share = d->others.missing / f->area;
+}
+
+static bool take(const measures_input *in, facets *f, const cell_list *near, threads *pool, point_table *t,
+                 voronoi_cells *c, double *local, double *degree, double *farthest, measures *out, error *e)
+{
+    memcpy(t->spacing, in->spacing, in->count * sizeof *t->spacing);
+    gather_sides(in, t);
+    if (!find_odd(in, t, e) || !build_cells(in, f, near, pool, t, c, out, e)) return false;
+    count_degrees(c, t);
+    for (size_t i = 0; i < in->count; i++) local[i] = local_spacing(c, t, i);
+    if (in->out_piece) memcpy(in->out_piece, t->piece, in->count * sizeof *t->piece);
+    if (in->out_spacing) memcpy(in->out_spacing, t->spacing, in->count * sizeof *t->spacing);
+    for (size_t i = 0; degree && i < in->count; i++) degree[i] = t->degree[i];
+    take_coverage(in, c, near, t, farthest, out);
+    out->missing_share = c->exact.missing / f->area;
     double energy = 0;
-    for (size_t i = 0; i < in->count; i++) energy += t->energy[i] / (t->ideal[i] / 6);
+    for (size_t i = 0; i < in->count; i++) energy += t->energy[i] / (ideal_of(t, i) / 6);
     out->energy_excess = energy / (double)in->count - 1;
-    return conclude_pieces(in, f, t, out, e) && conclude_cells(in, d, t, local, f->piece_count, out, e);
+    return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
 }
 
 bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,
@@ -676,12 +575,12 @@ bool measures_take(const measures_input *in, threads *pool, double *local, doubl
 {
     facets f = {0};
     point_table t = {0};
-    diagram d = {0};
+    voronoi_cells c = {0};
     measures made = {0};
     cell_list *near = cell_list_new(in->position, in->count, pool, e);
     const bool ok = near && facets_open(&in->surface, &f, e) && allocate_table(in, &t, e) &&
-                    take(in, &f, near, pool, &t, &d, local, degree, farthest, &made, e);
-    free_diagram(&d);
+                    take(in, &f, near, pool, &t, &c, local, degree, farthest, &made, e);
+    voronoi_cells_free(&c);
     free_table(&t);
     facets_free(&f);
     cell_list_free(near);

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/core/memory.h"
 #include "sampling/packing/energy.h"
@@ -14,10 +13,8 @@
 
 static const char what[] = "the measures of pairs of points";
 
-/* Points in a chunk of work, and in a partial sum. */
+/* Points in a chunk of work; each chunk has its own partial sums. */
 enum { CHUNK = 256 };
-/* Chunks of which the sides are in memory at once. */
-enum { CHUNKS_AT_ONCE = 128 };
 /* Pairs whose energies are summed at once. */
 enum { BATCH = 8 * ENERGY_LANES };
 /* Minimum distance in the energy, as a fraction of the support: the energy is not bounded at 0. */
@@ -32,13 +29,10 @@ typedef struct pair_sums {
 typedef struct pair_job {
     const pair_measures_input *in;
     const partition *part;
-    size_t first;    /* point of the partition */
-    pair_sums *sums; /* of each chunk */
-    /* of each point, to the opposite wall, in spacings, and its energy; NULL: only cells are computed */
-    float *gap, *energy;
-    planar_cells *cells;        /* or NULL */
-    voronoi_side *side;         /* of each chunk: its sides */
-    uint32_t *side_count;
+    planar_cell *cells; /* or NULL */
+    pair_sums *sums;    /* of each chunk; NULL: only cells are computed */
+    float *gap;         /* of each point: distance to the opposite wall, in spacings */
+    double *energy;     /* of each point, over that of a point in an ideal packing */
 } pair_job;
 
 typedef struct energy_batch {
@@ -119,27 +113,22 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
     sums->thin += gap < RESOLUTION_GAP;
-    job->energy[i] = (float)(b.energy / energy_cotangent.ideal);
+    job->energy[i] = b.energy / energy_cotangent.ideal;
     job->gap[i] = (float)gap;
 }
 
 static void pair_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const pair_job *job = context;
-    const size_t chunk = begin / CHUNK;
     const uint32_t *piece = job->in->pieces ? job->in->sites->piece : NULL;
     (void)worker;
     pair_sums sums = {.nearest = INFINITY};
-    uint32_t sides = 0;
-    for (size_t k = job->first + begin; k < job->first + end; k++) {
+    for (size_t k = begin; k < end; k++) {
         if (!partition_owns(job->part, k)) continue;
-        if (job->cells)
-            sides += (uint32_t)planar_cells_set(job->cells, job->part, piece, (uint32_t)k,
-                                                job->side + CHUNK * PLANAR_CELLS_SIDES * chunk + sides);
-        if (job->gap) measure_point(job, (uint32_t)k, &sums);
+        if (job->cells) planar_cell_at(job->part, piece, (uint32_t)k, &job->cells[job->part->index[k]]);
+        if (job->sums) measure_point(job, (uint32_t)k, &sums);
     }
-    job->sums[chunk] = sums;
-    if (job->cells) job->side_count[chunk] = sides;
+    if (job->sums) job->sums[begin / CHUNK] = sums;
 }
 
 static void add_sums(pair_sums *to, const pair_sums *s)
@@ -173,18 +162,6 @@ static double reach_of(const pair_measures_input *in)
     return fmax(VORONOI_REACH, in->sized ? 0 : packing_support(in->h) / finest);
 }
 
-/* The first normal of each point, in an array that the caller frees; *copied is NULL if the sites have just
- * these. */
-static bool first_normals(const sites *s, const vec3 **out, vec3 **copied, error *e)
-{
-    *copied = NULL;
-    *out = s->normal;
-    if (s->side[s->count] == s->count) return true;
-    *out = *copied = mem_array(s->count, sizeof **copied, what, e);
-    for (size_t i = 0; *copied && i < s->count; i++) (*copied)[i] = s->normal[s->side[i]];
-    return *copied != NULL;
-}
-
 static void conclude(const pair_sums *whole, float *gap, size_t count, measures *out)
 {
     const double n = (double)count;
@@ -195,69 +172,88 @@ static void conclude(const pair_sums *whole, float *gap, size_t count, measures 
     out->thin_count = whole->thin;
 }
 
-/* Arrays for the chunks that are computed at once. */
-static bool reserve_chunks(pair_job *job, error *e)
-{
-    const size_t chunks = CHUNKS_AT_ONCE;
-    job->sums = mem_array(chunks, sizeof *job->sums, what, e);
-    if (!job->sums || !job->cells) return job->sums != NULL;
-    job->side = mem_array(CHUNK * PLANAR_CELLS_SIDES * chunks, sizeof *job->side, what, e);
-    job->side_count = mem_array(chunks, sizeof *job->side_count, what, e);
-    return job->side && job->side_count;
-}
+/* The points in partitions, with neighbour lists. */
+typedef struct lists {
+    partitions_input cut;
+    partitions all;
+    partition part;
+    vec3 *normal; /* the first one of each point, if points have several */
+} lists;
 
-/* What the chunks found, in their order. */
-static bool collect_chunks(const pair_job *job, size_t count, pair_sums *whole, error *e)
-{
-    planar_cells *c = job->cells;
-    for (size_t k = 0; k < count; k++) {
-        add_sums(whole, &job->sums[k]);
-        if (!c) continue;
-        if (!planar_cells_reserve(c, job->side_count[k], e)) return false;
-        memcpy(c->side + c->side_count, job->side + CHUNK * PLANAR_CELLS_SIDES * k,
-               job->side_count[k] * sizeof *c->side);
-        c->side_count += job->side_count[k];
-    }
-    return true;
-}
-
-static bool measure_partition(pair_job *job, threads *pool, pair_sums *whole, error *e)
-{
-    bool ok = true;
-    for (job->first = 0; ok && job->first < job->part->count; job->first += CHUNK * CHUNKS_AT_ONCE) {
-        const size_t left = job->part->count - job->first,
-                     count = left < CHUNK * CHUNKS_AT_ONCE ? left : CHUNK * CHUNKS_AT_ONCE;
-        threads_run(pool, count, CHUNK, pair_chunk, job);
-        ok = collect_chunks(job, (count + CHUNK - 1) / CHUNK, whole, e);
-    }
-    return ok;
-}
-
-bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cells *cells, float *energy,
-                        measures *out, error *e)
+/* Close *out also after failure. */
+static bool open_lists(const pair_measures_input *in, threads *pool, lists *out, error *e)
 {
     const sites *s = in->sites;
-    const vec3 *normal = NULL;
-    vec3 *copied = NULL;
-    partitions all = {0};
-    partition part = {0};
+    *out = (lists){.cut = {s->count, s->position, s->normal, s->spacing, NULL, in->odd, reach_of(in)}};
+    if (s->side[s->count] != s->count) {
+        out->normal = mem_array(s->count, sizeof *out->normal, what, e);
+        if (!out->normal) return false;
+        for (size_t i = 0; i < s->count; i++) out->normal[i] = s->normal[s->side[i]];
+        out->cut.normal = out->normal;
+    }
+    return partitions_cut(&out->cut, pool, &out->all, e);
+}
+
+static void close_lists(lists *l)
+{
+    partition_free(&l->part);
+    partitions_free(&l->all);
+    free(l->normal);
+}
+
+bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *energy,
+                        measures *out, error *e)
+{
+    lists l;
     pair_sums whole = {.nearest = INFINITY};
-    pair_job job = {.in = in, .part = &part, .energy = energy, .cells = cells};
-    job.gap = out ? mem_array(s->count, sizeof *job.gap, what, e) : NULL;
-    bool ok = (job.gap || !out) && first_normals(s, &normal, &copied, e);
-    const partitions_input cut = {s->count, s->position, normal, s->spacing, NULL, in->odd, reach_of(in)};
-    ok = ok && partitions_cut(&cut, pool, &all, e) && reserve_chunks(&job, e);
-    for (size_t k = 0; ok && k < all.count; k++) {
-        ok = partition_fill(&cut, &all, k, pool, &part, e) && measure_partition(&job, pool, &whole, e);
+    bool ok = open_lists(in, pool, &l, e);
+    pair_job job = {.in = in, .part = &l.part, .cells = cells, .energy = energy};
+    if (ok && out) {
+        job.gap = mem_array(in->sites->count, sizeof *job.gap, what, e);
+        job.sums = mem_array(l.all.most / CHUNK + 1, sizeof *job.sums, what, e);
+        ok = job.gap && job.sums;
+    }
+    for (size_t k = 0; ok && k < l.all.count; k++) {
+        ok = partition_fill(&l.cut, &l.all, k, pool, &l.part, e);
+        if (ok) threads_run(pool, l.part.count, CHUNK, pair_chunk, &job);
+        for (size_t c = 0; ok && out && c < (l.part.count + CHUNK - 1) / CHUNK; c++)
+            add_sums(&whole, &job.sums[c]);
     }
     ok = ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
-    if (ok && out) conclude(&whole, job.gap, s->count, out);
-    partition_free(&part);
-    partitions_free(&all);
-    free(job.sums);
-    free(job.side);
-    free(job.side_count);
+    if (ok && out) conclude(&whole, job.gap, in->sites->count, out);
     free(job.gap);
-    free(copied);
+    free(job.sums);
+    close_lists(&l);
     return ok;
+}
+
+typedef struct mean_job {
+    const partition *part;
+    const planar_cell *cells;
+    const double *value;
+    double *mean;
+} mean_job;
+
+static void mean_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const mean_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        const uint32_t i = job->part->index[k];
+        if (partition_owns(job->part, k) && job->cells[i].certain)
+            job->mean[i] = planar_cell_mean(job->part, (uint32_t)k, job->value);
+    }
+}
+
+bool pair_measures_means(const pair_measures_input *in, const planar_cell *cells, const double *value,
+                         threads *pool, double *mean, error *e)
+{
+    lists l;
+    bool ok = open_lists(in, pool, &l, e);
+    for (size_t k = 0; ok && k < l.all.count; k++) {
+        ok = partition_fill(&l.cut, &l.all, k, pool, &l.part, e);
+        if (ok) threads_run(pool, l.part.count, CHUNK, mean_chunk, &(mean_job){&l.part, cells, value, mean});
+    }
+    close_lists(&l);
+    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }

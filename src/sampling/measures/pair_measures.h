@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* pair_measures: measures of pairs of near points: energies, close pairs, opposite walls. Private to
- * measures.c. */
+/* pair_measures: measures of points and the points near them: energies, close pairs, opposite walls, and the
+ * cells that are certain (planar_cells.h), all from the same neighbour lists. Private to measures.c. */
 #ifndef HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H
 #define HEXAD_SAMPLING_MEASURES_PAIR_MEASURES_H
 
@@ -16,16 +16,19 @@ typedef struct pair_measures_input {
     bool sized;           /* see measures_input */
     const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
     const bool *kept;     /* see measures_input */
-    /* of each point: not 0 if it is not plain (planar_cells.h); NULL: all points are plain */
-    const uint8_t *odd;
-    bool pieces; /* the points are of several pieces */
+    const uint8_t *odd;   /* of each point: not 0 if it is not plain (planar_cells.h); NULL: all are plain */
+    bool pieces;          /* the points are of several pieces */
 } pair_measures_input;
 
-/* Sets min_spacing_ratio, close_share, coincident, thin_count and thin_factor, and `energy` (a value for each
- * point): the energy of the point over that of a point in an ideal packing. With `out` NULL nothing of these
- * is computed. `cells` receives the certain cells; NULL: none are computed. Both use the same neighbour
- * lists. Errors: limit_memory, cancelled. Deterministic. */
-bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cells *cells, float *energy,
+/* Sets `cells` (a value for each point), or with NULL none; and unless `out` is NULL `energy` (a value for each
+ * point: its energy over that of a point in an ideal packing), and of *out min_spacing_ratio, close_share,
+ * coincident, thin_count and thin_factor. Errors: limit_memory, cancelled. Deterministic for any number of
+ * threads. */
+bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *energy,
                         measures *out, error *e);
+
+/* For each point with a certain cell the mean of `value` over the point and its neighbours. Errors: as above. */
+bool pair_measures_means(const pair_measures_input *in, const planar_cell *cells, const double *value,
+                         threads *pool, double *mean, error *e);
 
 #endif

@@ -79,7 +79,7 @@ typedef struct corner_distances {
 typedef struct descent {
     const facets *f;
     const sites *s;
-    const bool *certain; /* see voronoi_wanted */
+    const planar_cell *known; /* see voronoi_wanted */
     const voronoi_wanted *wanted;
     task *to;
     double *farthest; /* per patch */
@@ -136,20 +136,20 @@ static bool add_area(descent *d, uint32_t site, double area)
 static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
 {
     task *t = d->to;
-    if (behind < site && !(d->certain && d->certain[behind])) return true;
+    if (behind < site && !(d->known && d->known[behind].certain)) return true;
     const uint32_t a = behind < site ? behind : site, b = behind < site ? site : behind;
     voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
     t->side = grown;
-    t->side[t->side_count++] = (voronoi_side){a, b, (float)length};
+    t->side[t->side_count++] = (voronoi_side){a, b, length};
     return true;
 }
 
 /* Whether there are candidates from `base` on, and the cells of all of them are known. */
 static bool is_known(const descent *d, size_t base, size_t count)
 {
-    bool known = d->certain && count > 0;
-    for (size_t k = base; known && k < base + count; k++) known = d->certain[d->list[k]];
+    bool known = d->known && count > 0;
+    for (size_t k = base; known && k < base + count; k++) known = d->known[d->list[k]].certain;
     return known;
 }
 
@@ -420,7 +420,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
 {
     const uint32_t site = d->list[base + own];
     polygon p;
-    if (d->certain && d->certain[site]) return true;
+    if (d->known && d->known[site].certain) return true;
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
@@ -708,7 +708,7 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
     uint32_t site = 0;
     if (certain && is_in_one_cell(d, from, &item, &site) &&
         is_covered(d, item.patch, item.centre, item.radius, site))
-        return (d->certain && d->certain[site]) || add_area(d, site, item.area);
+        return (d->known && d->known[site].certain) || add_area(d, site, item.area);
     facet t[FIELD_CELL_TRIANGLES];
     const int triangles = facets_expand(d->f, k, !from, t);
     bool ok = true;
@@ -814,7 +814,12 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
     double *own = job->farthest + 2 * patches * (size_t)worker, *all = own + patches;
     for (size_t k = begin; k < end; k++) {
         task *t = &job->task[k];
-        descent d = {.f = job->f, .s = job->s, .certain = job->wanted->certain, .wanted = job->wanted, .to = t, .farthest = own};
+        descent d = {.f = job->f,
+                     .s = job->s,
+                     .known = job->wanted->known,
+                     .wanted = job->wanted,
+                     .to = t,
+                     .farthest = own};
         memcpy(own, job->known, patches * sizeof *own);
         visit_node(&d, t->node);
         for (size_t p = 0; p < patches; p++) all[p] = fmax(all[p], own[p]);
@@ -896,10 +901,10 @@ static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
     return count + divide(f, n->right, most, out + count);
 }
 
-static size_t count_wanted(const sites *s, const bool *certain)
+static size_t count_wanted(const sites *s, const planar_cell *known)
 {
     size_t wanted = 0;
-    for (size_t i = 0; i < s->count; i++) wanted += !certain || !certain[i];
+    for (size_t i = 0; i < s->count; i++) wanted += !known || !known[i].certain;
     return wanted;
 }
 
@@ -917,7 +922,7 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
                               restricted_voronoi *out, error *e)
 {
     const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
-    const size_t cells = count_wanted(s, wanted->certain), parts = cells / POINTS_OF_TASK + 1,
+    const size_t cells = count_wanted(s, wanted->known), parts = cells / POINTS_OF_TASK + 1,
                  most = f->item_count / (parts < TASKS ? parts : TASKS) + 1;
     side_table table = {0};
     double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);

@@ -13,12 +13,13 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "sampling/measures/facets.h"
+#include "sampling/measures/planar_cells.h"
 #include "sampling/measures/sites.h"
 
 /* Two cells that share a side. */
 typedef struct voronoi_side {
     uint32_t a, b; /* a < b */
-    float length;  /* of all sides that they share */
+    double length; /* of all sides that they share */
 } voronoi_side;
 
 typedef struct restricted_voronoi {
@@ -31,11 +32,11 @@ typedef struct restricted_voronoi {
                      * on an opposite wall */
 } restricted_voronoi;
 
-/* The points whose cells are computed. */
+/* Which cells are computed. */
 typedef struct voronoi_wanted {
-    const bool *certain;   /* of each point: its cell is known; NULL: none is */
-    const cell_list *list; /* of the other points; NULL: all points */
-    double beyond;         /* cells reach places farther from their point than from another one by this */
+    const planar_cell *known; /* of each point: no cell is computed if this one is certain; NULL: all are */
+    cell_list *list;          /* of the points whose cells are computed; NULL: of all or none */
+    double beyond; /* a place can belong to a cell whose point is farther than the nearest one by this */
 } voronoi_wanted;
 
 /* Whether a cell that is wanted may have a place in a sphere. */

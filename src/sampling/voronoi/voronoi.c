@@ -334,22 +334,20 @@ static bool is_opposite(const site *a, const site *b)
  * A planar star is computed from the polygon that the bisectors bound in the tangent plane of the point.
  * Distances are those in space.
  * On a sphere the edges of the polygon are therefore those of the diagram in space. On other surfaces they
- * differ by terms of second order in the bend of the surface within the list, which MIN_COSINE bounds. The
- * neighbours equal those of voronoi_star_triangles if every edge of the polygon is longer than MIN_EDGE, and
+ * differ by terms of second order in the bend of the surface, which the bound of the cosine limits. The
+ * neighbours equal those of voronoi_star_triangles if every edge of the polygon is longer than the bound, and
  * every other point would have to come nearer by as much to get an edge. Otherwise the planar star is not
- * used. */
+ * used.
+ * The height of a point over the tangent plane, divided by its distance, is at most the sine of half the angle
+ * between the normals. Points whose normals have a cosine of at most PAIR_FACING_NONE are on opposite walls,
+ * whatever the other normals of the list are: it is below VORONOI_OPPOSITE_COSINE by more than half of the
+ * strict angle. */
 
-/* Minimum cosine between the normal of the point and those of its list. The height of a listed point over the
- * tangent plane, divided by its distance, is at most the sine of half of that angle. Points whose normals
- * have a cosine of at most PAIR_FACING_NONE are on opposite walls, whatever the other normals of the list
- * are: it is below VORONOI_OPPOSITE_COSINE by more than half of that angle. */
-static const double MIN_COSINE = 0.9;
-/* Minimum length of an edge of a planar star, in spacings. With this value no planar star of the tests'
- * sets differs from that by triangles. */
-static const double MIN_EDGE = 0.225;
+const voronoi_planar_bounds voronoi_planar_strict = {.cosine = 0.9, .edge = 0.225};
+
 /* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
 static const double FIRST_RING = 1.45;
-#define RING_MAX 32
+#define RING_MAX VORONOI_PLANAR_MAX
 
 /* Points around the own point: coordinates in its tangent frame, squared distances in space. */
 typedef struct ring {
@@ -363,7 +361,8 @@ typedef struct ring {
 
 /* Gathers the points within a squared distance. False: the surface bends too much, or there are too many.
  * Which points are within is unpredictable: there are no branches on it. */
-static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring *out)
+static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2,
+                        const voronoi_planar_bounds *bounds, ring *out)
 {
     const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
     vec3 x = in->position[a], n = in->normal[a], u, v;
@@ -376,10 +375,11 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
         if (facing <= PAIR_FACING_NONE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        bent |= (facing < MIN_COSINE) | (2 * height * height > (1 - MIN_COSINE) * square) | (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
-        int within = square < reach2;
+        int within = square < reach2, tested = within | !bounds->near_only;
+        bent |= tested & ((facing < bounds->cosine) | (2 * height * height > (1 - bounds->cosine) * square) |
+                          (square == 0));
         double outside = within ? INFINITY : square;
         beyond = outside < beyond ? outside : beyond;
         out->place[count] = k;
@@ -497,16 +497,17 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
     }
 }
 
-bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, voronoi_star *out)
+bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, const voronoi_planar_bounds *bounds,
+                         voronoi_star *out)
 {
     ring g;
     int order[RING_MAX], hull[RING_MAX + 1];
     const double reach[2] = {FIRST_RING * in->spacing[a], INFINITY};
     for (int k = 0; k < 2; k++) {
-        if (!gather_ring(in, a, reach[k] * reach[k], &g)) return false;
+        if (!gather_ring(in, a, reach[k] * reach[k], bounds, &g)) return false;
         if (g.count < 3) continue;
         order_ring(&g, order);
-        double clear = MIN_EDGE * g.widest;
+        double clear = bounds->edge * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
         measure_star(&g, neighbours_list(in->near, a), count, hull, out);
@@ -608,7 +609,7 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
 
 void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
-    if (!voronoi_star_planar(in, a, out)) voronoi_star_triangles(in, a, out);
+    if (!voronoi_star_planar(in, a, &voronoi_planar_strict, out)) voronoi_star_triangles(in, a, out);
 }
 
 double voronoi_star_area(const voronoi_star *star)

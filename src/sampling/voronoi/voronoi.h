@@ -68,12 +68,25 @@ void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
  * neighbours, or they coincide or are collinear with it. */
 double voronoi_star_area(const voronoi_star *star);
 
-/* The two algorithms of voronoi_star_at, for tests. voronoi_star_triangles is valid for all points.
- * voronoi_star_planar clips the tangent plane of `a` by bisectors, and takes a twentieth of the time of
- * voronoi_star_triangles. It returns false, with *out undefined, if the surface bends too much, if the
- * neighbours do not enclose the point, or if another polygon would be nearly as good (voronoi.c has the
- * bounds). */
+/* When voronoi_star_planar is used. */
+typedef struct voronoi_planar_bounds {
+    double cosine; /* minimum cosine between the normal of the point and those of the points around it */
+    double edge;   /* in spacings: minimum length of an edge, and by which other points miss the polygon */
+    bool
+        near_only; /* the cosine holds for the points that can bound the cell, otherwise for the whole list */
+} voronoi_planar_bounds;
+
+/* The bounds of voronoi_star_at. With them no planar star of the tests' sets differs from that by triangles. */
+extern const voronoi_planar_bounds voronoi_planar_strict;
+
+/* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar
+ * clips the tangent plane of `a` by bisectors, and takes a twentieth of the time of voronoi_star_triangles.
+ * Neighbours are in counterclockwise order, at most VORONOI_PLANAR_MAX. It returns false, with *out undefined,
+ * if the surface bends too much, if the neighbours do not enclose the point, or if another polygon would be
+ * nearly as good. */
+#define VORONOI_PLANAR_MAX 32
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
-bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
+bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, const voronoi_planar_bounds *bounds,
+                         voronoi_star *out);
 
 #endif

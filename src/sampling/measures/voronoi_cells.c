@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sampling/measures/voronoi_cells.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+
+/* A place can belong to the cell of a point that is farther from it than the nearest point by this, in the
+ * largest spacing: the nearest point can be on an opposite wall. */
+static const double BEYOND_NEAREST = 0.7;
+/* Largest relative difference between the area of a piece and that of its cells that is explained by the second
+ * order in which the cells follow the surface. */
+static const double AREA_TOLERANCE = 1e-3;
+
+static const char what[] = "the measures of the surface";
+
+void voronoi_cells_free(voronoi_cells *c)
+{
+    free(c->planar);
+    restricted_voronoi_free(&c->exact);
+    *c = (voronoi_cells){0};
+}
+
+/* The points whose cells are computed from triangles. */
+typedef struct uncertain {
+    voronoi_wanted wanted;
+    vec3 *position;
+    const cell_list *near; /* all points */
+} uncertain;
+
+static void free_uncertain(uncertain *u)
+{
+    cell_list_free(u->wanted.list);
+    free(u->position);
+}
+
+/* Free *out also after failure. */
+static bool list_uncertain(const sites *s, voronoi_cells *c, threads *pool, uncertain *out, error *e)
+{
+    *out = (uncertain){.near = s->near};
+    c->certain_count = 0;
+    for (size_t i = 0; i < c->count; i++) c->certain_count += c->planar[i].certain;
+    if (c->certain_count == 0) return true;
+    const size_t others = c->count - c->certain_count;
+    out->wanted = (voronoi_wanted){c->planar, NULL, BEYOND_NEAREST * s->largest_spacing};
+    if (others == 0) return true;
+    out->position = mem_array(others, sizeof *out->position, what, e);
+    if (!out->position) return false;
+    for (size_t i = 0, k = 0; i < c->count; i++)
+        if (!c->planar[i].certain) out->position[k++] = s->position[i];
+    out->wanted.list = cell_list_new(out->position, others, pool, e);
+    return out->wanted.list != NULL;
+}
+
+static bool is_needed(const void *context, vec3 centre, double radius)
+{
+    const uncertain *u = context;
+    return voronoi_reaches(&u->wanted, u->near, centre, radius);
+}
+
+/* Computes the cells that are not certain. */
+static bool build_exact(const voronoi_cells_input *in, threads *pool, voronoi_cells *c, error *e)
+{
+    const sites *s = in->pairs->sites;
+    uncertain u;
+    bool ok = list_uncertain(s, c, pool, &u, e);
+    if (ok && !in->whole && c->certain_count < c->count)
+        ok = facets_build(in->surface, c->certain_count > 0 ? is_needed : NULL, &u, pool, e);
+    restricted_voronoi_free(&c->exact);
+    ok = ok && restricted_voronoi_build(in->surface, s, &u.wanted, pool, &c->exact, e);
+    for (size_t i = 0; ok && i < c->count; i++) {
+        if (!c->planar[i].certain) continue;
+        double *farthest = &c->exact.farthest[s->patch[s->side[i]]];
+        *farthest = fmax(*farthest, c->planar[i].farthest / s->spacing[i]);
+    }
+    free_uncertain(&u);
+    return ok;
+}
+
+/* Withdraws the certain cells of pieces whose cells do not add up to their area; *found: there are any. */
+static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, bool *found, error *e)
+{
+    double *sum = mem_array(f->piece_count, sizeof *sum, what, e);
+    *found = false;
+    for (size_t i = 0; sum && i < c->count; i++) sum[s->piece[i]] += voronoi_cell_area(c, i);
+    for (size_t i = 0; sum && i < c->count; i++) {
+        const double area = f->piece_area[s->piece[i]];
+        if (!c->planar[i].certain || fabs(sum[s->piece[i]] - area) <= AREA_TOLERANCE * area) continue;
+        c->planar[i] = (planar_cell){.certain = false};
+        *found = true;
+    }
+    free(sum);
+    return sum != NULL;
+}
+
+bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *energy, measures *pairs,
+                         voronoi_cells *out, error *e)
+{
+    const sites *s = in->pairs->sites;
+    bool found = false;
+    *out = (voronoi_cells){.count = s->count};
+    out->planar = mem_array(s->count, sizeof *out->planar, what, e);
+    if (!out->planar ||
+        !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, energy, pairs, e) ||
+        !build_exact(in, pool, out, e))
+        return false;
+    if (out->certain_count > 0 && !withdraw(in->surface, s, out, &found, e)) return false;
+    return !found || build_exact(in, pool, out, e);
+}

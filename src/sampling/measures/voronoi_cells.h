@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/* voronoi_cells: the Voronoi cells of all points on a surface: those that follow from the points alone with
+ * certainty (planar_cells.h), and all others from the triangles of the surface (restricted_voronoi.h).
+ *
+ * The cells of a piece must add up to its area. Otherwise a part of it has no points, or bends between them, and
+ * all its cells are computed from triangles. Private to measures.c.
+ */
+#ifndef HEXAD_SAMPLING_MEASURES_VORONOI_CELLS_H
+#define HEXAD_SAMPLING_MEASURES_VORONOI_CELLS_H
+
+#include "base/core/error.h"
+#include "base/core/threads.h"
+#include "sampling/measures/facets.h"
+#include "sampling/measures/pair_measures.h"
+#include "sampling/measures/planar_cells.h"
+#include "sampling/measures/restricted_voronoi.h"
+
+typedef struct voronoi_cells {
+    size_t count, certain_count;
+    planar_cell *planar; /* of each point; certain for certain_count of them */
+    /* the cells of the other points, the sides between them and all cells, and over all cells the
+     * distances of each patch */
+    restricted_voronoi exact;
+} voronoi_cells;
+
+typedef struct voronoi_cells_input {
+    facets *surface; /* its hierarchy is built as far as it is needed */
+    bool whole;      /* the hierarchy contains all items already */
+    bool exact;      /* all cells are computed from triangles */
+    const pair_measures_input *pairs;
+} voronoi_cells_input;
+
+/* `energy` and `pairs`: see pair_measures_take, with which the neighbour lists are shared. Free *out also after
+ * failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *energy, measures *pairs,
+                         voronoi_cells *out, error *e);
+void voronoi_cells_free(voronoi_cells *c); /* accepts a zeroed object */
+
+static inline double voronoi_cell_area(const voronoi_cells *c, size_t i)
+{
+    return c->planar[i].certain ? c->planar[i].area : c->exact.area[i];
+}
+
+#endif
