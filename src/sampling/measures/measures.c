@@ -378,7 +378,7 @@ static void sum_cells(const measures_input *in, const voronoi_cells *c, const po
         out->edge.n += 0.5 * own->degree;
         out->edge.sum += 0.5 * own->edge;
         out->edge.squares += 0.5 * own->edge2;
-        out->straight += own->straight;
+        if (own->certain) out->straight += PLANAR_STRAIGHT + own->straight;
     }
     for (size_t k = 0; k < c->exact.side_count; k++)
         if (is_side(&c->exact.side[k], t->spacing)) add_side(in, &c->exact.side[k], c, t, out);

@@ -95,14 +95,12 @@ static bool has_plain_neighbours(const partition *part, const uint32_t *piece, u
 }
 
 /* Adds what a side to a neighbour gives. */
-static void add_side(const partition *part, uint32_t at, uint32_t other, double distance, double length,
-                     planar_cell *out)
+static void add_side(const partition *part, uint32_t at, uint32_t other, double distance, planar_cell *out)
 {
     const double h = part->spacing[at], k = part->spacing[other], edge = distance / (0.5 * (h + k)) - 1,
                  growth = (k - h) / distance;
     out->edge += (float)edge;
     out->edge2 += (float)(edge * edge);
-    out->straight += (float)(0.25 * distance * length / (h * h));
     out->growth2 += (float)(growth * growth);
 }
 
@@ -127,8 +125,13 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     if (!(farthest <= PLANAR_CELLS_FARTHEST * part->spacing[at]) ||
         !has_plain_neighbours(part, piece, at, farthest))
         return;
-    for (uint32_t k = 0; k < star.count; k++)
-        add_side(part, at, star.point[k], star.distance[k], length[k], out);
+    double straight = 0;
+    for (uint32_t k = 0; k < star.count; k++) {
+        add_side(part, at, star.point[k], star.distance[k], out);
+        straight += 0.25 * star.distance[k] * length[k];
+    }
+    straight /= part->spacing[at] * part->spacing[at];
+    out->straight = (float)(straight - PLANAR_STRAIGHT);
     out->certain = true;
     out->degree = (uint8_t)star.count;
     out->area = area;

@@ -24,13 +24,18 @@
  * at a vacancy 1. */
 #define PLANAR_CELLS_FARTHEST 0.9
 
-/* A cell, and sums over its sides. Distances of pairs are divided by the mean of their spacings. */
+/* planar_cell.straight of a perfect packing: sqrt(3) / 2. */
+#define PLANAR_STRAIGHT 0.86602540378443865
+
+/* A cell, and sums over its sides. Distances of pairs are divided by the mean of their spacings. Values near
+ * those of a perfect packing are stored as differences from these, for the precision of floats. */
 typedef struct planar_cell {
     double area;
     float farthest;    /* the largest distance of a corner from the point */
     float edge, edge2; /* sums of the distances of the neighbours minus 1, and of the squares of these */
-    float straight;    /* sum of distance times length of side over 4, divided by the spacing squared */
-    float growth2;     /* sum of the squares of the change of spacing per distance */
+    /* sum of distance times length of side over 4, divided by the spacing squared, minus PLANAR_STRAIGHT */
+    float straight;
+    float growth2; /* sum of the squares of the change of spacing per distance */
     uint8_t degree;
     bool certain; /* if not, all other members are 0 */
 } planar_cell;
