@@ -102,7 +102,7 @@ def real(worker, folder, data, count, files):
         yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
                "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
                "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"] or numpy.nan,
-               "on thin walls": 1 - report["quality"]["resolved_share"], "open edges": mesh["boundary_edges"] - mesh["rim_edges"],
+               "on thin walls": report["quality"]["thin_count"] / report["count"], "open edges": mesh["boundary_edges"] - mesh["rim_edges"],
                "closed labels": " of ".join(map(str, closed_labels(report))),
                "memory, MB": report["peak_memory_bytes"] / 2 ** 20, "CPU s": cpu}
 

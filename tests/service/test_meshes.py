@@ -316,7 +316,7 @@ def test_the_papers_method_comes_to_rest_on_facets(worker, tmp_path):
     done = worker(job)
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["rounds"][-1]["gain"] == 1e-8 and report["step_left"] < 2e-4
+    assert report["rounds"][-1]["gain"] == 1e-8 and report["diagnostics"]["step_left"] < 2e-4
 
 
 @pytest.mark.parametrize("roughness", [0.15, 0.3])
@@ -606,7 +606,7 @@ def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
     assert done.returncode in (0, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     told = report["grading"]["feature_size"]
-    assert report["surface"]["mesh"]["patches"] == 6 and report["quality"]["unresolved_count"] == 0
+    assert report["surface"]["mesh"]["patches"] == 6 and report["quality"]["thin_count"] == 0
     assert told["floor"] == pytest.approx(numpy.ptp(corners, axis=0).max() / 256, rel=1e-3)
     assert told["median"] == pytest.approx(0.025, rel=0.1)
 
