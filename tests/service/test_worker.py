@@ -734,7 +734,8 @@ def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
     (warning,) = report["surface"]["warnings"]
-    assert warning.startswith("About 100 % of the surface are walls thinner than 1.2 spacings. ")
+    assert warning.startswith("About 100 % of the surface are walls thinner than 1.2 spacings. This matters only if triangles are made from "
+                              "the points alone. To distinguish the two sides of these walls, ask for ")
     assert done.returncode == 0 and report["advice"] == []
     rating = report["ratings"]["hex_fraction"]["rating"]
     assert f"hex_fraction {quality['hex_fraction']:.4f} ({rating})" in done.stdout
