@@ -581,9 +581,9 @@ static bool init_executor(service *s, error *e)
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
     if (settings.cache && !cache_identifies_build())
-        log_write(LOG_LEVEL_WARNING, "this build of " PACKAGE_VERSION
-                                     " has no commit: results of other builds of this version are "
-                                     "reused. Build a clone or a release tarball, or set cache = 0");
+        log_write(LOG_LEVEL_INFO, "this build of " PACKAGE_VERSION
+                                  " has no commit: results of other builds of this version are "
+                                  "reused. Build a clone or a release tarball, or set cache = 0");
     s->x = executor_open(&settings, s->q, s->tasks, e);
     if (!s->x) farm_close(s->farm);
     return s->x != NULL;
